@@ -1,0 +1,193 @@
+//! Logs: what a robot was told and what its sensors said, on one clock.
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// What a channel stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// What the robot was told (the paper's motor history O).
+    Command,
+    /// What a sensor said (the paper's sensor history I).
+    Measured,
+    /// What no sensor of the robot says, but a tracker or the simulator knows (base pose, ball, true torque).
+    Truth,
+}
+
+/// One time series.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Channel {
+    /// SI unit as text.
+    pub unit: String,
+    /// Command, sensor or outside knowledge.
+    pub role: Role,
+    /// One value for each tick of the log's clock; NaN where the sample is missing.
+    pub values: Vec<f64>,
+}
+
+/// Channels that share a clock. Names follow the convention `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`,
+/// `imu_*`, `foot_*`, `base_*`, `ball_*`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Log {
+    clock_s: Vec<f64>,
+    channels: IndexMap<String, Channel>,
+}
+
+/// What is wrong with a log.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LogError {
+    /// The clock stands still, runs backwards or is not a number.
+    #[error("the clock does not increase at sample {index}: {before} s, then {after} s")]
+    Clock {
+        /// The later sample.
+        index: usize,
+        /// Time before it.
+        before: f64,
+        /// Its time.
+        after: f64,
+    },
+    /// A channel with more or fewer values than the clock.
+    #[error("channel `{channel}` has {got} values where the clock has {expected}")]
+    Length {
+        /// The channel.
+        channel: String,
+        /// Ticks of the clock.
+        expected: usize,
+        /// Values of the channel.
+        got: usize,
+    },
+    /// A channel that somebody needs and the log does not have.
+    #[error("the log has no channel `{channel}`")]
+    Missing {
+        /// The channel.
+        channel: String,
+        /// What it does have.
+        available: Vec<String>,
+    },
+}
+
+impl Log {
+    /// A log without channels on the given clock (seconds, strictly increasing).
+    ///
+    /// # Errors
+    /// [`LogError::Clock`] at the first sample that does not come after its predecessor.
+    pub fn new(clock_s: Vec<f64>) -> Result<Self, LogError> {
+        if let Some(first) = clock_s.first().filter(|t| !t.is_finite()) {
+            return Err(LogError::Clock { index: 0, before: f64::NEG_INFINITY, after: *first });
+        }
+        for (i, pair) in clock_s.windows(2).enumerate() {
+            if !(pair[1] > pair[0] && pair[1].is_finite()) {
+                return Err(LogError::Clock { index: i + 1, before: pair[0], after: pair[1] });
+            }
+        }
+        Ok(Log { clock_s, channels: IndexMap::new() })
+    }
+
+    /// Adds a channel (or replaces the one of that name).
+    ///
+    /// # Errors
+    /// [`LogError::Length`] unless there is one value per tick.
+    pub fn insert(
+        &mut self,
+        name: impl Into<String>,
+        unit: impl Into<String>,
+        role: Role,
+        values: Vec<f64>,
+    ) -> Result<(), LogError> {
+        let name = name.into();
+        if values.len() != self.clock_s.len() {
+            return Err(LogError::Length { channel: name, expected: self.clock_s.len(), got: values.len() });
+        }
+        self.channels.insert(name, Channel { unit: unit.into(), role, values });
+        Ok(())
+    }
+
+    /// The clock in seconds.
+    pub fn clock_s(&self) -> &[f64] {
+        &self.clock_s
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.clock_s.len()
+    }
+
+    /// True when there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.clock_s.is_empty()
+    }
+
+    /// Time from the first to the last sample, in seconds.
+    pub fn duration_s(&self) -> f64 {
+        match (self.clock_s.first(), self.clock_s.last()) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        }
+    }
+
+    /// The channels with their names, in the order in which they were added.
+    pub fn channels(&self) -> impl ExactSizeIterator<Item = (&str, &Channel)> {
+        self.channels.iter().map(|(name, channel)| (name.as_str(), channel))
+    }
+
+    /// The channel of that name.
+    pub fn channel(&self, name: &str) -> Option<&Channel> {
+        self.channels.get(name)
+    }
+
+    /// The values of a channel that has to be there.
+    ///
+    /// # Errors
+    /// [`LogError::Missing`] with the names that are there.
+    pub fn values(&self, name: &str) -> Result<&[f64], LogError> {
+        self.channels.get(name).map(|c| c.values.as_slice()).ok_or_else(|| LogError::Missing {
+            channel: name.to_owned(),
+            available: self.channels.keys().cloned().collect(),
+        })
+    }
+
+    /// Every channel resampled to another clock: linear between samples, held at the ends. Commands keep the value of
+    /// the last sample before the tick, as servos do. A NaN neighbour gives NaN.
+    ///
+    /// # Errors
+    /// [`LogError::Clock`] when the new clock does not increase.
+    pub fn resample(&self, clock_s: &[f64]) -> Result<Log, LogError> {
+        let mut resampled = Log::new(clock_s.to_vec())?;
+        for (name, channel) in &self.channels {
+            let values = match channel.role {
+                Role::Command => hold(&self.clock_s, &channel.values, clock_s),
+                Role::Measured | Role::Truth => interpolate(&self.clock_s, &channel.values, clock_s),
+            };
+            resampled.insert(name.clone(), channel.unit.clone(), channel.role, values)?;
+        }
+        Ok(resampled)
+    }
+}
+
+/// Linear interpolation of `(x, y)` at increasing `at`; held beyond the ends.
+pub fn interpolate(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
+    sweep(x, y, at, |i, t| {
+        let share = (t - x[i]) / (x[i + 1] - x[i]);
+        y[i] + share * (y[i + 1] - y[i])
+    })
+}
+
+/// Zero-order hold of `(x, y)` at increasing `at`: the last value at or before each tick.
+pub fn hold(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
+    sweep(x, y, at, |i, _| y[i])
+}
+
+/// Walks once through `at` and calls `between(i, t)` for ticks with `x[i] <= t < x[i + 1]`.
+fn sweep(x: &[f64], y: &[f64], at: &[f64], between: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+    let Some(last) = x.len().checked_sub(1) else { return vec![f64::NAN; at.len()] };
+    let mut i = 0;
+    at.iter()
+        .map(|&t| {
+            while i < last && x[i + 1] <= t {
+                i += 1;
+            }
+            if i == last || t < x[0] { y[i] } else { between(i, t) }
+        })
+        .collect()
+}

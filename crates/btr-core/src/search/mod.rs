@@ -1,0 +1,20 @@
+//! Searches that ask and tell, on the unit cube.
+//!
+//! A search proposes a population ([`Search::ask`]), somebody evaluates it - on two cores or on a slow robot - and reports
+//! the costs ([`Search::tell`]). Costs are minimised; a failed evaluation costs `f64::INFINITY`. The state of a search is
+//! plain data, so that a run can be stopped and resumed at any generation.
+
+use crate::random::Rng;
+
+/// A point of the unit cube.
+pub type Unit = Vec<f64>;
+
+/// A search over the unit cube that somebody else evaluates for.
+pub trait Search {
+    /// The next population to evaluate. `rng` belongs to this generation.
+    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit>;
+    /// The costs of the population last asked for, in its order.
+    fn tell(&mut self, population: &[Unit], costs: &[f64]);
+    /// The best point told so far, with its cost.
+    fn best(&self) -> Option<(&[f64], f64)>;
+}

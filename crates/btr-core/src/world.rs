@@ -1,0 +1,90 @@
+//! What co-evolution acts on: a family of simulations, and a reality.
+
+use crate::log::{Log, LogError};
+use crate::space::{Space, SpaceError};
+use serde::{Deserialize, Serialize};
+
+/// A behaviour B(E, c): what was recorded, and the experimenter's judgement of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Behaviour {
+    /// The sensorimotor history.
+    pub log: Log,
+    /// f(B): larger is better. Its unit is the experimenter's.
+    pub fitness: f64,
+}
+
+/// Why a simulation gave no behaviour.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldError {
+    /// The state stopped being finite or left every sensible range.
+    #[error("the simulation blew up at t = {time_s} s: {what}")]
+    BlewUp {
+        /// Simulated time at which it was noticed.
+        time_s: f64,
+        /// Which quantity, on which body.
+        what: String,
+    },
+    /// A point that is not in its space.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    /// A log that lacks something.
+    #[error(transparent)]
+    Log(#[from] LogError),
+}
+
+/// A family of simulations and the task set in them.
+///
+/// `scenario` counts the situations in which controllers are tried: recorded drives, terrains, initial conditions. Most
+/// experiments have one.
+pub trait Simulator: Sync {
+    /// S: the simulations.
+    fn simulations(&self) -> &Space;
+    /// C: the controllers; empty when the drive is fixed.
+    fn controllers(&self) -> &Space;
+    /// How many situations there are, at least 1.
+    fn scenarios(&self) -> usize;
+    /// Runs controller `c` in simulation `s`. The same arguments give the same bits.
+    ///
+    /// # Errors
+    /// A point outside its space, or a simulation that blew up.
+    fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError>;
+}
+
+/// One real test that somebody asks for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// Counts the real tests of a run, from 0.
+    pub number: usize,
+    /// The Back-to-Reality iteration it belongs to, from 1.
+    pub iteration: usize,
+    /// The controller to try, in the units of C.
+    pub controller: Vec<f64>,
+    /// The situation to try it in.
+    pub scenario: usize,
+}
+
+/// What came of a real test.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// The robot did it, and this is what it did.
+    Done(Behaviour),
+    /// The robot could not do it (fell off the table, timed out, sent rubbish). It still counts as spent.
+    Failed {
+        /// What went wrong, for the report.
+        why: String,
+    },
+    /// Somebody has to do it first; the run stops here and goes on when it is resumed.
+    Pending {
+        /// What is awaited and where.
+        what: String,
+    },
+}
+
+/// Where the truth comes from: a hidden twin, recorded logs, a command, a person at the robot.
+///
+/// An implementation must have the log on disk before it returns it: what a robot once produced is never lost.
+pub trait Reality {
+    /// Carries out one test. Asked again for a trial that was done before, it returns the same behaviour without
+    /// troubling the robot again.
+    fn test(&mut self, trial: &Trial) -> Outcome;
+}
