@@ -1,1 +1,4 @@
-//! x
+//! What btr simulates: robots, their motors and sensors, physical effects, drives and tasks, on Rapier.
+
+pub mod drive;
+pub mod robot;

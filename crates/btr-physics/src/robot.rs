@@ -1,0 +1,186 @@
+//! A robot: links in a tree, joints between them, an actuator on each joint. Plain data, URDF's conventions.
+//!
+//! A link's frame is its joint's frame; at q = 0 it is `joint.origin` away from its parent's frame. Right-handed, SI units,
+//! z up unless the robot's file says otherwise.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+
+/// How the root is held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Base {
+    /// Bolted to the world.
+    Fixed,
+    /// Free to move in all six directions.
+    Floating,
+}
+
+/// A tree of links; `links[0]` is the root, parents stand before their children.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// What it is called in reports.
+    pub name: String,
+    /// Bolted down or free.
+    pub base: Base,
+    /// Where the root's frame is at the start, in the world.
+    pub start: Isometry3<f64>,
+    /// All links, root first.
+    pub links: Vec<Link>,
+}
+
+/// A rigid body and the joint that carries it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Unique in the robot.
+    pub name: String,
+    /// Index of the parent in [`Robot::links`]; `None` for the root only.
+    pub parent: Option<usize>,
+    /// The joint to the parent; the root's is ignored.
+    pub joint: Joint,
+    /// Mass in kg.
+    pub mass_kg: f64,
+    /// Centre of mass in the link's frame, in m.
+    pub com_m: Point3<f64>,
+    /// Inertia about the centre of mass in the link's axes, in kg·m².
+    pub inertia_kg_m2: Matrix3<f64>,
+    /// Bodies for contact, in the link's frame; empty where nothing may touch.
+    pub shapes: Vec<Shape>,
+    /// Whether its contact force is a sensor (`foot_<link>_*`).
+    pub foot: bool,
+}
+
+/// A convex body with its pose in the link's frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Pose in the link's frame.
+    pub pose: Isometry3<f64>,
+    /// The geometry.
+    pub geometry: Geometry,
+}
+
+/// Primitives, in m.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Geometry {
+    /// A box by its half sides.
+    Box {
+        /// Half of each side.
+        half_m: Vector3<f64>,
+    },
+    /// A ball.
+    Sphere {
+        /// Its radius.
+        radius_m: f64,
+    },
+    /// A cylinder along the local z axis.
+    Cylinder {
+        /// Its radius.
+        radius_m: f64,
+        /// Half its length.
+        half_length_m: f64,
+    },
+    /// A cylinder with round caps along the local z axis.
+    Capsule {
+        /// Its radius.
+        radius_m: f64,
+        /// Half the length of its straight part.
+        half_length_m: f64,
+    },
+}
+
+/// How two links move against each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// Not at all.
+    Fixed,
+    /// About the axis, in rad.
+    Revolute,
+    /// Along the axis, in m.
+    Prismatic,
+}
+
+/// A joint with everything that acts on it from the inside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Unique in the robot.
+    pub name: String,
+    /// Fixed, hinge or slide.
+    pub kind: JointKind,
+    /// The joint's frame in the parent's frame at q = 0.
+    pub origin: Isometry3<f64>,
+    /// Unit vector in the joint's frame.
+    pub axis: Vector3<f64>,
+    /// Smallest and largest position; infinite where unlimited.
+    pub limits: (f64, f64),
+    /// Position at the start.
+    pub start: f64,
+    /// Rotor inertia seen at the joint, in kg·m² (kg for slides).
+    pub armature: f64,
+    /// Viscous friction, in N·m·s/rad (N·s/m).
+    pub damping: f64,
+    /// Coulomb friction that holds at rest, in N·m (N).
+    pub dry_friction: f64,
+    /// What drives it.
+    pub actuator: Actuator,
+}
+
+/// What turns a command into a torque.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Actuator {
+    /// Nothing: the joint swings freely.
+    Passive,
+    /// tau = clamp(kp·(cmd − q) + ki·∫(cmd − q)dt − kd·dq, ±max_torque).
+    Position {
+        /// N·m/rad.
+        kp: f64,
+        /// N·m/(rad·s).
+        ki: f64,
+        /// N·m·s/rad.
+        kd: f64,
+        /// N·m.
+        max_torque: f64,
+    },
+    /// tau = clamp(cmd, ±max_torque).
+    Torque {
+        /// N·m.
+        max_torque: f64,
+    },
+    /// tau = kt·(V − kt·dq)/R, where V is the command itself, or supply·clamp(gain·(cmd − q), ±max_duty) with a loop.
+    Voltage {
+        /// Torque constant in N·m/A = V·s/rad.
+        kt: f64,
+        /// Winding resistance in ohm.
+        resistance: f64,
+        /// The position loop around it, if any.
+        servo: Option<DutyLoop>,
+    },
+    /// The joint follows its measured motion: the command is the position.
+    Prescribed,
+}
+
+/// A position loop that sets the duty cycle of a bridge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DutyLoop {
+    /// Duty per rad of error.
+    pub gain: f64,
+    /// Largest duty, at most 1.
+    pub max_duty: f64,
+    /// Supply voltage in V.
+    pub supply: f64,
+}
+
+impl Robot {
+    /// The links whose joint can move, in order: the order of commands and joint states everywhere.
+    pub fn movable(&self) -> impl Iterator<Item = (usize, &Link)> {
+        self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
+    }
+
+    /// The index of a link by its name.
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|link| link.name == name)
+    }
+
+    /// Sum of all masses, in kg.
+    pub fn mass_kg(&self) -> f64 {
+        self.links.iter().map(|link| link.mass_kg).sum()
+    }
+}
