@@ -136,6 +136,11 @@ impl Log {
         self.channels.get(name)
     }
 
+    /// Drops the channels for which `keep` says no.
+    pub fn retain(&mut self, mut keep: impl FnMut(&str, &Channel) -> bool) {
+        self.channels.retain(|name, channel| keep(name, channel));
+    }
+
     /// The values of a channel that has to be there.
     ///
     /// # Errors

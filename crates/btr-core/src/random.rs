@@ -11,10 +11,7 @@ pub type Rng = ChaCha8Rng;
 
 /// The stream of random numbers that belongs to `path` under `seed`.
 pub fn stream(seed: u64, path: &[u64]) -> Rng {
-    let mut state = splitmix(seed);
-    for &step in path {
-        state = splitmix(state ^ splitmix(step.wrapping_add(0x9E37_79B9_7F4A_7C15)));
-    }
+    let mut state = derive(seed, path);
     let mut bytes = [0u8; 32];
     for chunk in bytes.chunks_exact_mut(8) {
         state = splitmix(state);
@@ -23,10 +20,18 @@ pub fn stream(seed: u64, path: &[u64]) -> Rng {
     Rng::from_seed(bytes)
 }
 
+/// A seed of its own for `path` under `seed`.
+pub fn derive(seed: u64, path: &[u64]) -> u64 {
+    path.iter().fold(splitmix(seed), |state, &step| splitmix(state ^ splitmix(step.wrapping_add(GOLDEN))))
+}
+
+/// SplitMix64's increment: 2^64 over the golden ratio.
+const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+
 /// SplitMix64's output function: a bijection that scatters neighbouring integers.
 /// Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
 fn splitmix(x: u64) -> u64 {
-    let mut z = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z = x.wrapping_add(GOLDEN);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)

@@ -84,6 +84,15 @@ pub enum Outcome {
 ///
 /// An implementation must have the log on disk before it returns it: what a robot once produced is never lost.
 pub trait Reality {
+    /// Tells which trials are about to be asked for, so that they can be prepared in one go. Nothing has to be done here.
+    ///
+    /// # Errors
+    /// Whatever keeps the trials from being prepared, for instance a full disk.
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+        let _ = trials;
+        Ok(())
+    }
+
     /// Carries out one test. Asked again for a trial that was done before, it returns the same behaviour without
     /// troubling the robot again.
     fn test(&mut self, trial: &Trial) -> Outcome;

@@ -1,1 +1,22 @@
-//! The loop.
+//! The Back-to-Reality loop (the paper's section 3.3), its baselines, and their common ledger of real tests.
+//!
+//! A run is a [`Coevolution`]: plain data that does one unit of work per [`step`](Coevolution::step) - a generation, a real
+//! test, the end of an iteration - and can be written down and taken up again between any two steps. Random numbers belong
+//! to (seed, step, iteration, generation), so that a resumed run continues bit for bit.
+
+mod correction;
+mod disengage;
+mod evaluate;
+mod history;
+mod ledger;
+mod plan;
+mod run;
+mod transfer;
+
+pub use correction::LinearCorrection;
+pub use disengage::Evidence;
+pub use evaluate::{Cost, phi};
+pub use history::{Generation, History, Iteration, Side, StopReason};
+pub use ledger::{Entry, Ledger, Verdict};
+pub use plan::{DisengagementRule, Initial, Memory, Method, Plan, Rule, SearchPhase, Transfer};
+pub use run::{Coevolution, On, PlanError, Step};

@@ -1,0 +1,43 @@
+//! Disengagement: one population no longer exerts selection pressure on the other (the paper's step 4).
+//!
+//! The verdict needs all of: phi has stopped falling, it has stopped well above agreement, and the simulation keeps
+//! mispredicting fresh transfers. The ranks and the pressures stand beside it as evidence for the reader.
+
+use super::history::Iteration;
+use super::plan::DisengagementRule;
+use serde::{Deserialize, Serialize};
+
+/// What one iteration says about the engagement of the two populations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// phi of s_i as a share of the starting simulation's phi on the first transfers: 1 is no better, 0 is agreement.
+    pub phi_share: Option<f64>,
+    /// The same for s_{i−1} on this iteration's fresh transfers.
+    pub predicted_share: Option<f64>,
+    /// Kendall's tau-b between promised and real fitness of this iteration's transfers.
+    pub rank_agreement: Option<f64>,
+    /// Pressure of the controllers on the simulations: spread of phi, (mean − best)/mean, over the first generation of
+    /// step 3. Near 0 no simulation is better than another.
+    pub pressure_on_simulations: Option<f64>,
+    /// Pressure of the simulations on the controllers: 1 − Kendall's tau-b between the transfers' fitness in s_{i−1} and in
+    /// s_i, halved. At 0 the new simulation ranks controllers like the old one.
+    pub pressure_on_controllers: Option<f64>,
+    /// Parameters of s_i that lie on a bound of S.
+    pub at_bound: Vec<String>,
+}
+
+/// Whether the last iterations amount to disengagement.
+pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule) -> bool {
+    let shares: Vec<f64> = iterations.iter().filter_map(|it| it.evidence.phi_share).collect();
+    if shares.len() <= rule.patience {
+        return false;
+    }
+    let (before, recent) = shares.split_at(shares.len() - rule.patience);
+    let best = |x: &[f64]| x.iter().copied().fold(f64::INFINITY, f64::min);
+    let stalled = best(recent) > best(before) * (1.0 - rule.progress);
+    let disagrees = best(recent) > rule.agreement;
+    let mispredicts = iterations[iterations.len() - rule.patience..]
+        .iter()
+        .all(|it| it.evidence.predicted_share.is_some_and(|share| share > rule.agreement));
+    stalled && disagrees && mispredicts
+}

@@ -1,0 +1,117 @@
+//! Evaluating populations: in parallel, in order, the same bits for any number of threads.
+
+use super::ledger::Entry;
+use crate::distance::Distance;
+use crate::search::Unit;
+use crate::world::{Behaviour, Simulator, WorldError};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What the simulations of a run have cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Simulated behaviours.
+    pub evaluations: u64,
+    /// Those that blew up or were refused; they score as the worst possible.
+    pub failures: u64,
+}
+
+impl Cost {
+    fn count<T>(&mut self, results: &[Result<T, WorldError>]) {
+        self.evaluations += results.len() as u64;
+        self.failures += results.iter().filter(|r| r.is_err()).count() as u64;
+    }
+}
+
+/// The mean fitness of each controller over all scenarios of a simulation; −∞ where one of them failed.
+pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit], cost: &mut Cost) -> Vec<f64> {
+    let scenarios = simulator.scenarios();
+    let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
+    let results: Vec<Result<f64, WorldError>> = (0..points.len() * scenarios)
+        .into_par_iter()
+        .map(|k| simulator.run(s, &points[k / scenarios], k % scenarios).map(|b| b.fitness))
+        .collect();
+    cost.count(&results);
+    results.chunks(scenarios).map(mean_fitness).collect()
+}
+
+fn mean_fitness(results: &[Result<f64, WorldError>]) -> f64 {
+    let sum: f64 = results.iter().map(|r| r.as_ref().map_or(f64::NEG_INFINITY, |f| *f)).sum();
+    let mean = sum / results.len() as f64;
+    if mean.is_nan() { f64::NEG_INFINITY } else { mean }
+}
+
+/// The distance of each simulation from each real test: one row per simulation, ∞ where it failed.
+pub(super) fn distances(
+    simulator: &dyn Simulator,
+    distance: &dyn Distance,
+    simulations: &[Vec<f64>],
+    tests: &[&Entry],
+    cost: &mut Cost,
+) -> Vec<Vec<f64>> {
+    if tests.is_empty() {
+        return vec![Vec::new(); simulations.len()];
+    }
+    let results: Vec<Result<f64, WorldError>> = (0..simulations.len() * tests.len())
+        .into_par_iter()
+        .map(|k| distance_to(simulator, distance, &simulations[k / tests.len()], tests[k % tests.len()]))
+        .collect();
+    cost.count(&results);
+    results
+        .chunks(tests.len())
+        .map(|row| row.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |d| worst_if_nan(*d))).collect())
+        .collect()
+}
+
+fn distance_to(sim: &dyn Simulator, distance: &dyn Distance, s: &[f64], test: &Entry) -> Result<f64, WorldError> {
+    let Some(real) = test.behaviour() else { return Ok(f64::INFINITY) };
+    let simulated = sim.run(s, &test.trial.controller, test.trial.scenario)?;
+    Ok(distance.distance(real, &simulated))
+}
+
+/// phi: the mean distance over the tests (eq 4 for phi_1); NaN when there is none.
+pub fn phi(distances: &[f64]) -> f64 {
+    distances.iter().sum::<f64>() / distances.len() as f64
+}
+
+fn worst_if_nan(x: f64) -> f64 {
+    if x.is_nan() { f64::INFINITY } else { x }
+}
+
+/// How much rival simulations disagree on each controller: the mean distance between their behaviours, over all ordered
+/// pairs and scenarios. −∞ where one of them failed.
+pub(super) fn disagreement(
+    simulator: &dyn Simulator,
+    distance: &dyn Distance,
+    rivals: &[Vec<f64>],
+    controllers: &[Unit],
+    cost: &mut Cost,
+) -> Vec<f64> {
+    let (scenarios, per_controller) = (simulator.scenarios(), rivals.len() * simulator.scenarios());
+    let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
+    let results: Vec<Result<Behaviour, WorldError>> = (0..points.len() * per_controller)
+        .into_par_iter()
+        .map(|k| {
+            let within = k % per_controller;
+            simulator.run(&rivals[within / scenarios], &points[k / per_controller], within % scenarios)
+        })
+        .collect();
+    cost.count(&results);
+    results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()
+}
+
+fn mean_pairwise(distance: &dyn Distance, row: &[Result<Behaviour, WorldError>], scenarios: usize) -> f64 {
+    let Ok(behaviours) = row.iter().map(Result::as_ref).collect::<Result<Vec<_>, _>>() else {
+        return f64::NEG_INFINITY;
+    };
+    let rivals = behaviours.len() / scenarios;
+    let (mut sum, mut pairs) = (0.0, 0usize);
+    for (i, j) in (0..rivals).flat_map(|i| (0..rivals).filter(move |&j| j != i).map(move |j| (i, j))) {
+        for k in 0..scenarios {
+            sum += distance.distance(behaviours[i * scenarios + k], behaviours[j * scenarios + k]);
+            pairs += 1;
+        }
+    }
+    let mean = sum / pairs.max(1) as f64;
+    if mean.is_finite() { mean } else { f64::NEG_INFINITY }
+}

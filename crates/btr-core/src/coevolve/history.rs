@@ -1,0 +1,106 @@
+//! What happened: one record per generation, one per iteration, and why the run stopped.
+
+use super::disengage::Evidence;
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// Which of the two populations a generation belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// Step 1; scores are fitness, larger is better.
+    Controllers,
+    /// Step 3; scores are phi, smaller is better.
+    Simulators,
+}
+
+/// One generation of one population.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Generation {
+    /// Iteration, from 1.
+    pub iteration: usize,
+    /// Generation within the iteration's search, from 1.
+    pub generation: usize,
+    /// Whose.
+    pub side: Side,
+    /// The best score.
+    pub best: f64,
+    /// The mean over individuals that did not fail.
+    pub mean: f64,
+    /// How many individuals failed.
+    pub failed: usize,
+    /// Every individual's score, `None` where it failed.
+    pub scores: Vec<Option<f64>>,
+    /// Simulators: every individual, in the units of S. Controllers: the best one, in the units of C.
+    pub points: Vec<Vec<f64>>,
+}
+
+impl Generation {
+    pub(super) fn new(
+        (iteration, generation, side): (usize, usize, Side),
+        points: Vec<Vec<f64>>,
+        scores: &[f64],
+    ) -> Self {
+        let finite: Vec<f64> = scores.iter().copied().filter(|x| x.is_finite()).collect();
+        let best = match side {
+            Side::Controllers => finite.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            Side::Simulators => finite.iter().copied().fold(f64::INFINITY, f64::min),
+        };
+        let mean = finite.iter().sum::<f64>() / finite.len() as f64;
+        let failed = scores.len() - finite.len();
+        let scores = scores.iter().map(|&x| x.is_finite().then_some(x)).collect();
+        Generation { iteration, generation, side, best, mean, failed, scores, points }
+    }
+}
+
+/// One turn of steps 1 to 3.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Iteration {
+    /// From 1.
+    pub i: usize,
+    /// What the simulation of that time promised for the controller c_i.
+    pub fitness_sim: Option<f64>,
+    /// What c_i did in reality.
+    pub fitness_real: Option<f64>,
+    /// The best real fitness so far, of any controller.
+    pub best_real: Option<f64>,
+    /// phi of the previous simulation on this iteration's new transfers: how well it predicted them.
+    pub phi_predicted: Option<f64>,
+    /// phi of s_i on the transfers that count.
+    pub phi: Option<f64>,
+    /// s_i by name, in the units of S.
+    pub parameters: IndexMap<String, f64>,
+    /// c_i in the units of C.
+    pub controller: Vec<f64>,
+    /// Real tests spent so far.
+    pub real_tests: usize,
+    /// Simulated behaviours so far.
+    pub simulated_evaluations: u64,
+    /// What speaks for or against disengagement.
+    pub evidence: Evidence,
+}
+
+/// Why a run ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// A real test reached the fitness that was asked for.
+    GoalReached,
+    /// All iterations were done.
+    IterationsDone,
+    /// The budget of real tests is spent.
+    RealTestsSpent,
+    /// The populations lost each other: S probably lacks something of reality.
+    Disengaged,
+    /// No real test gave anything to go by.
+    NoRealData,
+}
+
+/// The whole run so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// Every generation of both populations.
+    pub generations: Vec<Generation>,
+    /// Every iteration.
+    pub iterations: Vec<Iteration>,
+}

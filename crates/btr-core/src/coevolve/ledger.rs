@@ -1,0 +1,128 @@
+//! The ledger of real tests: what reality was asked, what it answered, what it has cost.
+
+use super::plan::Memory;
+use crate::world::{Behaviour, Outcome, Reality, Trial};
+use serde::{Deserialize, Serialize};
+
+/// How a real test ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "result")]
+pub enum Verdict {
+    /// It gave a behaviour of this fitness.
+    Done {
+        /// f_r of the trial.
+        fitness: f64,
+    },
+    /// It gave none; it counts as spent all the same.
+    Failed {
+        /// What went wrong.
+        why: String,
+    },
+}
+
+/// One line of the ledger.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// What was asked.
+    pub trial: Trial,
+    /// What f the simulation of that time had promised; `None` where there was no simulation.
+    pub promised: Option<f64>,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// The behaviour itself. Not part of a checkpoint: reality keeps its logs and is asked for them again.
+    #[serde(skip)]
+    behaviour: Option<Behaviour>,
+}
+
+impl Entry {
+    /// What the robot did, unless the test failed.
+    pub fn behaviour(&self) -> Option<&Behaviour> {
+        self.behaviour.as_ref()
+    }
+
+    /// f_r, unless the test failed.
+    pub fn fitness(&self) -> Option<f64> {
+        match self.verdict {
+            Verdict::Done { fitness } => Some(fitness),
+            Verdict::Failed { .. } => None,
+        }
+    }
+}
+
+/// All real tests of a run in their order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    entries: Vec<Entry>,
+}
+
+impl Ledger {
+    /// The tests in their order.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// How many tests were spent, failed ones included.
+    pub fn spent(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Carries out a trial and writes it down. What is still pending stays out of the ledger and is returned.
+    pub(super) fn carry_out(
+        &mut self,
+        trial: Trial,
+        promised: Option<f64>,
+        reality: &mut dyn Reality,
+    ) -> Result<(), String> {
+        let (verdict, behaviour) = match reality.test(&trial) {
+            Outcome::Done(behaviour) => (Verdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
+            Outcome::Failed { why } => (Verdict::Failed { why }, None),
+            Outcome::Pending { what } => return Err(what),
+        };
+        self.entries.push(Entry { trial, promised, verdict, behaviour });
+        Ok(())
+    }
+
+    /// Fetches the behaviours again after the ledger came out of a checkpoint.
+    ///
+    /// # Errors
+    /// A trial whose result reality no longer has.
+    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
+        for entry in &mut self.entries {
+            if matches!(entry.verdict, Verdict::Failed { .. }) || entry.behaviour.is_some() {
+                continue;
+            }
+            entry.behaviour = match reality.test(&entry.trial) {
+                Outcome::Done(behaviour) => Some(behaviour),
+                Outcome::Failed { why } | Outcome::Pending { what: why } => {
+                    return Err(format!("real test {} is in the ledger but its log is not: {why}", entry.trial.number));
+                }
+            };
+        }
+        Ok(())
+    }
+
+    /// The tests of one iteration that gave a behaviour.
+    pub fn of_iteration(&self, iteration: usize) -> Vec<&Entry> {
+        self.entries.iter().filter(|e| e.trial.iteration == iteration && e.behaviour.is_some()).collect()
+    }
+
+    /// The tests that count in step 3: all of this iteration, and of the older ones what `memory` keeps.
+    /// `distance_now` tells how badly the present simulation explains each entry.
+    pub(super) fn counting(&self, iteration: usize, memory: Memory, distance_now: &[f64]) -> Vec<&Entry> {
+        let usable = |e: &&Entry| e.behaviour.is_some();
+        let is_old = |e: &Entry| e.trial.iteration < iteration;
+        match memory {
+            Memory::All => self.entries.iter().filter(usable).collect(),
+            Memory::None => self.entries.iter().filter(usable).filter(|e| !is_old(e)).collect(),
+            Memory::Worst(count) => {
+                let mut old: Vec<usize> =
+                    (0..self.entries.len()).filter(|&k| is_old(&self.entries[k]) && usable(&&self.entries[k])).collect();
+                old.sort_by(|&a, &b| distance_now[b].total_cmp(&distance_now[a]).then(b.cmp(&a)));
+                old.truncate(count);
+                old.sort_unstable();
+                let new = (0..self.entries.len()).filter(|&k| !is_old(&self.entries[k]) && usable(&&self.entries[k]));
+                old.into_iter().chain(new).map(|k| &self.entries[k]).collect()
+            }
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! The plan of a run: everything the experimenter decides before it starts (the paper's step 0).
+
+use crate::distance::DistanceSpec;
+use crate::search::SearchSpec;
+use serde::{Deserialize, Serialize};
+
+/// How simulation and reality work together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// The paper's loop: controllers evolve in the best simulation, a few are tried, simulations evolve to match.
+    #[default]
+    BackToReality,
+    /// Bongard and Lipson: the next real test is the one on which rival simulations disagree most; simulations evolve to
+    /// explain all tests. Controllers are evolved for fitness in the last iteration only.
+    EstimationExploration,
+    /// Hemker and colleagues: the simulation stays as it is, a linear estimate of the fitness discrepancy corrects it.
+    LinearCorrection,
+    /// No simulation at all: the same controller search spends its evaluations in reality.
+    RealityOnly,
+}
+
+/// The simulation the first iteration starts from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Initial {
+    /// The nominal values of S.
+    #[default]
+    Nominal,
+    /// A point of S drawn from the seed.
+    Random,
+}
+
+/// One of the two searches and how long it goes on per iteration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchPhase {
+    /// Generations per iteration.
+    pub generations: usize,
+    /// The algorithm and its settings.
+    pub search: SearchSpec,
+}
+
+/// Which controllers are tried in reality (step 2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rule {
+    /// The m fittest of the last generation, topped up from earlier ones.
+    #[default]
+    Fittest,
+    /// The fittest and m − 1 of its mutants, drawn with `mutation` per bit (the paper's p'_m).
+    Neighbourhood,
+    /// The fittest, and those on which rival simulations disagree most (Klaus, Glette and Tørresen).
+    Disagreement,
+}
+
+/// How many controllers are tried, and by which rule.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Transfer {
+    /// The rule.
+    pub rule: Rule,
+    /// m as a share of the controller population M; the paper takes 0.6 with phi_1.
+    pub share: f64,
+    /// m itself, instead of a share; the paper takes 1 or 2 with phi_2.
+    pub count: Option<usize>,
+    /// p'_m of the neighbourhood rule, per bit.
+    pub mutation: f64,
+    /// How many rival simulations the disagreement rule asks.
+    pub rivals: usize,
+    /// How many of the fittest controllers the disagreement rule considers.
+    pub candidates: usize,
+}
+
+impl Default for Transfer {
+    fn default() -> Self {
+        Transfer { rule: Rule::Fittest, share: 0.6, count: None, mutation: 0.02, rivals: 6, candidates: 20 }
+    }
+}
+
+/// Which older transfers keep counting in step 3 (the paper's historical consistency).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Memory {
+    /// All of them.
+    #[default]
+    All,
+    /// None: every iteration forgets, as the paper's ant does.
+    None,
+    /// The given number of those that the present simulation explains worst.
+    Worst(usize),
+}
+
+/// When the two populations are taken to have lost each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DisengagementRule {
+    /// Iterations without progress before the verdict.
+    pub patience: usize,
+    /// Progress is a fall of phi by at least this share.
+    pub progress: f64,
+    /// phi at or below this share of the starting simulation's phi counts as agreement.
+    pub agreement: f64,
+    /// Whether the run stops on it or only reports it.
+    pub stop: bool,
+}
+
+impl Default for DisengagementRule {
+    fn default() -> Self {
+        DisengagementRule { patience: 3, progress: 0.05, agreement: 0.1, stop: true }
+    }
+}
+
+/// Everything that steers the loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// How simulation and reality work together.
+    #[serde(default)]
+    pub method: Method,
+    /// Iterations of steps 1 to 3.
+    pub iterations: usize,
+    /// The budget of real tests; none is asked for beyond it.
+    #[serde(default)]
+    pub real_tests: Option<usize>,
+    /// phi: what the simulator search minimises.
+    pub distance: DistanceSpec,
+    /// The simulation to start from.
+    #[serde(default)]
+    pub initial_simulation: Initial,
+    /// Step 1. Needed where there are controllers to search.
+    #[serde(default)]
+    pub controllers: Option<SearchPhase>,
+    /// Step 2.
+    #[serde(default)]
+    pub transfer: Transfer,
+    /// Step 3. Needed where there are simulations to search.
+    #[serde(default)]
+    pub simulators: Option<SearchPhase>,
+    /// Which older transfers keep counting.
+    #[serde(default)]
+    pub memory: Memory,
+    /// The simulator search rests while phi is at or below this: there is nothing left to learn from the transfers.
+    #[serde(default)]
+    pub phi_goal: Option<f64>,
+    /// The run is done once a real test reaches this fitness.
+    #[serde(default)]
+    pub fitness_goal: Option<f64>,
+    /// When to give up on the space of simulations.
+    #[serde(default)]
+    pub disengagement: DisengagementRule,
+}
+
+impl Plan {
+    /// m: how many controllers one iteration transfers.
+    pub fn transfers(&self) -> usize {
+        let population = self.controllers.as_ref().map_or(1, |phase| phase.search.population());
+        let m = self.transfer.count.unwrap_or_else(|| (self.transfer.share * population as f64).round() as usize);
+        m.max(1)
+    }
+}

@@ -1,0 +1,165 @@
+//! Drives by name, and which of their numbers are searched.
+
+use super::{Drive, Hold, NaoKick, NaoWalk, Replay, Sine};
+use crate::drive::{nao_kick, nao_walk};
+use crate::robot::Robot;
+use btr_core::space::{Dim, Space, SpaceError};
+use btr_core::world::WorldError;
+use indexmap::IndexMap;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Every drive: its name in experiment files, and what it does.
+pub const DRIVES: &[(&str, &str)] = &[
+    ("hold", "keeps every joint where it starts"),
+    ("sine", "r_i = theta_i + a_i sin(omega t + psi_i) on every joint, as the paper's ant; C is a_i and psi_i"),
+    ("nao_walk", "a walk for the Nao: ZMP targets turned into targets of the centre of mass"),
+    ("nao_kick", "a kick for the Nao with its right foot"),
+    ("replay", "the commands of a recorded log, held between samples"),
+];
+
+/// Largest amplitude of the sine drive unless the experiment says otherwise, in rad.
+const SINE_AMPLITUDE_RAD: f64 = 0.6;
+
+/// A kind of drive with what it needs.
+#[derive(Clone, Debug)]
+pub enum DriveKind {
+    /// Every joint stays at its start.
+    Hold,
+    /// Sines of one angular frequency.
+    Sine {
+        /// rad/s.
+        omega_rad_s: f64,
+    },
+    /// The Nao's walk.
+    NaoWalk,
+    /// The Nao's kick.
+    NaoKick,
+    /// Recorded commands.
+    Replay(Arc<Replay>),
+}
+
+impl DriveKind {
+    /// Every parameter of this drive on this robot, with its own bounds.
+    ///
+    /// # Errors
+    /// None for the built-in drives.
+    pub fn dims(&self, robot: &Robot) -> Result<Vec<Dim>, SpaceError> {
+        Ok(match self {
+            DriveKind::Hold | DriveKind::Replay(_) => Vec::new(),
+            DriveKind::Sine { .. } => sine_dims(robot),
+            DriveKind::NaoWalk => nao_walk::space()?.dims().to_vec(),
+            DriveKind::NaoKick => nao_kick::space()?.dims().to_vec(),
+        })
+    }
+
+    fn at(&self, robot: &Robot, values: &[f64], duration_s: f64) -> Result<Box<dyn Drive>, WorldError> {
+        let refused = |what: String| WorldError::Setup { what };
+        Ok(match self {
+            DriveKind::Hold => Box::new(Hold::new(robot)),
+            DriveKind::Sine { omega_rad_s } => Box::new(Sine::new(robot, *omega_rad_s, values)),
+            DriveKind::NaoWalk => {
+                Box::new(NaoWalk::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
+            }
+            DriveKind::NaoKick => {
+                Box::new(NaoKick::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
+            }
+            DriveKind::Replay(replay) => Box::new(replay.clone()),
+        })
+    }
+}
+
+fn sine_dims(robot: &Robot) -> Vec<Dim> {
+    let joints = robot.movable().map(|(_, link)| &link.joint.name);
+    joints
+        .flat_map(|name| {
+            [
+                Dim::new(format!("amplitude@{name}"), "rad", 0.0, SINE_AMPLITUDE_RAD),
+                Dim::new(format!("phase@{name}"), "rad", -PI, PI),
+            ]
+        })
+        .collect()
+}
+
+/// A drive of which some numbers are searched and the others fixed.
+#[derive(Clone, Debug)]
+pub struct DrivePlan {
+    kind: DriveKind,
+    /// Every parameter's value; those that are searched are overwritten.
+    values: Vec<f64>,
+    /// Where the searched parameters stand among all.
+    searched: Vec<usize>,
+    space: Space,
+}
+
+/// Why a drive cannot be planned so.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DriveError {
+    /// A parameter that the drive does not have.
+    #[error("the drive has no parameter `{name}`")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// What it does have.
+        known: Vec<String>,
+    },
+    /// Bounds or a value that make no sense.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    /// The robot cannot be driven so.
+    #[error(transparent)]
+    World(#[from] WorldError),
+}
+
+impl DrivePlan {
+    /// `set` fixes parameters, `searched` lists those of C with bounds of their own if given. With `from_nominal` the
+    /// search knows the nominal values as c_0.
+    ///
+    /// # Errors
+    /// Names the drive does not have, values outside their bounds, a robot it cannot drive.
+    pub fn new(
+        kind: DriveKind,
+        robot: &Robot,
+        set: &IndexMap<String, f64>,
+        searched: &IndexMap<String, Option<[f64; 2]>>,
+        from_nominal: bool,
+    ) -> Result<Self, DriveError> {
+        let all = Space::new(kind.dims(robot)?)?;
+        let known = || all.dims().iter().map(|d| d.name.clone()).collect::<Vec<_>>();
+        let index = |name: &String| {
+            all.index_of(name).ok_or_else(|| DriveError::Unknown { name: name.clone(), known: known() })
+        };
+        let mut values = all.nominal();
+        for (name, value) in set {
+            values[index(name)?] = *value;
+        }
+        all.check(&values)?;
+        let mut dims = Vec::new();
+        for (name, bounds) in searched {
+            let k = index(name)?;
+            let mut dim = all.dims()[k].clone();
+            [dim.min, dim.max] = bounds.unwrap_or([dim.min, dim.max]);
+            dim.nominal = from_nominal.then_some(values[k]);
+            dims.push(dim);
+        }
+        let searched = searched.keys().map(index).collect::<Result<_, _>>()?;
+        let plan = DrivePlan { kind, values, searched, space: Space::new(dims)? };
+        plan.at(robot, &plan.space.nominal(), 1.0)?;
+        Ok(plan)
+    }
+
+    /// C.
+    pub fn space(&self) -> &Space {
+        &self.space
+    }
+
+    /// The drive of controller `c`, for so many seconds.
+    ///
+    /// # Errors
+    /// A robot that cannot be driven so.
+    pub fn at(&self, robot: &Robot, c: &[f64], duration_s: f64) -> Result<Box<dyn Drive>, WorldError> {
+        let mut values = self.values.clone();
+        self.searched.iter().zip(c).for_each(|(&k, &x)| values[k] = x);
+        self.kind.at(robot, &values, duration_s)
+    }
+}

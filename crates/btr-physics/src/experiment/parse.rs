@@ -1,0 +1,160 @@
+//! Reading a file into [`File`], with errors that name file, line, column and remedy.
+
+use super::file::File;
+use std::path::{Path, PathBuf};
+
+/// What is wrong with a model or experiment file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}{}: {message}", path.display(), position(*line, *column))]
+pub struct FileError {
+    /// The file.
+    pub path: PathBuf,
+    /// Line from 1; 0 when the whole file is meant.
+    pub line: usize,
+    /// Column from 1; 0 when the whole line is meant.
+    pub column: usize,
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+fn position(line: usize, column: usize) -> String {
+    match (line, column) {
+        (0, _) => String::new(),
+        (line, 0) => format!(":{line}"),
+        (line, column) => format!(":{line}:{column}"),
+    }
+}
+
+/// Text with the name of its file, for error messages.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The file.
+    pub path: PathBuf,
+    /// All of it.
+    pub text: String,
+}
+
+impl Source {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is not there or not text.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let text = std::fs::read_to_string(path).map_err(|e| FileError {
+            path: path.to_owned(),
+            line: 0,
+            column: 0,
+            message: e.to_string(),
+            help: Some("give the path of a model or experiment file (TOML); robots/ has examples".to_owned()),
+        })?;
+        Ok(Source { path: path.to_owned(), text })
+    }
+
+    /// The folder against which relative paths in the file are taken.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Applies `key=value` settings: dotted keys, values in TOML (bare words count as strings).
+    ///
+    /// # Errors
+    /// A setting without `=`, or a key that runs into a value.
+    pub fn set(&mut self, settings: &[String]) -> Result<(), FileError> {
+        if settings.is_empty() {
+            return Ok(());
+        }
+        let mut document = self.text.parse::<toml_edit::DocumentMut>().map_err(|e| self.at_span(e.span(), e.message()))?;
+        for setting in settings {
+            apply_setting(&mut document, setting).map_err(|message| self.error(&[], &message, None))?;
+        }
+        self.text = document.to_string();
+        Ok(())
+    }
+
+    /// The typed file.
+    ///
+    /// # Errors
+    /// Syntax, unknown keys (with a suggestion), wrong types: at their line.
+    pub fn parse(&self) -> Result<File, FileError> {
+        toml::from_str(&self.text).map_err(|e| {
+            let mut error = self.at_span(e.span(), e.message());
+            error.help = did_you_mean(e.message());
+            error
+        })
+    }
+
+    /// An error about the value at a path of keys.
+    pub fn error(&self, keys: &[&str], message: &str, help: Option<String>) -> FileError {
+        let span = toml_edit::Document::parse(self.text.as_str()).ok().and_then(|d| span_of(d.as_item(), keys));
+        FileError { help, ..self.at_span(span, message) }
+    }
+
+    fn at_span(&self, span: Option<std::ops::Range<usize>>, message: &str) -> FileError {
+        let (line, column) = span.map_or((0, 0), |s| line_and_column(&self.text, s.start));
+        FileError { path: self.path.clone(), line, column, message: message.trim_end().to_owned(), help: None }
+    }
+}
+
+/// The span of the deepest key of the path that exists.
+fn span_of(root: &toml_edit::Item, keys: &[&str]) -> Option<std::ops::Range<usize>> {
+    let (mut item, mut span) = (root, None);
+    for key in keys {
+        let next = match key.parse::<usize>() {
+            Ok(index) => item.get(index),
+            Err(_) => None,
+        };
+        let found = item.as_table_like().and_then(|table| table.get_key_value(key));
+        if let Some((name, value)) = found {
+            span = name.span().or_else(|| value.span()).or(span);
+            item = value;
+        } else if let Some(value) = next {
+            span = value.span().or(span);
+            item = value;
+        } else {
+            break;
+        }
+    }
+    span
+}
+
+fn line_and_column(text: &str, at: usize) -> (usize, usize) {
+    let before = &text[..at.min(text.len())];
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+    (line, column)
+}
+
+fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
+    let (key, value) = setting.split_once('=').ok_or_else(|| format!("--set {setting}: expected key=value"))?;
+    let keys = toml_edit::Key::parse(key.trim()).map_err(|e| format!("--set {setting}: {e}"))?;
+    let value = value.trim().parse::<toml_edit::Value>().unwrap_or_else(|_| value.trim().into());
+    let mut item = document.as_item_mut();
+    for key in &keys[..keys.len().saturating_sub(1)] {
+        let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: `{key}` is not inside a table"))?;
+        item = table.entry(key.get()).or_insert(toml_edit::table());
+    }
+    let last = keys.last().ok_or_else(|| format!("--set {setting}: expected key=value"))?;
+    let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: the key runs into a value"))?;
+    table.insert(last.get(), toml_edit::value(value));
+    Ok(())
+}
+
+/// serde says "unknown field `x`, expected one of `a`, `b`": find the nearest of those that would have been right.
+fn did_you_mean(message: &str) -> Option<String> {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    if !(message.starts_with("unknown field") || message.starts_with("unknown variant")) {
+        return None;
+    }
+    let wrong = quoted.next()?;
+    let known: Vec<&str> = quoted.collect();
+    nearest(wrong, known.iter().copied()).map(|name| format!("did you mean `{name}`?"))
+}
+
+/// The known name most like `wrong`, if any is like it at all.
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let scored = known.into_iter().map(|name| (name, strsim::damerau_levenshtein(wrong, name)));
+    let (name, distance) = scored.min_by_key(|(_, distance)| *distance)?;
+    (distance <= wrong.len().max(name.len()) / 3 + 1).then_some(name)
+}

@@ -1,0 +1,203 @@
+//! Recorded logs as scenarios: each log brings its commands, its start and whatever the index knows of it.
+
+use super::file::{Choice, ColumnSection, File, LogsSection};
+use super::parse::{FileError, Source, nearest};
+use crate::drive::Replay;
+use crate::io;
+use crate::model::Scenario;
+use crate::parameter::Target;
+use crate::robot::Robot;
+use btr_core::log::{Log, Role};
+use indexmap::IndexMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The situations of an experiment; the first `learn` are there to learn from.
+pub(super) struct Situations {
+    pub scenarios: Vec<Scenario>,
+    pub learn: usize,
+    pub logs: Vec<Log>,
+}
+
+impl Situations {
+    /// The usual case: one situation, whatever the controller.
+    pub(super) fn single(duration_s: f64) -> Self {
+        let scenario = Scenario { name: "default".to_owned(), duration_s, ..Scenario::default() };
+        Situations { scenarios: vec![scenario], learn: 1, logs: Vec::new() }
+    }
+}
+
+/// A log to be read, with its row of the index.
+struct Wanted {
+    path: PathBuf,
+    row: IndexMap<String, String>,
+    held_out: bool,
+}
+
+pub(super) fn from_logs(
+    section: &LogsSection,
+    file: &File,
+    source: &Source,
+    robot: &Robot,
+) -> Result<Situations, FileError> {
+    let mut wanted = listed(section, source);
+    if let Some(index) = &section.index {
+        wanted.extend(indexed(section, &source.folder().join(index), source)?);
+    }
+    wanted.sort_by_key(|w| w.held_out);
+    let learn = wanted.iter().filter(|w| !w.held_out).count();
+    if learn == 0 {
+        let help = "name files, or an index with learn = { column = value }".to_owned();
+        return Err(source.error(&["reality"], "no log to learn from", Some(help)));
+    }
+    let (mut scenarios, mut logs) = (Vec::new(), Vec::new());
+    for one in &wanted {
+        let (log, _) = io::read_log(&one.path, &file.channels).map_err(|e| missing_data(source, &e))?;
+        scenarios.push(scenario(one, &log, section, source, robot)?);
+        logs.push(log);
+    }
+    Ok(Situations { scenarios, learn, logs })
+}
+
+fn missing_data(source: &Source, error: &io::IoError) -> FileError {
+    let help = "paths are taken from the experiment file's folder; point index or files to where the data is, or use \
+                --set reality.index=PATH";
+    source.error(&["reality"], &error.to_string(), Some(error.help().unwrap_or_else(|| help.to_owned())))
+}
+
+fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {
+    let wanted = |held_out: bool| {
+        move |path: &PathBuf| Wanted { path: source.folder().join(path), row: IndexMap::new(), held_out }
+    };
+    section.files.iter().map(wanted(false)).chain(section.held_out.iter().map(wanted(true))).collect()
+}
+
+/// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt from.
+fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<Wanted>, FileError> {
+    let rows = read_index(index, source)?;
+    let folder = index.parent().unwrap_or(Path::new(""));
+    let mut wanted = Vec::new();
+    for (line, row) in rows {
+        let at_line = |message: &str| FileError {
+            path: index.to_owned(),
+            line,
+            column: 0,
+            message: message.to_owned(),
+            help: None,
+        };
+        let name = row.get("file").ok_or_else(|| at_line("the index has no column `file`"))?;
+        let learn = chosen(&row, &section.learn).map_err(|column| no_column(source, "learn", &column, &row))?;
+        let judge = chosen(&row, &section.judge).map_err(|column| no_column(source, "judge", &column, &row))?;
+        let judge = judge && !section.judge.is_empty();
+        if learn && judge {
+            return Err(at_line("both `learn` and `judge` choose this log"));
+        }
+        if learn || judge {
+            wanted.push(Wanted { path: folder.join(name), row, held_out: judge });
+        }
+    }
+    Ok(wanted)
+}
+
+type Row = IndexMap<String, String>;
+
+fn read_index(index: &Path, source: &Source) -> Result<Vec<(usize, Row)>, FileError> {
+    let unreadable = |e: csv::Error| {
+        let message = format!("{}: {e}", index.display());
+        let help = "reality.index is taken from the experiment file's folder; point it to where the data is, or use --set \
+                    reality.index=PATH";
+        source.error(&["reality", "index"], &message, Some(help.to_owned()))
+    };
+    let mut reader = csv::Reader::from_path(index).map_err(unreadable)?;
+    let columns: Vec<String> = reader.headers().map_err(unreadable)?.iter().map(str::to_owned).collect();
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(unreadable)?;
+        let line = record.position().map_or(0, |p| p.line() as usize);
+        rows.push((line, columns.iter().cloned().zip(record.iter().map(str::to_owned)).collect()));
+    }
+    Ok(rows)
+}
+
+/// Whether a row meets all conditions; the name of a column that is not there.
+fn chosen(row: &Row, conditions: &IndexMap<String, Choice>) -> Result<bool, String> {
+    for (column, choice) in conditions {
+        let cell = row.get(column).ok_or_else(|| column.clone())?;
+        let number: Option<f64> = cell.trim().parse().ok();
+        let same = |x: &f64| number.is_some_and(|n| (n - x).abs() <= 1e-9 * x.abs().max(1.0));
+        let met = match choice {
+            Choice::Text(text) => cell == text,
+            Choice::Texts(texts) => texts.contains(cell),
+            Choice::Number(x) => same(x),
+            Choice::Numbers(numbers) => numbers.iter().any(same),
+        };
+        if !met {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+fn no_column(source: &Source, key: &str, column: &str, row: &Row) -> FileError {
+    let help = match nearest(column, row.keys().map(String::as_str)) {
+        Some(name) => format!("did you mean `{name}`?"),
+        None => format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", ")),
+    };
+    source.error(&["reality", key, column], &format!("the index has no column `{column}`"), Some(help))
+}
+
+fn scenario(
+    one: &Wanted,
+    log: &Log,
+    section: &LogsSection,
+    source: &Source,
+    robot: &Robot,
+) -> Result<Scenario, FileError> {
+    let about = |e: &dyn std::fmt::Display| source.error(&["reality"], &format!("{}: {e}", one.path.display()), None);
+    let replay = Replay::new(log, robot).map_err(|e| about(&e))?;
+    let settings = section
+        .columns
+        .iter()
+        .map(|(target, column)| setting(target, column, &one.row, source, robot))
+        .collect::<Result<_, _>>()?;
+    Ok(Scenario {
+        name: one.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        replay: Some(Arc::new(replay)),
+        duration_s: log.duration_s(),
+        settings,
+        start: start(log, robot).map_err(|e| about(&e))?,
+    })
+}
+
+fn setting(
+    name: &str,
+    column: &ColumnSection,
+    row: &Row,
+    source: &Source,
+    robot: &Robot,
+) -> Result<(Target, f64), FileError> {
+    let keys = ["reality", "columns", name];
+    let target = Target::parse(name, robot).map_err(|e| source.error(&keys, &e.to_string(), e.help()))?;
+    let cell = row.get(&column.column).ok_or_else(|| no_column(source, "columns", &column.column, row))?;
+    let value: f64 = cell.trim().parse().map_err(|_| {
+        source.error(&keys, &format!("column `{}` holds `{cell}`, which is not a number", column.column), None)
+    })?;
+    Ok((target, value * column.factor))
+}
+
+/// Position and velocity of every joint at the first sample: the measured ones where the log has them.
+fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, btr_core::log::LogError> {
+    let first = |name: String| log.channel(&name).and_then(|c| c.values.iter().copied().find(|x| x.is_finite()));
+    robot
+        .movable()
+        .map(|(_, link)| {
+            let joint = &link.joint.name;
+            let measured = log.channels().any(|(name, c)| c.role == Role::Measured && name == format!("q_{joint}"));
+            if !measured {
+                log.values(&format!("q_{joint}"))?;
+            }
+            let q = first(format!("q_{joint}")).unwrap_or(link.joint.start);
+            Ok((q, first(format!("dq_{joint}")).unwrap_or(0.0)))
+        })
+        .collect()
+}

@@ -1,0 +1,143 @@
+//! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
+//! simulations that everything else searches.
+
+use crate::drive::{Drive, DrivePlan};
+use crate::effect::Placed;
+use crate::parameter::{self, Target};
+use crate::robot::{JointKind, Robot};
+use crate::sim::{self, Setup};
+use crate::task::Fitness;
+use btr_core::log::{Log, Role};
+use btr_core::space::Space;
+use btr_core::world::{Behaviour, Simulator, WorldError};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// One situation in which the robot is tried.
+#[derive(Clone, Debug, Default)]
+pub struct Scenario {
+    /// For reports.
+    pub name: String,
+    /// Commands of a recorded log, instead of the model's drive.
+    pub replay: Option<std::sync::Arc<crate::drive::Replay>>,
+    /// T_e in s.
+    pub duration_s: f64,
+    /// What is known of this situation: payload, gain, supply voltage, ...
+    pub settings: Vec<(Target, f64)>,
+    /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
+    /// empty.
+    pub start: Vec<(f64, f64)>,
+}
+
+/// Everything needed to simulate.
+#[derive(Debug)]
+pub struct Model {
+    /// The robot at its own values.
+    pub robot: Robot,
+    /// Effects that are present.
+    pub effects: Vec<Placed>,
+    /// Time steps, ground, sensors.
+    pub setup: Setup,
+    /// What the dimensions of S act on.
+    pub targets: Vec<Target>,
+    /// S.
+    pub simulations: Space,
+    /// What the joints are told, with C.
+    pub drive: DrivePlan,
+    /// Situations, at least one. Those from `learn` on are held out: no search ever sees them.
+    pub scenarios: Vec<Scenario>,
+    /// How many of the scenarios are there to learn from.
+    pub learn: usize,
+    /// f(B).
+    pub fitness: Fitness,
+    /// Rollouts so far, for the progress display; no result depends on it.
+    pub rollouts: AtomicU64,
+}
+
+impl Model {
+    /// Runs one behaviour and returns what the sensors say, with noise of the model's sensors if a seed is given.
+    ///
+    /// # Errors
+    /// A point outside its space, or a simulation that blew up.
+    pub fn simulate(&self, s: &[f64], c: &[f64], scenario: usize, noise: Option<u64>) -> Result<Log, WorldError> {
+        self.simulations.check(s)?;
+        self.drive.space().check(c)?;
+        self.rollouts.fetch_add(1, Ordering::Relaxed);
+        let (mut robot, effects, setup) = self.at(s, scenario);
+        let drive = self.drive_at(c, scenario)?;
+        drive.place(&mut robot);
+        sim::simulate(&robot, &effects, &setup, drive.as_ref(), noise)
+    }
+
+    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.
+    ///
+    /// # Errors
+    /// A point outside C.
+    pub fn references(&self, c: &[f64], scenario: usize) -> Result<Log, WorldError> {
+        self.drive.space().check(c)?;
+        let drive = self.drive_at(c, scenario)?;
+        let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s).round() as usize;
+        let clock: Vec<f64> = (0..=ticks).map(|k| k as f64 * self.setup.control_s).collect();
+        let names: Vec<&str> = self.robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
+        let mut rows = vec![Vec::with_capacity(clock.len()); names.len()];
+        let mut command = vec![0.0; names.len()];
+        for &t in &clock {
+            drive.command(t, &mut command);
+            rows.iter_mut().zip(&command).for_each(|(row, &x)| row.push(x));
+        }
+        let mut log = Log::new(clock)?;
+        for (name, row) in names.iter().zip(rows) {
+            log.insert(format!("cmd_{name}"), "rad", Role::Command, row)?;
+        }
+        Ok(log)
+    }
+
+    /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
+    pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<Placed>, Setup) {
+        let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
+        let situation = &self.scenarios[scenario];
+        let known = situation.settings.iter().map(|(target, value)| (target, *value));
+        for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
+            parameter::apply(target, value, &mut robot, &mut effects, &mut setup);
+        }
+        setup.duration_s = situation.duration_s;
+        setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();
+        place(&mut robot, &situation.start);
+        (robot, effects, setup)
+    }
+
+    /// The references depend on the controller alone: they are worked out for the robot at its own values, as a real
+    /// robot's controller would, whatever the simulation is.
+    fn drive_at(&self, c: &[f64], scenario: usize) -> Result<Box<dyn Drive>, WorldError> {
+        let situation = &self.scenarios[scenario];
+        match &situation.replay {
+            Some(replay) => Ok(Box::new(replay.clone())),
+            None => self.drive.at(&self.robot, c, situation.duration_s),
+        }
+    }
+}
+
+/// Joint positions at the start, in the order of the movable joints.
+fn place(robot: &mut Robot, start: &[(f64, f64)]) {
+    let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
+    moving.zip(start).for_each(|(link, (q, _))| link.joint.start = *q);
+}
+
+impl Simulator for Model {
+    fn simulations(&self) -> &Space {
+        &self.simulations
+    }
+
+    fn controllers(&self) -> &Space {
+        self.drive.space()
+    }
+
+    fn scenarios(&self) -> usize {
+        self.learn
+    }
+
+    fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
+        let log = self.simulate(s, c, scenario, None)?;
+        let fitness = self.fitness.of(&log)?;
+        Ok(Behaviour { log, fitness })
+    }
+}
