@@ -2,7 +2,22 @@
 //!
 //! A search proposes a population ([`Search::ask`]), somebody evaluates it - on two cores or on a slow robot - and reports
 //! the costs ([`Search::tell`]). Costs are minimised; a failed evaluation costs `f64::INFINITY`. The state of a search is
-//! plain data, so that a run can be stopped and resumed at any generation.
+//! plain data, so that a run can be stopped and resumed at any generation. Points whose evaluation failed are never kept,
+//! hence a state holds finite numbers only and survives text formats as well.
+
+mod best;
+pub mod cmaes;
+pub mod ga;
+pub mod gray;
+#[cfg(test)]
+mod laws;
+mod pool;
+pub mod real_ga;
+mod sample;
+pub(crate) mod settings;
+pub mod spec;
+
+pub use spec::{AnySearch, SEARCHES, SearchSpec};
 
 use crate::random::Rng;
 
@@ -15,6 +30,6 @@ pub trait Search {
     fn ask(&mut self, rng: &mut Rng) -> Vec<Unit>;
     /// The costs of the population last asked for, in its order.
     fn tell(&mut self, population: &[Unit], costs: &[f64]);
-    /// The best point told so far, with its cost.
+    /// The best point told so far, with its cost; `None` until an evaluation has succeeded.
     fn best(&self) -> Option<(&[f64], f64)>;
 }

@@ -1,0 +1,25 @@
+//! The best point a search was ever told.
+
+use super::Unit;
+use serde::{Deserialize, Serialize};
+
+/// The best point so far; empty until an evaluation has succeeded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Best(Option<(Unit, f64)>);
+
+impl Best {
+    /// Looks at a told population. Of equal costs the first one stays; failures (infinite or NaN) do not count.
+    pub(crate) fn see(&mut self, population: &[Unit], costs: &[f64]) {
+        for (point, &cost) in population.iter().zip(costs) {
+            let better = self.0.as_ref().is_none_or(|(_, best)| cost < *best);
+            if cost.is_finite() && better {
+                self.0 = Some((point.clone(), cost));
+            }
+        }
+    }
+
+    /// The point and its cost.
+    pub(crate) fn get(&self) -> Option<(&[f64], f64)> {
+        self.0.as_ref().map(|(point, cost)| (point.as_slice(), *cost))
+    }
+}

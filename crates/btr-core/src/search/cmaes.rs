@@ -1,0 +1,101 @@
+//! CMA-ES: a normal distribution that learns the shape of the landscape.
+//!
+//! The strategy is Hansen's (see `run.rs`), restarted with a doubled population whenever it has converged or stagnates
+//! (A. Auger and N. Hansen, "A restart CMA evolution strategy with increasing population size", CEC 2005).
+
+mod run;
+mod stop;
+mod weights;
+
+use super::best::Best;
+use super::{Search, Unit, sample, settings};
+use crate::random::Rng;
+use run::Run;
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`CmaEs`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CmaEsSettings {
+    /// Individuals per generation before any restart; 4 + 3·ln(parameters) unless given.
+    #[serde(deserialize_with = "settings::maybe_at_least_two")]
+    pub population: Option<usize>,
+    /// Standard deviation at the start, as a share of each parameter's range; 0.25.
+    #[serde(deserialize_with = "settings::positive")]
+    pub sigma: f64,
+    /// How often to start again elsewhere, each time with twice the population; 9.
+    pub restarts: u32,
+}
+
+impl Default for CmaEsSettings {
+    fn default() -> Self {
+        CmaEsSettings { population: None, sigma: 0.25, restarts: 9 }
+    }
+}
+
+impl CmaEsSettings {
+    /// Individuals per generation before any restart.
+    pub fn population(&self, dims: usize) -> usize {
+        // ln 0 would be minus infinity; the cast is of a small positive number.
+        let default = || 4 + (3.0 * (dims.max(1) as f64).ln()) as usize;
+        self.population.unwrap_or_else(default).max(2)
+    }
+}
+
+/// CMA-ES with restarts. The first run starts from the seed, later ones from random places; the best point ever told is
+/// kept. When the restarts are used up the last run keeps being asked, but learns nothing more.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CmaEs {
+    settings: CmaEsSettings,
+    dims: usize,
+    restarts: u32,
+    run: Run,
+    best: Best,
+}
+
+impl CmaEs {
+    /// A search around the seed, or around the middle of the cube without one.
+    pub fn new(settings: CmaEsSettings, dims: usize, seed: Option<&[f64]>) -> Self {
+        let mean = sample::on_cube(dims, seed.unwrap_or(&[]));
+        let run = Run::new(mean, settings.sigma, settings.population(dims));
+        CmaEs { settings, dims, restarts: 0, run, best: Best::default() }
+    }
+
+    /// How often it has started again.
+    pub fn restarts(&self) -> u32 {
+        self.restarts
+    }
+
+    fn restart(&mut self, rng: &mut Rng) {
+        self.restarts += 1;
+        // Doubling stops long before a population could not be held in memory.
+        let lambda = self.settings.population(self.dims) << self.restarts.min(16);
+        self.run = Run::new(sample::uniform(self.dims, rng), self.settings.sigma, lambda);
+    }
+}
+
+impl Search for CmaEs {
+    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+        if self.dims == 0 {
+            return vec![Vec::new(); self.settings.population(0)];
+        }
+        if self.run.exhausted() && self.restarts < self.settings.restarts {
+            self.restart(rng);
+        }
+        self.run.ask(rng)
+    }
+
+    fn tell(&mut self, population: &[Unit], costs: &[f64]) {
+        self.best.see(population, costs);
+        if self.dims > 0 && !self.run.exhausted() {
+            self.run.tell(costs);
+        }
+    }
+
+    fn best(&self) -> Option<(&[f64], f64)> {
+        self.best.get()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,27 @@
+//! Random numbers the searches share.
+
+use super::Unit;
+use crate::random::Rng;
+use rand::RngExt;
+
+/// A standard normal number. Marsaglia and Bray's polar method (SIAM Review 6, 1964); its second number is dropped so
+/// that no state has to be carried from call to call.
+pub(crate) fn normal(rng: &mut Rng) -> f64 {
+    loop {
+        let (u, v) = (2.0 * rng.random::<f64>() - 1.0, 2.0 * rng.random::<f64>() - 1.0);
+        let square = u * u + v * v;
+        if square > 0.0 && square < 1.0 {
+            return u * (-2.0 * square.ln() / square).sqrt();
+        }
+    }
+}
+
+/// A point anywhere in the cube.
+pub(crate) fn uniform(dims: usize, rng: &mut Rng) -> Unit {
+    (0..dims).map(|_| rng.random()).collect()
+}
+
+/// Makes a point of the cube of what a caller hands over: clamped, and the middle where a number is missing.
+pub(crate) fn on_cube(dims: usize, point: &[f64]) -> Unit {
+    (0..dims).map(|i| point.get(i).copied().filter(|x| !x.is_nan()).unwrap_or(0.5).clamp(0.0, 1.0)).collect()
+}

@@ -1,0 +1,42 @@
+//! Checks of the numbers people write into experiment files, made while they are read.
+
+use serde::de::{Deserialize, Deserializer, Error};
+
+/// A probability, in [0, 1].
+pub(crate) fn probability<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    checked(deserializer, |p| (0.0..=1.0).contains(p), "a probability between 0 and 1")
+}
+
+/// A positive, finite number.
+pub(crate) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    checked(deserializer, |x| *x > 0.0 && f64::is_finite(*x), "a positive number")
+}
+
+/// A share of something, above 0 and up to 1.
+pub(crate) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    checked(deserializer, |x| *x > 0.0 && *x <= 1.0, "a share above 0 and up to 1")
+}
+
+/// A count of two or more.
+pub(crate) fn at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
+    checked(deserializer, |n| *n >= 2, "a count of 2 or more")
+}
+
+/// A count of two or more, or nothing.
+pub(crate) fn maybe_at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
+    checked(deserializer, |n: &Option<usize>| n.is_none_or(|n| n >= 2), "a count of 2 or more")
+}
+
+/// Bits per parameter of a Gray code.
+pub(crate) fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    checked(deserializer, |n| (1..=super::gray::MAX_BITS).contains(n), "a number of bits between 1 and 32")
+}
+
+fn checked<'de, D, T>(deserializer: D, good: impl Fn(&T) -> bool, expected: &str) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de> + std::fmt::Debug,
+{
+    let value = T::deserialize(deserializer)?;
+    if good(&value) { Ok(value) } else { Err(D::Error::custom(format!("expected {expected}, not {value:?}"))) }
+}
