@@ -1,1 +1,39 @@
-fn main() {}
+//! `btr`: evolve robot controllers and their simulator against each other.
+
+mod args;
+mod cmd;
+mod failure;
+mod figures;
+mod plot;
+mod progress;
+mod table;
+
+use args::{Args, Verb};
+use clap::Parser;
+use failure::Failure;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    match run(&args) {
+        Ok(code) => code,
+        Err(failure) => failure.report(args.global.json),
+    }
+}
+
+fn run(args: &Args) -> Result<ExitCode, Failure> {
+    if let Some(threads) = args.global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?;
+    }
+    match &args.verb {
+        Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
+        Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
+        Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
+        Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),
+        Verb::Schema => cmd::schema::run(),
+        Verb::Completions { shell } => cmd::completions::run(*shell),
+        Verb::Man => cmd::completions::man(),
+    }
+}

@@ -152,10 +152,9 @@ fn recommended(experiment: &Experiment, state: &Coevolution) -> Option<Recommend
 }
 
 fn comparison(experiment: &Experiment, state: &Coevolution, truth: Revealed) -> Result<Comparison, WorldError> {
-    let start = experiment.start(state);
     Ok(Comparison {
         error_percent: error_percent(&experiment.model, state.simulation(), &truth),
-        error_percent_before: error_percent(&experiment.model, &start, &truth),
+        error_percent_before: error_percent(&experiment.model, state.start(), &truth),
         state_match: state_match(experiment, state)?,
         truth,
     })
@@ -184,11 +183,11 @@ fn state_match(experiment: &Experiment, state: &Coevolution) -> Result<IndexMap<
 }
 
 fn log_scores(experiment: &Experiment, state: &Coevolution) -> Result<Vec<LogScore>, WorldError> {
-    let (model, start) = (&experiment.model, experiment.start(state));
+    let model = &experiment.model;
     let mut scores = Vec::new();
     for (k, (scenario, real)) in model.scenarios.iter().zip(&experiment.recorded).enumerate() {
         let simulate = |s: &[f64]| model.simulate(s, &[], k, None)?.resample(real.clock_s()).map_err(WorldError::from);
-        let (before, after) = (simulate(&start)?, simulate(state.simulation())?);
+        let (before, after) = (simulate(state.start())?, simulate(state.simulation())?);
         let measured = real.channels().filter(|(name, c)| c.role == Role::Measured && name.starts_with("q_"));
         for (name, channel) in measured {
             let score = |log: &Log| log.channel(name).map(|c| Score::new(&channel.values, &c.values));

@@ -3,7 +3,7 @@
 
 use crate::experiment::{Experiment, FileError};
 use crate::io;
-use btr_core::coevolve::{Coevolution, On, Plan, PlanError, Step};
+use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step};
 use btr_core::distance::Distance;
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ impl RunError {
             RunError::Exists(_) => Some("go on with --resume, or choose another --out".to_owned()),
             RunError::NoRun(_) => Some("start it without --resume".to_owned()),
             RunError::OtherExperiment(path) => Some(format!(
-                "resume with {} and the same --seed, or choose another --out",
+                "resume with the file, --set and --seed that {} shows, or choose another --out",
                 path.join("experiment.toml").display()
             )),
             RunError::Checkpoint(..) => Some("choose another --out; the real tests in transfers/ are untouched".to_owned()),
@@ -85,7 +85,7 @@ impl Run {
     ///
     /// # Errors
     /// No run there, another experiment, a damaged checkpoint, or a real test whose log is gone.
-    pub fn resume(experiment: &mut Experiment, folder: &Path) -> Result<Self, RunError> {
+    pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let path = checkpoint_path(folder);
         let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
         let stamp = std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default();
@@ -94,7 +94,8 @@ impl Run {
         }
         let damaged = |why: &str| RunError::Checkpoint(path.clone(), why.to_owned());
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
-        let mut state: Coevolution = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let state: State = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
         Ok(Run { folder: folder.to_owned(), distance: state.plan().distance.build(), state })
     }
@@ -105,7 +106,7 @@ impl Run {
     /// As [`Run::begin`] and [`Run::resume`].
     pub fn begin_or_resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         if checkpoint_path(folder).exists() {
-            return Run::resume(experiment, folder);
+            return Run::resume(experiment, plan, folder);
         }
         Run::begin(experiment, plan, folder)
     }
@@ -149,7 +150,7 @@ impl Run {
     }
 
     fn checkpoint(&self) -> Result<(), RunError> {
-        let body = postcard::to_allocvec(&self.state)
+        let body = postcard::to_allocvec(self.state.state())
             .map_err(|e| RunError::Checkpoint(checkpoint_path(&self.folder), e.to_string()))?;
         self.write("checkpoint.bin", &[MAGIC.as_slice(), &body].concat()).map(|_| ())
     }

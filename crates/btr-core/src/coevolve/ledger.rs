@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// How a real test ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "result")]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It gave a behaviour of this fitness.
     Done {

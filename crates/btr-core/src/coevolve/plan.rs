@@ -152,9 +152,9 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// m: how many controllers one iteration transfers.
-    pub fn transfers(&self) -> usize {
-        let population = self.controllers.as_ref().map_or(1, |phase| phase.search.population());
+    /// m: how many controllers one iteration transfers, where C has `dims` dimensions.
+    pub fn transfers(&self, dims: usize) -> usize {
+        let population = self.controllers.as_ref().map_or(1, |phase| phase.search.population(dims));
         let m = self.transfer.count.unwrap_or_else(|| (self.transfer.share * population as f64).round() as usize);
         m.max(1)
     }

@@ -76,7 +76,7 @@ enum Phase {
     Controllers { search: AnySearch, archive: Vec<Scored>, generation: usize },
     /// Step 2. `testing` is there when reality itself is the environment of the controller search.
     Transfer { queue: Vec<Scored>, next: usize, testing: Option<AnySearch> },
-    /// Step 3. `incumbent` is s_{i−1} with its phi on the tests that count.
+    /// Step 3. `tried` begins with s_{i−1}.
     Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
     /// About to close the iteration.
     End,
@@ -84,11 +84,19 @@ enum Phase {
     Stopped(StopReason),
 }
 
-/// A run in progress.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A run in progress: a plan, and how far it has come.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Coevolution {
     plan: Plan,
+    state: State,
+}
+
+/// How far a run has come: all that has to be written down to go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
     seed: u64,
+    /// s_0.
+    start: Vec<f64>,
     iteration: usize,
     phase: Phase,
     /// s_{i−1}, then s_i.
@@ -122,9 +130,9 @@ impl Coevolution {
         };
         let nominal = simulator.controllers().dims().iter().all(|d| d.nominal.is_some());
         let controller = nominal.then(|| simulator.controllers().to_unit(&simulator.controllers().nominal()));
-        Ok(Coevolution {
-            plan,
+        let state = State {
             seed,
+            start: simulation.clone(),
             iteration: 1,
             phase: Phase::Begin,
             simulation,
@@ -137,12 +145,23 @@ impl Coevolution {
             phi_start: None,
             phi_predicted: None,
             phi: None,
-        })
+        };
+        Ok(Coevolution { plan, state })
+    }
+
+    /// Takes up a run where its state was written down; [`recall`](Self::recall) comes next.
+    pub fn resumed(plan: Plan, state: State) -> Self {
+        Coevolution { plan, state }
+    }
+
+    /// What has to be written down to go on later.
+    pub fn state(&self) -> &State {
+        &self.state
     }
 
     /// Does the next unit of work.
     pub fn step(&mut self, on: &mut On<'_>) -> Step {
-        match std::mem::replace(&mut self.phase, Phase::Begin) {
+        match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
             Phase::Controllers { search, archive, generation } => self.controllers(on, search, archive, generation),
             Phase::Transfer { queue, next, testing } => self.transfer(on, queue, next, testing),
@@ -159,32 +178,37 @@ impl Coevolution {
     /// # Errors
     /// A real test whose log is gone.
     pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
-        self.ledger.recall(reality)
+        self.state.ledger.recall(reality)
     }
 
     /// Everything that happened so far.
     pub fn history(&self) -> &History {
-        &self.history
+        &self.state.history
     }
 
     /// Every real test so far.
     pub fn ledger(&self) -> &Ledger {
-        &self.ledger
+        &self.state.ledger
     }
 
     /// The best simulation so far, in the units of S.
     pub fn simulation(&self) -> &[f64] {
-        &self.simulation
+        &self.state.simulation
+    }
+
+    /// The simulation the run began with, in the units of S.
+    pub fn start(&self) -> &[f64] {
+        &self.state.start
     }
 
     /// The iteration being worked on, from 1.
     pub fn iteration(&self) -> usize {
-        self.iteration
+        self.state.iteration
     }
 
     /// What the simulations have cost so far.
     pub fn cost(&self) -> Cost {
-        self.cost
+        self.state.cost
     }
 
     /// The plan the run follows.
@@ -194,12 +218,12 @@ impl Coevolution {
 
     /// The linear estimate of the fitness discrepancy, where the method makes one.
     pub fn correction(&self) -> &LinearCorrection {
-        &self.correction
+        &self.state.correction
     }
 
     /// The test with the best real fitness: what the run recommends to use.
     pub fn best_tested(&self) -> Option<&Entry> {
-        let tested = self.ledger.entries().iter().filter(|e| e.fitness().is_some_and(f64::is_finite));
+        let tested = self.state.ledger.entries().iter().filter(|e| e.fitness().is_some_and(f64::is_finite));
         tested.max_by(|a, b| a.fitness().unwrap_or(f64::NAN).total_cmp(&b.fitness().unwrap_or(f64::NAN)))
     }
 
@@ -210,15 +234,15 @@ impl Coevolution {
         let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {
             Some(phase) if !on.simulator.controllers().is_empty() => {
-                let search = phase.search.start(on.simulator.controllers().len(), self.controller.as_deref());
+                let search = phase.search.start(on.simulator.controllers().len(), self.state.controller.as_deref());
                 if self.plan.method == Method::RealityOnly {
                     return self.next_real_generation(on, search);
                 }
-                self.phase = Phase::Controllers { search, archive: Vec::new(), generation: 1 };
+                self.state.phase = Phase::Controllers { search, archive: Vec::new(), generation: 1 };
             }
             _ => {
-                let queue = if self.iteration == 1 { vec![fixed_drive] } else { Vec::new() };
-                self.phase = Phase::Transfer { queue, next: 0, testing: None };
+                let queue = if self.state.iteration == 1 { vec![fixed_drive] } else { Vec::new() };
+                self.state.phase = Phase::Transfer { queue, next: 0, testing: None };
             }
         }
         self.step(on)
@@ -236,13 +260,13 @@ impl Coevolution {
         search.tell(&units, &scores.iter().map(|f| -f).collect::<Vec<_>>());
         let best = best_index(&scores.iter().map(|f| -f).collect::<Vec<_>>());
         let point = on.simulator.controllers().from_unit(&units[best]);
-        self.history.generations.push(Generation::new(
-            (self.iteration, generation, Side::Controllers),
+        self.state.history.generations.push(Generation::new(
+            (self.state.iteration, generation, Side::Controllers),
             vec![point],
             &scores,
         ));
         archive.extend(units.into_iter().zip(scores).map(|(unit, fitness)| Scored { unit, fitness, generation }));
-        self.phase = match &self.plan.controllers {
+        self.state.phase = match &self.plan.controllers {
             Some(phase) if generation < phase.generations => {
                 Phase::Controllers { search, archive, generation: generation + 1 }
             }
@@ -255,50 +279,50 @@ impl Coevolution {
     fn score_controllers(&mut self, on: &On<'_>, units: &[Unit]) -> Vec<f64> {
         if self.explores() {
             let rivals = self.rivals(on);
-            return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.cost);
+            return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
         }
-        let fitness = evaluate::fitness(on.simulator, &self.simulation, units, &mut self.cost);
-        fitness.iter().zip(units).map(|(f, unit)| f + self.correction.at(unit)).collect()
+        let fitness = evaluate::fitness(on.simulator, &self.state.simulation, units, &mut self.state.cost);
+        fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect()
     }
 
     /// Estimation-exploration looks for disagreement in all iterations but the last.
     fn explores(&self) -> bool {
-        self.plan.method == Method::EstimationExploration && self.iteration < self.plan.iterations
+        self.plan.method == Method::EstimationExploration && self.state.iteration < self.plan.iterations
     }
 
     fn choose(&mut self, on: &On<'_>, archive: &[Scored]) -> Phase {
-        let m = self.plan.transfers().min(self.tests_left().div_ceil(on.simulator.scenarios()));
-        let candidates = transfer::transferable(archive, &self.ledger, on.simulator);
+        let m = self.plan.transfers(on.simulator.controllers().len()).min(self.tests_left().div_ceil(on.simulator.scenarios()));
+        let candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
         let rivals = self.rivals(on);
         let choice = Choice {
             plan: &self.plan,
             simulator: on.simulator,
             distance: on.distance,
-            simulation: &self.simulation,
+            simulation: &self.state.simulation,
             rivals: &rivals,
             candidates,
         };
         let mut rng = self.stream(Stream::Neighbours, 0);
-        let mut queue = choice.choose(m, &mut rng, &mut self.cost);
+        let mut queue = choice.choose(m, &mut rng, &mut self.state.cost);
         if self.explores() {
             let units: Vec<Unit> = queue.iter().map(|c| c.unit.clone()).collect();
-            let fitness = evaluate::fitness(on.simulator, &self.simulation, &units, &mut self.cost);
+            let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
             queue.iter_mut().zip(fitness).for_each(|(c, f)| c.fitness = f);
         }
         if let Some(first) = queue.first() {
-            self.controller = Some(first.unit.clone());
+            self.state.controller = Some(first.unit.clone());
         }
         Phase::Transfer { queue, next: 0, testing: None }
     }
 
     /// Simulations that explain the past about equally well; before there is a past, random ones.
     fn rivals(&self, on: &On<'_>) -> Vec<Vec<f64>> {
-        if !self.rivals.is_empty() {
-            return self.rivals.clone();
+        if !self.state.rivals.is_empty() {
+            return self.state.rivals.clone();
         }
         let space = on.simulator.simulations();
         (0..self.plan.transfer.rivals as u64)
-            .map(|k| space.from_unit(&uniform(space.len(), &mut stream(self.seed, Stream::FirstRivals, k, 0))))
+            .map(|k| space.from_unit(&uniform(space.len(), &mut stream(self.state.seed, Stream::FirstRivals, k, 0))))
             .collect()
     }
 
@@ -308,9 +332,9 @@ impl Coevolution {
         let promised = queue[next / on.simulator.scenarios()].fitness;
         let result = on.reality.announce(&trials).and_then(|()| {
             let promised = promised.is_finite().then_some(promised);
-            self.ledger.carry_out(trial, promised, on.reality)
+            self.state.ledger.carry_out(trial, promised, on.reality)
         });
-        self.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
+        self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
             Ok(()) => Step::Tested,
             Err(what) => Step::Waiting(what),
@@ -322,8 +346,8 @@ impl Coevolution {
         let scenarios = on.simulator.scenarios();
         let left = (next..queue.len() * scenarios).take(self.tests_left());
         left.map(|k| Trial {
-            number: self.ledger.spent() + k - next,
-            iteration: self.iteration,
+            number: self.state.ledger.spent() + k - next,
+            iteration: self.state.iteration,
             controller: on.simulator.controllers().from_unit(&queue[k / scenarios].unit),
             scenario: k % scenarios,
         })
@@ -335,50 +359,50 @@ impl Coevolution {
         if let Some(search) = testing {
             return self.told(on, queue, search);
         }
-        if self.ledger.entries().iter().all(|e| e.fitness().is_none()) {
+        if self.state.ledger.entries().iter().all(|e| e.fitness().is_none()) {
             return self.stop(StopReason::NoRealData);
         }
         match (&self.plan.simulators, self.plan.method) {
             (_, Method::LinearCorrection) => {
                 let space = on.simulator.controllers();
-                self.correction = LinearCorrection::fit(self.ledger.entries(), |c| space.to_unit(c));
-                self.phase = Phase::End;
+                self.state.correction = LinearCorrection::fit(self.state.ledger.entries(), |c| space.to_unit(c));
+                self.state.phase = Phase::End;
             }
             (Some(phase), _) if !on.simulator.simulations().is_empty() => {
-                self.phase = self.begin_simulators(on, &phase.clone());
+                self.state.phase = self.begin_simulators(on, &phase.clone());
             }
-            _ => self.phase = Phase::End,
+            _ => self.state.phase = Phase::End,
         }
         self.step(on)
     }
 
     fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
-        let all: Vec<&Entry> = self.ledger.entries().iter().collect();
+        let all: Vec<&Entry> = self.state.ledger.entries().iter().collect();
         let now = self.distances_now(on, &all);
-        let fresh: Vec<f64> = indices(&self.ledger, &self.ledger.of_iteration(self.iteration)).map(|k| now[k]).collect();
-        self.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
-        self.phi_start = self.phi_start.or(self.phi_predicted);
-        let counting = self.ledger.counting(self.iteration, self.plan.memory, &now);
-        let tests: Vec<usize> = indices(&self.ledger, &counting).collect();
+        let fresh: Vec<f64> = indices(&self.state.ledger, &self.state.ledger.of_iteration(self.state.iteration)).map(|k| now[k]).collect();
+        self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
+        self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
+        let counting = self.state.ledger.counting(self.state.iteration, self.plan.memory, &now);
+        let tests: Vec<usize> = indices(&self.state.ledger, &counting).collect();
         let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
-        self.phi = Some(incumbent);
+        self.state.phi = Some(incumbent);
         if self.plan.phi_goal.is_some_and(|goal| incumbent <= goal) {
             return Phase::End;
         }
         let space = on.simulator.simulations();
-        let first = self.iteration == 1 && self.plan.initial_simulation == Initial::Random;
-        let seed = (!first).then(|| space.to_unit(&self.simulation));
+        let first = self.state.iteration == 1 && self.plan.initial_simulation == Initial::Random;
+        let seed = (!first).then(|| space.to_unit(&self.state.simulation));
         let search = phase.search.start(space.len(), seed.as_deref());
-        Phase::Simulators { search, tests, tried: vec![(space.to_unit(&self.simulation), incumbent)], generation: 1 }
+        Phase::Simulators { search, tests, tried: vec![(space.to_unit(&self.state.simulation), incumbent)], generation: 1 }
     }
 
     /// How far the present simulation is from every test of the ledger.
     fn distances_now(&mut self, on: &On<'_>, tests: &[&Entry]) -> Vec<f64> {
         let mut cost = Cost::default();
-        let simulation = std::slice::from_ref(&self.simulation);
+        let simulation = std::slice::from_ref(&self.state.simulation);
         let mut rows = evaluate::distances(on.simulator, on.distance, simulation, tests, &mut cost);
-        self.cost.evaluations += cost.evaluations;
-        self.cost.failures += cost.failures;
+        self.state.cost.evaluations += cost.evaluations;
+        self.state.cost.failures += cost.failures;
         rows.remove(0)
     }
 
@@ -392,40 +416,40 @@ impl Coevolution {
     ) -> Step {
         let units = search.ask(&mut self.stream(Stream::Simulators, generation));
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
-        let entries: Vec<&Entry> = tests.iter().map(|&k| &self.ledger.entries()[k]).collect();
-        let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.cost);
+        let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
+        let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
         let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
         search.tell(&units, &scores);
-        self.history.generations.push(Generation::new((self.iteration, generation, Side::Simulators), points, &scores));
+        self.state.history.generations.push(Generation::new((self.state.iteration, generation, Side::Simulators), points, &scores));
         tried.extend(units.into_iter().zip(scores));
         let best = &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())];
         let found = self.plan.phi_goal.is_some_and(|goal| best.1 <= goal);
         let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
         if generation < generations && !found {
-            self.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
+            self.state.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
         } else {
             let space = on.simulator.simulations();
-            (self.simulation, self.phi) = (space.from_unit(&best.0), Some(best.1));
+            (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
             let rivals = transfer::rivals(&tried, self.plan.transfer.rivals);
-            self.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
-            self.phase = Phase::End;
+            self.state.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
+            self.state.phase = Phase::End;
         }
         Step::Generation
     }
 
     fn end(&mut self, on: &mut On<'_>) -> Step {
         let record = self.record(on);
-        self.history.iterations.push(record);
+        self.state.history.iterations.push(record);
         let goal = self.plan.fitness_goal;
         let best = self.best_tested().and_then(Entry::fitness);
-        self.phase = if goal.zip(best).is_some_and(|(goal, best)| best >= goal) {
+        self.state.phase = if goal.zip(best).is_some_and(|(goal, best)| best >= goal) {
             Phase::Stopped(StopReason::GoalReached)
-        } else if self.iteration >= self.plan.iterations {
+        } else if self.state.iteration >= self.plan.iterations {
             Phase::Stopped(StopReason::IterationsDone)
         } else if self.plan.disengagement.stop && self.disengaged() {
             Phase::Stopped(StopReason::Disengaged)
         } else {
-            self.iteration += 1;
+            self.state.iteration += 1;
             Phase::Begin
         };
         Step::Iteration
@@ -433,43 +457,43 @@ impl Coevolution {
 
     /// Whether the evidence so far amounts to disengagement.
     pub fn disengaged(&self) -> bool {
-        disengage::disengaged(&self.history.iterations, &self.plan.disengagement)
+        disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement)
     }
 
     fn record(&mut self, on: &On<'_>) -> Iteration {
         let evidence = self.evidence(on);
-        let mine = self.ledger.of_iteration(self.iteration);
+        let mine = self.state.ledger.of_iteration(self.state.iteration);
         let first = mine.iter().min_by_key(|e| e.trial.number);
         let space = on.simulator.simulations();
-        let controller = self.controller.as_ref().map(|u| on.simulator.controllers().from_unit(u));
+        let controller = self.state.controller.as_ref().map(|u| on.simulator.controllers().from_unit(u));
         Iteration {
-            i: self.iteration,
+            i: self.state.iteration,
             fitness_sim: first.and_then(|e| e.promised),
             fitness_real: first.and_then(|e| e.fitness()),
             best_real: self.best_tested().and_then(Entry::fitness),
-            phi_predicted: self.phi_predicted.take(),
-            phi: self.phi,
-            parameters: space.dims().iter().map(|d| d.name.clone()).zip(self.simulation.iter().copied()).collect(),
+            phi_predicted: self.state.phi_predicted.take(),
+            phi: self.state.phi,
+            parameters: space.dims().iter().map(|d| d.name.clone()).zip(self.state.simulation.iter().copied()).collect(),
             controller: controller.unwrap_or_default(),
-            real_tests: self.ledger.spent(),
-            simulated_evaluations: self.cost.evaluations,
+            real_tests: self.state.ledger.spent(),
+            simulated_evaluations: self.state.cost.evaluations,
             evidence,
         }
     }
 
     fn evidence(&mut self, on: &On<'_>) -> Evidence {
-        let share = |phi: Option<f64>| phi.zip(self.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
-        let (phi_share, predicted_share) = (share(self.phi), share(self.phi_predicted));
+        let share = |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
+        let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
         let pairs: Vec<(Unit, f64, f64)> = self
             .ledger
-            .of_iteration(self.iteration)
+            .of_iteration(self.state.iteration)
             .iter()
             .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.promised?, e.fitness()?)))
             .collect();
         let promised: Vec<f64> = pairs.iter().map(|p| p.1).collect();
         let real: Vec<f64> = pairs.iter().map(|p| p.2).collect();
         let units: Vec<Unit> = pairs.into_iter().map(|p| p.0).collect();
-        let renewed = evaluate::fitness(on.simulator, &self.simulation, &units, &mut self.cost);
+        let renewed = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
         Evidence {
             phi_share,
             predicted_share,
@@ -481,13 +505,13 @@ impl Coevolution {
     }
 
     fn pressure_on_simulations(&self) -> Option<f64> {
-        let mine = |g: &&Generation| g.iteration == self.iteration && g.side == Side::Simulators;
-        let first = self.history.generations.iter().find(mine)?;
+        let mine = |g: &&Generation| g.iteration == self.state.iteration && g.side == Side::Simulators;
+        let first = self.state.history.generations.iter().find(mine)?;
         Some((first.mean - first.best) / first.mean.max(f64::MIN_POSITIVE)).filter(|p| p.is_finite())
     }
 
     fn at_bound(&self, on: &On<'_>) -> Vec<String> {
-        let dims = on.simulator.simulations().dims().iter().zip(&self.simulation);
+        let dims = on.simulator.simulations().dims().iter().zip(&self.state.simulation);
         dims.filter(|(d, x)| !(1e-6..=1.0 - 1e-6).contains(&d.to_unit(**x))).map(|(d, _)| d.name.clone()).collect()
     }
 
@@ -495,15 +519,15 @@ impl Coevolution {
     fn next_real_generation(&mut self, on: &mut On<'_>, mut search: AnySearch) -> Step {
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
         let queue = units.into_iter().map(|unit| Scored { unit, fitness: f64::NAN, generation: 1 }).collect();
-        self.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
+        self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
         self.step(on)
     }
 
     /// The robot has judged a whole population (or the budget ended within it).
     fn told(&mut self, on: &mut On<'_>, queue: &[Scored], mut search: AnySearch) -> Step {
         let scenarios = on.simulator.scenarios();
-        let mine: Vec<f64> = (self.ledger.entries().iter())
-            .filter(|e| e.trial.iteration == self.iteration)
+        let mine: Vec<f64> = (self.state.ledger.entries().iter())
+            .filter(|e| e.trial.iteration == self.state.iteration)
             .map(|e| e.fitness().unwrap_or(f64::NEG_INFINITY))
             .collect();
         let fitness: Vec<f64> =
@@ -512,40 +536,40 @@ impl Coevolution {
         let costs: Vec<f64> = fitness.iter().map(|f| -f).collect();
         if !units.is_empty() {
             let best = best_index(&costs);
-            self.controller = Some(units[best].clone());
+            self.state.controller = Some(units[best].clone());
             let point = on.simulator.controllers().from_unit(&units[best]);
-            let label = (self.iteration, 1, Side::Controllers);
-            self.history.generations.push(Generation::new(label, vec![point], &fitness));
+            let label = (self.state.iteration, 1, Side::Controllers);
+            self.state.history.generations.push(Generation::new(label, vec![point], &fitness));
         }
         let record = self.record(on);
-        self.history.iterations.push(record);
-        if self.iteration >= self.plan.iterations {
-            self.phase = Phase::Stopped(StopReason::IterationsDone);
+        self.state.history.iterations.push(record);
+        if self.state.iteration >= self.plan.iterations {
+            self.state.phase = Phase::Stopped(StopReason::IterationsDone);
             return Step::Iteration;
         }
         if units.len() < queue.len() || self.tests_left() == 0 {
-            self.phase = Phase::Stopped(StopReason::RealTestsSpent);
+            self.state.phase = Phase::Stopped(StopReason::RealTestsSpent);
             return Step::Iteration;
         }
         search.tell(&units, &costs);
-        self.iteration += 1;
+        self.state.iteration += 1;
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
         let queue = units.into_iter().map(|unit| Scored { unit, fitness: f64::NAN, generation: 1 }).collect();
-        self.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
+        self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
         Step::Iteration
     }
 
     fn stop(&mut self, reason: StopReason) -> Step {
-        self.phase = Phase::Stopped(reason.clone());
+        self.state.phase = Phase::Stopped(reason.clone());
         Step::Stopped(reason)
     }
 
     fn tests_left(&self) -> usize {
-        self.plan.real_tests.map_or(usize::MAX, |budget| budget.saturating_sub(self.ledger.spent()))
+        self.plan.real_tests.map_or(usize::MAX, |budget| budget.saturating_sub(self.state.ledger.spent()))
     }
 
     fn stream(&self, what: Stream, generation: usize) -> Rng {
-        stream(self.seed, what, self.iteration as u64, generation as u64)
+        stream(self.state.seed, what, self.state.iteration as u64, generation as u64)
     }
 }
 

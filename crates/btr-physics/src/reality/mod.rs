@@ -12,3 +12,17 @@ pub use logs::Logs;
 pub use manual::Manual;
 pub use store::{Store, StoreError};
 pub use twin::{Revealed, Twin};
+
+use btr_core::world::Reality;
+
+/// A reality that may tell at the end what it was.
+pub trait Revealing: Reality + Send {
+    /// The truth, where it is known: hidden twins know it, robots do not.
+    fn reveal(&self) -> Option<Revealed> {
+        None
+    }
+}
+
+impl Revealing for Logs {}
+impl Revealing for Command {}
+impl Revealing for Manual {}

@@ -1,9 +1,10 @@
 //! The hidden twin: a simulation of its own parameters and effects that stands in for the robot.
 
+use super::Revealing;
 use super::store::{Store, or_pending};
 use crate::io::Meta;
 use crate::model::Model;
-use btr_core::world::{Outcome, Reality, Trial};
+use btr_core::world::{Outcome, Reality, Simulator, Trial};
 use indexmap::IndexMap;
 use serde::Serialize;
 
@@ -31,12 +32,6 @@ impl Twin {
         Twin { model, parameters, hidden, seed, store }
     }
 
-    /// What it was.
-    pub fn reveal(&self) -> Revealed {
-        let names = self.model.simulations().dims().iter().map(|d| d.name.clone());
-        Revealed { parameters: names.zip(self.parameters.iter().copied()).collect(), effects: self.hidden.clone() }
-    }
-
     fn perform(&self, trial: &Trial) -> Result<Outcome, super::StoreError> {
         if let Some(before) = self.store.recall(trial)? {
             return Ok(before);
@@ -55,5 +50,12 @@ impl Twin {
 impl Reality for Twin {
     fn test(&mut self, trial: &Trial) -> Outcome {
         or_pending(self.perform(trial))
+    }
+}
+
+impl Revealing for Twin {
+    fn reveal(&self) -> Option<Revealed> {
+        let names = self.model.simulations().dims().iter().map(|d| d.name.clone());
+        Some(Revealed { parameters: names.zip(self.parameters.iter().copied()).collect(), effects: self.hidden.clone() })
     }
 }

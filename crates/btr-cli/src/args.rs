@@ -1,0 +1,114 @@
+//! The command line as it is typed.
+
+use clap::{Args as ClapArgs, Parser, Subcommand};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+/// Evolve robot controllers and their simulator against each other.
+///
+/// Controllers are found in simulation, a few are tried in reality, and what they really did is used to find a better
+/// simulation, again and again.
+#[derive(Parser)]
+#[command(name = "btr", version, after_help = "Example:\n  btr coevolve robots/nao.toml --out runs/nao")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// Options of every verb.
+#[derive(ClapArgs)]
+pub(crate) struct Global {
+    /// Print one JSON document on stdout instead of tables
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Say nothing but the result
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+    /// Say more: every generation, every warning
+    #[arg(short, long, global = true)]
+    pub(crate) verbose: bool,
+    /// Threads to use; all cores unless given. The result is the same for any number
+    #[arg(short = 'j', long, global = true, env = "BTR_THREADS", value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Seed of every random number; wins over the file's
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Change a value of the file: dotted key, TOML value
+    #[arg(long = "set", global = true, value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Verb {
+    /// Run the Back-to-Reality loop of an experiment
+    #[command(after_help = "Examples:\n  btr coevolve robots/nao.toml\n  btr coevolve robots/ant.toml --seed 7 --out runs/ant-7\n  \
+        btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume")]
+    Coevolve(Coevolve),
+    /// Run a model: replay a log's commands, or its own drive
+    #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
+    Simulate(Simulate),
+    /// List the physical effects, or tell all about one
+    #[command(after_help = "Example:\n  btr effects coulomb_friction")]
+    Effects {
+        /// The effect
+        name: Option<String>,
+    },
+    /// Tell what a log holds; without a log, what btr knows: drives, distances, searches, fitness terms
+    #[command(after_help = "Example:\n  btr info walk.mcap")]
+    Info {
+        /// A log (MCAP or CSV)
+        log: Option<PathBuf>,
+    },
+    /// Convert a log between CSV and MCAP
+    #[command(after_help = "Example:\n  btr convert walk.csv walk.mcap")]
+    Convert {
+        /// The log to read
+        from: PathBuf,
+        /// The log to write; its ending chooses the format
+        to: PathBuf,
+    },
+    /// Print the JSON schema of model and experiment files
+    #[command(after_help = "Example:\n  btr schema > btr.schema.json")]
+    Schema,
+    /// Print a shell's completions
+    #[command(after_help = "Example:\n  btr completions bash > /etc/bash_completion.d/btr")]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Print the manual page
+    #[command(hide = true)]
+    Man,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Coevolve {
+    /// The experiment (TOML)
+    pub(crate) experiment: PathBuf,
+    /// Folder of the run; runs/NAME unless given
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Go on with the run in that folder
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Check the experiment, say what it would do, and stop
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Simulate {
+    /// The model or experiment (TOML)
+    pub(crate) model: PathBuf,
+    /// Replay the commands of this log instead of the model's own drive
+    #[arg(long, conflicts_with = "drive")]
+    pub(crate) log: Option<PathBuf>,
+    /// A file with a [drive] section to use instead of the model's own
+    #[arg(long)]
+    pub(crate) drive: Option<PathBuf>,
+    /// Where to write what the sensors say; .mcap or .csv
+    #[arg(short, long, value_name = "LOG")]
+    pub(crate) output: PathBuf,
+}

@@ -1,0 +1,68 @@
+//! Errors at the edge: one message, one `help:` line, one exit code.
+
+use std::process::ExitCode;
+
+/// Exit code of a run that was done but missed the goal it was given.
+pub(crate) const MISSED: u8 = 1;
+/// Exit code of a run that was interrupted.
+pub(crate) const INTERRUPTED: u8 = 130;
+/// Exit code of everything that cannot be done.
+const REFUSED: u8 = 2;
+
+/// Why a verb could not do its work.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    code: &'static str,
+    message: String,
+    help: Option<String>,
+}
+
+impl Failure {
+    /// A failure of some kind, with what to do about it.
+    pub(crate) fn new(code: &'static str, message: impl ToString, help: Option<String>) -> Self {
+        Failure { code, message: message.to_string(), help }
+    }
+
+    /// A command line that makes no sense.
+    pub(crate) fn usage(message: impl ToString) -> Self {
+        Failure::new("usage", message, None)
+    }
+
+    /// Says it on stderr, or as a JSON document on stdout.
+    pub(crate) fn report(&self, json: bool) -> ExitCode {
+        if json {
+            let error = serde_json::json!({ "code": self.code, "message": self.message, "help": self.help });
+            println!("{}", serde_json::json!({ "ok": false, "error": error }));
+        } else {
+            eprintln!("error: {}", self.message);
+            if let Some(help) = &self.help {
+                eprintln!("help: {help}");
+            }
+        }
+        ExitCode::from(REFUSED)
+    }
+}
+
+impl From<btr_physics::experiment::FileError> for Failure {
+    fn from(error: btr_physics::experiment::FileError) -> Self {
+        Failure::new("file", &error, error.help.clone())
+    }
+}
+
+impl From<btr_physics::run::RunError> for Failure {
+    fn from(error: btr_physics::run::RunError) -> Self {
+        Failure::new("run", &error, error.help())
+    }
+}
+
+impl From<btr_physics::io::IoError> for Failure {
+    fn from(error: btr_physics::io::IoError) -> Self {
+        Failure::new("log", &error, error.help())
+    }
+}
+
+impl From<btr_core::world::WorldError> for Failure {
+    fn from(error: btr_core::world::WorldError) -> Self {
+        Failure::new("simulation", &error, None)
+    }
+}
