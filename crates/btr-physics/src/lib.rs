@@ -3,20 +3,28 @@
 
 pub mod adapt;
 pub mod ant;
+mod assemble;
+mod control;
 pub mod drive;
 pub mod effect;
+pub mod engine;
 pub mod experiment;
 pub mod identify;
 pub mod io;
+pub mod kinematics;
 pub mod model;
+pub mod motor;
 pub mod nao;
 pub mod parameter;
 pub mod pendulum;
+pub mod rapier;
 pub mod reality;
+mod record;
 pub mod report;
 pub mod robot;
 pub mod run;
 pub mod sensor;
 pub mod sim;
+pub mod site;
 pub mod task;
 pub mod urdf;

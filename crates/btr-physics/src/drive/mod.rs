@@ -1,5 +1,11 @@
 //! Drives: what the joints are told, over time.
 
+mod replay;
+mod sine;
+
+pub use replay::Replay;
+pub use sine::Sine;
+
 /// A source of joint references.
 pub trait Drive: Send + Sync {
     /// Writes the reference of every driven joint at `time_s` into `command`, in the order of the robot's
