@@ -1,4 +1,6 @@
 //! What btr simulates: robots, their motors and sensors, physical effects, drives and tasks, on Rapier.
 
 pub mod drive;
+pub mod kinematics;
+pub mod nao;
 pub mod robot;
