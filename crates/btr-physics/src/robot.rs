@@ -184,3 +184,49 @@ impl Robot {
         self.links.iter().map(|link| link.mass_kg).sum()
     }
 }
+
+impl Geometry {
+    /// Inertia of a homogeneous body of this geometry about its centre, in its own axes, in kg·m².
+    pub fn inertia_kg_m2(&self, mass_kg: f64) -> Matrix3<f64> {
+        let diagonal = match *self {
+            Geometry::Box { half_m: h } => {
+                Vector3::new(h.y * h.y + h.z * h.z, h.x * h.x + h.z * h.z, h.x * h.x + h.y * h.y) / 3.0
+            }
+            Geometry::Sphere { radius_m: r } => Vector3::repeat(0.4 * r * r),
+            Geometry::Cylinder { radius_m: r, half_length_m: h } => {
+                let across = r * r / 4.0 + h * h / 3.0;
+                Vector3::new(across, across, r * r / 2.0)
+            }
+            Geometry::Capsule { radius_m: r, half_length_m: h } => capsule_gyration_m2(r, h),
+        };
+        Matrix3::from_diagonal(&(diagonal * mass_kg))
+    }
+}
+
+/// Squared radii of gyration of a capsule along z: a cylinder and two half balls, each with its share of the volume.
+fn capsule_gyration_m2(r: f64, h: f64) -> Vector3<f64> {
+    let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
+    let share = cylinder / (cylinder + ball);
+    let along = share * r * r / 2.0 + (1.0 - share) * 0.4 * r * r;
+    let caps = 0.4 * r * r + h * h + 0.75 * h * r;
+    let across = share * (r * r / 4.0 + h * h / 3.0) + (1.0 - share) * caps;
+    Vector3::new(across, across, along)
+}
+
+impl Joint {
+    /// A bare joint of this kind: unlimited, without friction, rotor or motor, starting at zero.
+    pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Vector3<f64>) -> Self {
+        Joint {
+            name: name.into(),
+            kind,
+            origin,
+            axis,
+            limits: (f64::NEG_INFINITY, f64::INFINITY),
+            start: 0.0,
+            armature: 0.0,
+            damping: 0.0,
+            dry_friction: 0.0,
+            actuator: Actuator::Passive,
+        }
+    }
+}
