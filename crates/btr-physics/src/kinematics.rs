@@ -33,6 +33,51 @@ pub fn center_of_mass(robot: &Robot, poses: &[Isometry3<f64>]) -> Point3<f64> {
     Point3::from(moment / robot.mass_kg())
 }
 
+/// A force in N at a point in m on one link, both in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Push {
+    /// Index of the link.
+    pub link: usize,
+    /// Where it acts.
+    pub at_m: Point3<f64>,
+    /// The force.
+    pub force_n: Vector3<f64>,
+}
+
+/// Torques (N·m; N for slides) with which the movable joints hold the robot still at `poses` against `gravity_m_s2` and
+/// `pushes`, in the order of [`Robot::movable`]. The root is held by whatever the pushes leave over.
+pub fn holding_torques(
+    robot: &Robot,
+    poses: &[Isometry3<f64>],
+    gravity_m_s2: &Vector3<f64>,
+    pushes: &[Push],
+    torques: &mut [f64],
+) {
+    for ((link, _), torque) in robot.movable().zip(torques) {
+        let joint = &robot.links[link].joint;
+        let anchor = poses[link].translation.vector;
+        let mut force = Vector3::zeros();
+        let mut moment = Vector3::zeros();
+        let mut add = |at: &Point3<f64>, f: Vector3<f64>| {
+            force += f;
+            moment += (at.coords - anchor).cross(&f);
+        };
+        for (i, carried) in robot.links.iter().enumerate().filter(|(i, _)| carries(robot, link, *i)) {
+            add(&(poses[i] * carried.com_m), gravity_m_s2 * carried.mass_kg);
+        }
+        for push in pushes.iter().filter(|push| carries(robot, link, push.link)) {
+            add(&push.at_m, push.force_n);
+        }
+        let axis = poses[link] * joint.axis;
+        *torque = -axis.dot(if joint.kind == JointKind::Prismatic { &force } else { &moment });
+    }
+}
+
+/// Whether `link` is `ancestor` or hangs on it.
+fn carries(robot: &Robot, ancestor: usize, link: usize) -> bool {
+    link == ancestor || robot.links[link].parent.is_some_and(|parent| carries(robot, ancestor, parent))
+}
+
 /// What a leg has to look like for [`Leg`], and does not.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LegError {

@@ -6,7 +6,7 @@
 //! point) and one along it.
 
 /// Standard gravity in m/s².
-const GRAVITY: f64 = 9.81;
+pub(super) const GRAVITY: f64 = 9.81;
 
 /// One coordinate of the centre of mass at height `height_m` for the ZMP `zmp_m`, both sampled every `step_s` and in m.
 /// It starts at rest over the first value and comes to rest over the last one.

@@ -50,6 +50,7 @@ pub fn space() -> Result<Space, SpaceError> {
         Dim::new("zmp_forward", "m", -0.03, 0.03).nominal(0.0),
         Dim::new("lean", "rad", -0.2, 0.3).nominal(0.0),
         Dim::new("arm_swing", "rad", 0.0, 0.8).nominal(0.2),
+        Dim::new("stiffening", "1", 0.0, 1.5).nominal(1.0),
     ])
 }
 
@@ -72,6 +73,7 @@ impl NaoWalk {
         let soles = posture.soles_at_start();
         let com = plan.com();
         let mut q = vec![0.0; robot.movable().count()];
+        let mut reference = q.clone();
         let mut rows = Vec::new();
         let mut start = None;
         let mut reached = true;
@@ -87,7 +89,10 @@ impl NaoWalk {
             };
             reached &= posture.solve(&stance, &mut q);
             start.get_or_insert(*posture.root());
-            rows.extend_from_slice(&q);
+            let [zmp_x, zmp_y] = plan.zmp(row as f64 * CONTROL_S);
+            reference.copy_from_slice(&q);
+            posture.stiffen(&stance, &(middle + Vector3::new(zmp_x, zmp_y, 0.0)), plan.stiffening, &mut reference);
+            rows.extend_from_slice(&reference);
         }
         let references = References::new(q.len(), rows, start.unwrap_or(robot.start));
         Ok(NaoWalk { references, reached })
@@ -122,6 +127,7 @@ struct Plan {
     zmp_forward_m: f64,
     lean_rad: f64,
     arm_swing_rad: f64,
+    stiffening: f64,
 }
 
 impl Plan {
@@ -140,6 +146,7 @@ impl Plan {
             zmp_forward_m: value("zmp_forward"),
             lean_rad: value("lean"),
             arm_swing_rad: value("arm_swing"),
+            stiffening: value("stiffening"),
         })
     }
 

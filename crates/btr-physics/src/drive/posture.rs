@@ -1,7 +1,8 @@
 //! Joint angles for a biped whose centre of mass and soles are to be somewhere.
 
-use crate::kinematics::{Leg, LegError, center_of_mass, link_poses};
-use crate::robot::{Geometry, Robot};
+use super::cart_table::GRAVITY;
+use crate::kinematics::{Leg, LegError, Push, center_of_mass, holding_torques, link_poses};
+use crate::robot::{Actuator, Geometry, Robot};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 /// Each round leaves about a third of the error: what the legs weigh.
@@ -26,6 +27,7 @@ pub struct Posture<'a> {
     soles: [Vector3<f64>; 2],
     root: Isometry3<f64>,
     poses: Vec<Isometry3<f64>>,
+    torques: Vec<f64>,
 }
 
 impl<'a> Posture<'a> {
@@ -36,7 +38,8 @@ impl<'a> Posture<'a> {
     pub fn new(robot: &'a Robot) -> Result<Self, LegError> {
         let legs = [leg(robot, "L")?, leg(robot, "R")?];
         let soles = [sole(robot, &legs[0])?, sole(robot, &legs[1])?];
-        Ok(Posture { robot, legs, soles, root: robot.start, poses: Vec::with_capacity(robot.links.len()) })
+        let torques = vec![0.0; robot.movable().count()];
+        Ok(Posture { robot, legs, soles, root: robot.start, poses: Vec::new(), torques })
     }
 
     /// Writes the legs' joints into `q` (in the order of [`Robot::movable`]); the other joints are taken from there.
@@ -49,6 +52,27 @@ impl<'a> Posture<'a> {
             self.root.translation.vector += stance.com_m - center_of_mass(self.robot, &self.poses);
         }
         self.solve_legs(stance, q)
+    }
+
+    /// Moves the references `q` of the last stance so that position servos, which give way under load, hold it: by
+    /// `share` of torque / kp. The ground carries the weight at `zmp_m`, at each sole by how near it is sideways.
+    pub fn stiffen(&mut self, stance: &Stance, zmp_m: &Point3<f64>, share: f64, q: &mut [f64]) {
+        link_poses(self.robot, &self.root, q, &mut self.poses);
+        let weight = self.robot.mass_kg() * GRAVITY;
+        let [left, right] = stance.soles_m;
+        let on_left = ((zmp_m.y - right.y) / (left.y - right.y)).clamp(0.0, 1.0);
+        let pushes = [(0, on_left), (1, 1.0 - on_left)].map(|(side, carried)| Push {
+            link: self.legs[side].foot,
+            at_m: Point3::new(zmp_m.x, stance.soles_m[side].y, 0.0),
+            force_n: Vector3::z() * (carried * weight),
+        });
+        let down = Vector3::z() * -GRAVITY;
+        holding_torques(self.robot, &self.poses, &down, &pushes, &mut self.torques);
+        for ((q, torque), (_, link)) in q.iter_mut().zip(&self.torques).zip(self.robot.movable()) {
+            if let Actuator::Position { kp, .. } = link.joint.actuator {
+                *q += share * torque / kp;
+            }
+        }
     }
 
     /// Pose of the root at the last stance.
