@@ -1,10 +1,21 @@
 //! Drives: what the joints are told, over time.
 
+pub mod cart_table;
+mod hold;
+pub mod nao_walk;
+mod plan;
+pub mod posture;
+pub mod reference;
 mod replay;
 mod sine;
 
+pub use hold::Hold;
+pub use nao_walk::NaoWalk;
+pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};
 pub use replay::Replay;
 pub use sine::Sine;
+
+use crate::robot::Robot;
 
 /// A source of joint references.
 pub trait Drive: Send + Sync {
@@ -12,4 +23,19 @@ pub trait Drive: Send + Sync {
     /// [`movable`](crate::robot::Robot::movable) joints: rad for hinges, m for slides, N·m for torque actuators, V for voltage.
     /// NaN means "not driven" (torque off).
     fn command(&self, time_s: f64, command: &mut [f64]);
+
+    /// Puts the robot where the motion begins, for drives that begin somewhere of their own.
+    fn place(&self, robot: &mut Robot) {
+        let _ = robot;
+    }
+}
+
+impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
+    fn command(&self, time_s: f64, command: &mut [f64]) {
+        (**self).command(time_s, command);
+    }
+
+    fn place(&self, robot: &mut Robot) {
+        (**self).place(robot);
+    }
 }
