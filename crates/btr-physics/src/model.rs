@@ -3,7 +3,7 @@
 
 use crate::drive::{Drive, DrivePlan};
 use crate::effect::Placed;
-use crate::parameter::{self, Target};
+use crate::parameter::Target;
 use crate::robot::{JointKind, Robot};
 use crate::sim::{self, Setup};
 use crate::task::Fitness;
@@ -97,7 +97,7 @@ impl Model {
         let situation = &self.scenarios[scenario];
         let known = situation.settings.iter().map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
-            parameter::apply(target, value, &mut robot, &mut effects, &mut setup);
+            target.set(value, &mut robot, &mut effects, &mut setup);
         }
         setup.duration_s = situation.duration_s;
         setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();

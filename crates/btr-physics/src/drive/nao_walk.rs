@@ -113,6 +113,10 @@ impl Drive for NaoWalk {
     fn command(&self, time_s: f64, command: &mut [f64]) {
         self.references.command(time_s, command);
     }
+
+    fn place(&self, robot: &mut Robot) {
+        self.references.place(robot);
+    }
 }
 
 /// Where ZMP, feet and arms are to be at every time. Lengths in m from the middle between the soles at the start.

@@ -1,7 +1,6 @@
 //! Drives by name, and which of their numbers are searched.
 
-use super::{Drive, Hold, NaoKick, NaoWalk, Replay, Sine};
-use crate::drive::{nao_kick, nao_walk};
+use super::{Drive, Hold, NaoWalk, Replay, Sine, nao_walk};
 use crate::robot::Robot;
 use btr_core::space::{Dim, Space, SpaceError};
 use btr_core::world::WorldError;
@@ -57,7 +56,11 @@ impl DriveKind {
         let refused = |what: String| WorldError::Setup { what };
         Ok(match self {
             DriveKind::Hold => Box::new(Hold::new(robot)),
-            DriveKind::Sine { omega_rad_s } => Box::new(Sine::new(robot, *omega_rad_s, values)),
+            DriveKind::Sine { omega_rad_s } => Box::new(Sine {
+                centres: robot.movable().map(|(_, link)| link.joint.start).collect(),
+                controller: values.to_vec(),
+                omega_rad_s: *omega_rad_s,
+            }),
             DriveKind::NaoWalk => {
                 Box::new(NaoWalk::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
             }

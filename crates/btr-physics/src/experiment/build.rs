@@ -15,7 +15,7 @@ use crate::robot::{Actuator, Base, DutyLoop, Robot};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
-use crate::{ant, nao, pendulum, urdf};
+use crate::{ant, nao, pendulum, site, urdf};
 use btr_core::coevolve::Plan;
 use btr_core::distance::DistanceSpec;
 use btr_core::log::Log;
@@ -92,24 +92,14 @@ fn needs(section: &str) -> String {
     .to_owned()
 }
 
-/// Builds a model alone, without a reality.
-///
-/// # Errors
-/// Whatever does not make sense, at its line.
-pub fn model(source: &Source) -> Result<Model, FileError> {
-    let file = source.parse()?;
-    let builder = Builder { file: &file, source };
-    builder.model(Situations::single(file.simulation.duration_s))
-}
-
 /// A file on its way to a model.
-struct Builder<'a> {
-    file: &'a File,
-    source: &'a Source,
+pub(super) struct Builder<'a> {
+    pub(super) file: &'a File,
+    pub(super) source: &'a Source,
 }
 
 impl Builder<'_> {
-    fn model(&self, situations: Situations) -> Result<Model, FileError> {
+    pub(super) fn model(&self, situations: Situations) -> Result<Model, FileError> {
         let robot = self.robot()?;
         let setup = self.setup(&robot)?;
         let mut effects = self.effects(&self.file.effects, "effects", &robot)?;
@@ -148,7 +138,7 @@ impl Builder<'_> {
         self.error(keys, format!("there is no {what} `{wrong}`"), Some(help))
     }
 
-    fn robot(&self) -> Result<Robot, FileError> {
+    pub(super) fn robot(&self) -> Result<Robot, FileError> {
         let section = &self.file.robot;
         let mut robot = match (&section.builtin, &section.urdf) {
             (Some(name), None) => self.builtin(name)?,
@@ -175,7 +165,10 @@ impl Builder<'_> {
         match name {
             "ant" => Ok(ant::ant()),
             "nao" => Ok(nao::nao()),
-            "pendulum" => Ok(pendulum::pendulum(section.mass_kg.unwrap_or(1.0), section.length_m.unwrap_or(1.0))),
+            "pendulum" => {
+                let (mass_kg, length_m) = (section.mass_kg.unwrap_or(1.0), section.length_m.unwrap_or(1.0));
+                Ok(pendulum::pendulum(mass_kg, length_m, Actuator::Passive))
+            }
             _ => Err(self.unknown(&["robot", "builtin"], "built-in robot", name, ["ant", "nao", "pendulum"])),
         }
     }
@@ -183,10 +176,10 @@ impl Builder<'_> {
     fn actuators(&self, robot: &mut Robot) -> Result<(), FileError> {
         let names: Vec<String> = robot.movable().map(|(_, link)| link.joint.name.clone()).collect();
         for (pattern, section) in &self.file.actuators {
-            if !names.iter().any(|name| effect::matches(pattern, name)) {
+            if !names.iter().any(|name| site::matches(pattern, name)) {
                 return Err(self.unknown(&["actuators", pattern], "joint", pattern, names.iter().map(String::as_str)));
             }
-            for link in robot.links.iter_mut().skip(1).filter(|link| effect::matches(pattern, &link.joint.name)) {
+            for link in robot.links.iter_mut().skip(1).filter(|link| site::matches(pattern, &link.joint.name)) {
                 link.joint.actuator = actuator(section);
             }
         }
@@ -243,7 +236,9 @@ impl Builder<'_> {
             return Err(self.unknown(&keys, &what, wrong, params.iter().map(|p| p.name)));
         }
         let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
-        Placed::new(effect, &section.site, values, robot).map_err(|e| self.error(&keys, e, None))
+        let placed = Placed { effect, site: section.site.clone(), values };
+        placed.sites(robot).map_err(|e| self.error(&keys, e, None))?;
+        Ok(placed)
     }
 
     fn parameters(
@@ -255,9 +250,9 @@ impl Builder<'_> {
         let (mut targets, mut dims) = (Vec::new(), Vec::new());
         for (name, section) in &self.file.parameters {
             let keys = ["parameters", name.as_str()];
-            let target = Target::parse(name, robot).map_err(|e| self.error(&keys, &e, e.help()))?;
+            let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
             let own = target.nominal(robot, effects, setup);
-            dims.push(dim(name, section, &target, own).map_err(|message| self.error(&keys, message, None))?);
+            dims.push(dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?);
             targets.push(target);
         }
         let space = Space::new(dims).map_err(|e| self.error(&["parameters"], e, None))?;
@@ -303,8 +298,7 @@ impl Builder<'_> {
                 let path = self.source.folder().join(path);
                 let (log, _) = crate::io::read_log(&path, &self.file.channels)
                     .map_err(|e| self.error(&["drive", "log"], e, None))?;
-                let replay = Replay::new(&log, robot).map_err(|e| self.error(&["drive", "log"], e, None))?;
-                Ok(DriveKind::Replay(Arc::new(replay)))
+                Ok(DriveKind::Replay(Arc::new(Replay::new(&log, robot))))
             }
             other => Err(self.unknown(&["drive", "kind"], "drive", other, DRIVES.iter().map(|d| d.0))),
         }
@@ -412,25 +406,33 @@ fn actuator(section: &ActuatorSection) -> Actuator {
     }
 }
 
-/// A dimension of S; `own` is the robot's own value.
-fn dim(name: &str, section: &ParameterSection, target: &Target, own: f64) -> Result<Dim, String> {
-    let [min, max] = match (section.bounds, section.relative) {
-        (Some(bounds), None) => bounds,
-        (None, Some([a, b])) => [a * own, b * own],
+/// A dimension of S; `own` is the robot's own value, if its sites share one.
+fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<Dim, String> {
+    let name = target.name();
+    let known = own.filter(|x| x.is_finite());
+    let [min, max] = match (section.bounds, section.relative, known) {
+        (Some(bounds), None, _) => bounds,
+        (None, Some([a, b]), Some(own)) => [a * own, b * own],
+        (None, Some(_), None) => {
+            return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
+        }
         _ => return Err(format!("parameter `{name}`: give either bounds = [min, max] or relative = [factor, factor]")),
     };
-    let value = section.value.unwrap_or(own);
-    Ok(Dim::new(name, target.unit(), min, max).scale(section.scale.into()).nominal(value))
+    let dim = Dim::new(name, target.unit(), min, max).scale(section.scale.into());
+    Ok(match section.value.or(known) {
+        Some(value) => dim.nominal(value),
+        None => dim,
+    })
 }
 
 fn noise(section: &NoiseSection) -> Noise {
     Noise {
-        position_rad: section.position_rad,
-        position_quantum_rad: section.position_quantum_rad,
-        velocity_rad_s: section.velocity_rad_s,
-        torque_n_m: section.torque_n_m,
+        position: section.position_rad,
+        velocity: section.velocity_rad_s,
+        torque: section.torque_n_m,
         gyro_rad_s: section.gyro_rad_s,
-        acceleration_m_s2: section.acceleration_m_s2,
-        force_n: section.force_n,
+        accelerometer_m_s2: section.acceleration_m_s2,
+        foot_n: section.force_n,
+        position_quantum: section.position_quantum_rad,
     }
 }

@@ -4,7 +4,9 @@ mod build;
 mod file;
 mod parse;
 mod scenarios;
+mod single;
 
 pub use build::Experiment;
 pub use file::{CommandSection, File, LogsSection, NoiseSection, TwinSection};
 pub use parse::{FileError, Source, nearest};
+pub use single::{model, model_driven_by, model_replaying};

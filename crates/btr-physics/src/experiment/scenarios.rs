@@ -7,7 +7,7 @@ use crate::io;
 use crate::model::Scenario;
 use crate::parameter::Target;
 use crate::robot::Robot;
-use btr_core::log::{Log, Role};
+use btr_core::log::{Log, LogError};
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -52,14 +52,14 @@ pub(super) fn from_logs(
     }
     let (mut scenarios, mut logs) = (Vec::new(), Vec::new());
     for one in &wanted {
-        let (log, _) = io::read_log(&one.path, &file.channels).map_err(|e| missing_data(source, &e))?;
+        let (log, _) = io::read_log(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
         scenarios.push(scenario(one, &log, section, source, robot)?);
         logs.push(log);
     }
     Ok(Situations { scenarios, learn, logs })
 }
 
-fn missing_data(source: &Source, error: &io::IoError) -> FileError {
+pub(super) fn unreadable(source: &Source, error: &io::IoError) -> FileError {
     let help = "paths are taken from the experiment file's folder; point index or files to where the data is, or use \
                 --set reality.index=PATH";
     source.error(&["reality"], &error.to_string(), Some(error.help().unwrap_or_else(|| help.to_owned())))
@@ -153,19 +153,32 @@ fn scenario(
     source: &Source,
     robot: &Robot,
 ) -> Result<Scenario, FileError> {
-    let about = |e: &dyn std::fmt::Display| source.error(&["reality"], &format!("{}: {e}", one.path.display()), None);
-    let replay = Replay::new(log, robot).map_err(|e| about(&e))?;
     let settings = section
         .columns
         .iter()
         .map(|(target, column)| setting(target, column, &one.row, source, robot))
         .collect::<Result<_, _>>()?;
+    Ok(Scenario { settings, ..replaying(&one.path, log, robot, source)? })
+}
+
+/// The situation of a log: its commands, its duration, its start.
+pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
+    let about = |e: LogError| {
+        let available = match &e {
+            LogError::Missing { available, .. } => Some(format!(
+                "it has: {}; [channels] in the experiment file maps foreign names",
+                available.join(", ")
+            )),
+            _ => None,
+        };
+        source.error(&["channels"], &format!("{}: {e}", path.display()), available)
+    };
     Ok(Scenario {
-        name: one.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        replay: Some(Arc::new(replay)),
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        replay: Some(Arc::new(Replay::new(log, robot))),
         duration_s: log.duration_s(),
-        settings,
-        start: start(log, robot).map_err(|e| about(&e))?,
+        settings: Vec::new(),
+        start: start(log, robot).map_err(about)?,
     })
 }
 
@@ -177,7 +190,7 @@ fn setting(
     robot: &Robot,
 ) -> Result<(Target, f64), FileError> {
     let keys = ["reality", "columns", name];
-    let target = Target::parse(name, robot).map_err(|e| source.error(&keys, &e.to_string(), e.help()))?;
+    let target = Target::parse(name, robot).map_err(|e| source.error(&keys, &e.to_string(), None))?;
     let cell = row.get(&column.column).ok_or_else(|| no_column(source, "columns", &column.column, row))?;
     let value: f64 = cell.trim().parse().map_err(|_| {
         source.error(&keys, &format!("column `{}` holds `{cell}`, which is not a number", column.column), None)
@@ -185,19 +198,18 @@ fn setting(
     Ok((target, value * column.factor))
 }
 
-/// Position and velocity of every joint at the first sample: the measured ones where the log has them.
-fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, btr_core::log::LogError> {
-    let first = |name: String| log.channel(&name).and_then(|c| c.values.iter().copied().find(|x| x.is_finite()));
+/// Position and velocity of every joint at the first sample that has them. A log that lacks a joint of the robot cannot be
+/// replayed.
+fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
+    let first = |values: &[f64]| values.iter().copied().find(|x| x.is_finite());
     robot
         .movable()
         .map(|(_, link)| {
-            let joint = &link.joint.name;
-            let measured = log.channels().any(|(name, c)| c.role == Role::Measured && name == format!("q_{joint}"));
-            if !measured {
-                log.values(&format!("q_{joint}"))?;
-            }
-            let q = first(format!("q_{joint}")).unwrap_or(link.joint.start);
-            Ok((q, first(format!("dq_{joint}")).unwrap_or(0.0)))
+            let joint = &link.joint;
+            log.values(&format!("cmd_{}", joint.name))?;
+            let q = first(log.values(&format!("q_{}", joint.name))?).unwrap_or(joint.start);
+            let dq = log.channel(&format!("dq_{}", joint.name)).and_then(|c| first(&c.values));
+            Ok((q, dq.unwrap_or(0.0)))
         })
         .collect()
 }

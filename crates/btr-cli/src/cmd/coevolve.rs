@@ -1,0 +1,329 @@
+//! `btr coevolve`: the loop, live, and what it found.
+
+use crate::args::{Coevolve, Global};
+use crate::failure::{Failure, INTERRUPTED, MISSED};
+use crate::figures;
+use crate::progress::Progress;
+use crate::table::{Table, maybe, number};
+use btr_core::coevolve::{Step, StopReason};
+use btr_core::world::Simulator;
+use btr_physics::adapt;
+use btr_physics::experiment::{Experiment, Source};
+use btr_physics::identify;
+use btr_physics::report::{self, ByDistance, Comparison, Report};
+use btr_physics::run::Run;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How a run left the loop.
+enum Left {
+    Stopped(StopReason),
+    Waiting(String),
+    Interrupted,
+}
+
+pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<ExitCode, Failure> {
+    let mut source = Source::read(&args.experiment)?;
+    source.set(&global.settings)?;
+    let folder = match &args.out {
+        Some(folder) => folder.clone(),
+        None => Path::new("runs").join(source.parse()?.name),
+    };
+    let mut experiment = Experiment::new(source, global.seed, &folder)?;
+    if args.dry_run {
+        return dry_run(&experiment, &folder, global);
+    }
+    let plan = experiment.plan.clone();
+    let mut run = match args.resume {
+        true => Run::resume(&mut experiment, plan, &folder)?,
+        false => Run::begin(&experiment, plan, &folder)?,
+    };
+    let interrupted = watch_for_interrupts()?;
+    let progress = Progress::new(experiment.model.clone(), run.state(), global);
+    let left = turn(&mut run, &mut experiment, &progress, &interrupted)?;
+    let by_distance = match &left {
+        Left::Stopped(_) => by_distance(&mut experiment, &run, &progress, &interrupted)?,
+        _ => Some(Vec::new()),
+    };
+    progress.finish();
+    match (left, by_distance) {
+        (Left::Interrupted, _) | (_, None) => Ok(say_interrupted(args, &folder)),
+        (Left::Waiting(what), _) => finish(&experiment, &run, None, Vec::new(), Some(what), global),
+        (Left::Stopped(reason), Some(others)) => finish(&experiment, &run, Some(reason), others, None, global),
+    }
+}
+
+/// The loop, one step at a time, so that it can be watched and interrupted.
+fn turn(
+    run: &mut Run,
+    experiment: &mut Experiment,
+    progress: &Progress,
+    interrupted: &AtomicBool,
+) -> Result<Left, Failure> {
+    loop {
+        let step = run.step(experiment)?;
+        progress.update(run.state());
+        let history = run.state().history();
+        match step {
+            Step::Stopped(reason) => return Ok(Left::Stopped(reason)),
+            Step::Waiting(what) => return Ok(Left::Waiting(what)),
+            Step::Generation => history.generations.last().into_iter().for_each(|g| progress.generation(g)),
+            Step::Iteration => {
+                let of = run.state().plan().iterations;
+                history.iterations.last().into_iter().for_each(|it| progress.iteration(it, of));
+            }
+            Step::Tested => {}
+        }
+        if interrupted.load(Ordering::Relaxed) {
+            return Ok(Left::Interrupted);
+        }
+    }
+}
+
+/// The first Ctrl-C lets the step in flight finish, the second one does not.
+fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+        eprintln!("\nfinishing the step in flight; press again to stop at once");
+    })
+    .map_err(|e| Failure::new("signal", e, None))?;
+    Ok(interrupted)
+}
+
+fn say_interrupted(args: &Coevolve, folder: &Path) -> ExitCode {
+    eprintln!("interrupted; go on with: btr coevolve {} --out {} --resume", args.experiment.display(), folder.display());
+    ExitCode::from(INTERRUPTED)
+}
+
+/// The same real tests through the other distances of the experiment; `None` when interrupted.
+fn by_distance(
+    experiment: &mut Experiment,
+    run: &Run,
+    progress: &Progress,
+    interrupted: &AtomicBool,
+) -> Result<Option<Vec<ByDistance>>, Failure> {
+    let others = experiment.distances.clone();
+    if others.is_empty() {
+        return Ok(Some(Vec::new()));
+    }
+    let mut found = vec![identify::found(experiment, run.state())];
+    for spec in others {
+        progress.say(&format!("identifying by {}", spec.name()));
+        let watch = |state: &_| {
+            progress.update(state);
+            !interrupted.load(Ordering::Relaxed)
+        };
+        match identify::with_distance(experiment, run, &spec, watch)? {
+            Some(other) => found.push(other),
+            None => return Ok(None),
+        }
+    }
+    Ok(Some(found))
+}
+
+fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<ExitCode, Failure> {
+    let (s, c) = (experiment.model.simulations(), experiment.model.controllers());
+    let plan = &experiment.plan;
+    if global.json {
+        let dims: Vec<_> = s.dims().iter().map(|d| &d.name).collect();
+        println!("{}", serde_json::json!({ "ok": true, "dry_run": true, "parameters": dims, "controllers": c.len() }));
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!("{}: {} iterations, output in {}", experiment.name, plan.iterations, folder.display());
+    println!("real tests: {}", plan.real_tests.map_or_else(|| "no limit".to_owned(), |n| format!("at most {n}")));
+    for (what, space) in [("S, simulations", s), ("C, controllers", c)] {
+        println!("\n{what}: {} parameters", space.len());
+        for d in space.dims() {
+            println!("  {:<32} {} .. {} {}", d.name, number(d.min), number(d.max), d.unit);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn finish(
+    experiment: &Experiment,
+    run: &Run,
+    reason: Option<StopReason>,
+    others: Vec<ByDistance>,
+    waiting: Option<String>,
+    global: &Global,
+) -> Result<ExitCode, Failure> {
+    let report = report::report(experiment, run.state(), reason, others)?;
+    let files = write_files(experiment, run, &report)?;
+    if global.json {
+        let mut document = serde_json::to_value(&report).map_err(|e| Failure::new("output", e, None))?;
+        document["files"] = files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
+        document["waiting_for"] = waiting.into();
+        println!("{document}");
+    } else {
+        show(&report);
+        if let Some(what) = waiting {
+            println!("\nwaiting for a real test: {what}");
+        }
+        println!("\nfiles");
+        files.iter().for_each(|f| println!("  {}", f.display()));
+    }
+    Ok(exit_code(run, &report))
+}
+
+/// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
+fn exit_code(run: &Run, report: &Report) -> ExitCode {
+    let goal = run.state().plan().fitness_goal.is_some();
+    match report.stop_reason {
+        Some(StopReason::GoalReached) | None => ExitCode::SUCCESS,
+        Some(StopReason::Disengaged | StopReason::NoRealData) => ExitCode::from(MISSED),
+        Some(_) if goal => ExitCode::from(MISSED),
+        Some(_) => ExitCode::SUCCESS,
+    }
+}
+
+fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e, None))?;
+    let mut files = vec![run.write("history.json", text.as_bytes())?];
+    let space = experiment.model.simulations();
+    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation());
+    let adapted = adapted.map_err(|e| Failure::new("output", e, None))?;
+    files.push(run.write("adapted.toml", adapted.as_bytes())?);
+    files.extend(figures::write(experiment, run, report)?);
+    Ok(files)
+}
+
+fn show(report: &Report) {
+    println!("{}", iterations(report).render());
+    println!(
+        "\nstopped: {}   real tests: {}   simulated: {} ({} failed)",
+        report.stop_reason.as_ref().map_or("waiting for reality", reason_text),
+        report.real_tests,
+        report.simulated_evaluations,
+        report.failed_evaluations
+    );
+    if report.disengaged {
+        show_disengagement(report);
+    }
+    if let Some(best) = &report.recommended {
+        println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
+    }
+    if let Some(revealed) = &report.revealed {
+        show_revealed(report, revealed);
+    }
+    show_logs(report);
+    show_by_distance(report);
+}
+
+fn reason_text(reason: &StopReason) -> &'static str {
+    match reason {
+        StopReason::GoalReached => "the goal was reached",
+        StopReason::IterationsDone => "all iterations are done",
+        StopReason::RealTestsSpent => "the real tests are spent",
+        StopReason::Disengaged => "disengaged",
+        StopReason::NoRealData => "no real test gave anything",
+    }
+}
+
+fn iterations(report: &Report) -> Table {
+    let header = ["iteration", "f simulated", "f real", "best real", "phi predicted", "phi", "rank agreement", "tests"];
+    let mut table = Table::new(&header);
+    for it in &report.iterations {
+        table.row(vec![
+            it.i.to_string(),
+            maybe(it.fitness_sim),
+            maybe(it.fitness_real),
+            maybe(it.best_real),
+            maybe(it.phi_predicted),
+            maybe(it.phi),
+            maybe(it.evidence.rank_agreement),
+            it.real_tests.to_string(),
+        ]);
+    }
+    table
+}
+
+fn show_disengagement(report: &Report) {
+    let Some(last) = report.iterations.last() else { return };
+    let e = &last.evidence;
+    println!("\ndisengaged: the space of simulations does not reproduce what the robot does");
+    println!("  phi stands at {} of where it began and no longer falls", maybe(e.phi_share));
+    println!("  fresh transfers are mispredicted by {} of where it began", maybe(e.predicted_share));
+    println!("  rank agreement of controllers, promised against real: {}", maybe(e.rank_agreement));
+    println!("  pressure of controllers on simulations: {}", maybe(e.pressure_on_simulations));
+    println!("  pressure of simulations on controllers: {}", maybe(e.pressure_on_controllers));
+    if e.at_bound.is_empty() {
+        println!("  help: S probably lacks a physical effect; `btr effects` lists those that can be added");
+    } else {
+        println!("  help: at a bound of S, widen it first: {}", e.at_bound.join(", "));
+    }
+}
+
+fn show_revealed(report: &Report, revealed: &Comparison) {
+    let Some(last) = report.iterations.last() else { return };
+    println!("\nthe hidden twin");
+    let mut table = Table::new(&["parameter", "truth", "estimate", "error %", "error % before"]);
+    for (name, truth) in &revealed.truth.parameters {
+        let cell = |map: &indexmap::IndexMap<String, f64>| maybe(map.get(name).copied());
+        table.row(vec![
+            name.clone(),
+            number(*truth),
+            cell(&last.parameters),
+            cell(&revealed.error_percent),
+            cell(&revealed.error_percent_before),
+        ]);
+    }
+    println!("{}", table.render());
+    if !revealed.truth.effects.is_empty() {
+        println!("hidden effects: {}", revealed.truth.effects.join(", "));
+    }
+    let state: Vec<String> = revealed.state_match.iter().map(|(unit, x)| format!("{} {unit}", number(*x))).collect();
+    println!("state match (rms of simulated − real, best controller): {}", state.join(", "));
+}
+
+fn show_logs(report: &Report) {
+    let mut table = Table::new(&["log", "", "channel", "mean |error| before", "after", "fit % before", "after"]);
+    for score in &report.logs {
+        table.row(vec![
+            score.log.clone(),
+            if score.held_out { "held out" } else { "learnt" }.to_owned(),
+            format!("{} ({})", score.channel, score.unit),
+            number(score.before.mean_abs),
+            number(score.after.mean_abs),
+            number(score.before.fit_percent),
+            number(score.after.fit_percent),
+        ]);
+    }
+    if table.is_empty() {
+        return;
+    }
+    println!("\nrecorded logs\n{}", table.render());
+    for (held_out, title) in [(false, "learnt"), (true, "held out")] {
+        let scores: Vec<_> = report.logs.iter().filter(|s| s.held_out == held_out).collect();
+        let mean = |of: &dyn Fn(&&report::LogScore) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
+        if !scores.is_empty() {
+            let (before, after) = (mean(&|s| s.before.mean_abs), mean(&|s| s.after.mean_abs));
+            println!("{title}: mean |error| {} before, {} after", number(before), number(after));
+        }
+    }
+}
+
+fn show_by_distance(report: &Report) {
+    let Some(first) = report.by_distance.first() else { return };
+    println!("\nerror % of each parameter by distance; in brackets how far it must move before the distance tells");
+    let names: Vec<&str> = first.parameters.keys().map(String::as_str).collect();
+    let mut table = Table::new(&[&["distance", "phi before", "phi after"], names.as_slice()].concat());
+    for by in &report.by_distance {
+        let cell = |name: &&str| {
+            let error = maybe(by.error_percent.get(*name).copied());
+            match by.resolution_percent.get(*name).copied().flatten() {
+                Some(resolution) => format!("{error} [{}%]", number(resolution)),
+                None => format!("{error} [unseen]"),
+            }
+        };
+        let head = [by.distance.clone(), number(by.phi[0]), number(by.phi[1])];
+        table.row(head.into_iter().chain(names.iter().map(cell)).collect());
+    }
+    println!("{}", table.render());
+}

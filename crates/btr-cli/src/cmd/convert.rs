@@ -1,0 +1,20 @@
+//! `btr convert`.
+
+use crate::args::Global;
+use crate::failure::Failure;
+use btr_physics::io::{self, Mapping, Meta};
+use std::path::Path;
+use std::process::ExitCode;
+
+pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<ExitCode, Failure> {
+    let (log, warnings) = io::read_log(from, &Mapping::default())?;
+    io::write_log(to, &log, &Meta::default())?;
+    if global.json {
+        let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+        println!("{}", serde_json::json!({ "ok": true, "samples": log.len(), "warnings": warnings }));
+    } else if !global.quiet {
+        warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+        println!("{}: {} samples, {} channels", to.display(), log.len(), log.channels().len());
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,90 @@
+//! `btr info`: what a log holds, or what btr knows.
+
+use crate::args::Global;
+use crate::failure::Failure;
+use crate::table::{Table, number};
+use btr_core::distance::DISTANCES;
+use btr_core::log::{Channel, Log};
+use btr_core::search::SEARCHES;
+use btr_physics::drive::DRIVES;
+use btr_physics::io::{self, Mapping};
+use btr_physics::task::TERMS;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::ExitCode;
+
+pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<ExitCode, Failure> {
+    match path {
+        Some(path) => about_log(path, global),
+        None => about_btr(global),
+    }
+}
+
+fn about_log(path: &Path, global: &Global) -> Result<ExitCode, Failure> {
+    let (log, warnings) = io::read_log(path, &Mapping::default())?;
+    let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    let rate_hz = (log.len().saturating_sub(1)) as f64 / log.duration_s();
+    if global.json {
+        let channels: Vec<Value> = log.channels().map(|(name, c)| describe(name, c)).collect();
+        println!(
+            "{}",
+            json!({ "ok": true, "samples": log.len(), "duration_s": log.duration_s(), "rate_hz": rate_hz,
+                    "warnings": warnings, "channels": channels })
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!("{}: {} samples, {} s, {} Hz", path.display(), log.len(), number(log.duration_s()), number(rate_hz));
+    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    println!("{}", channels(&log).render());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn channels(log: &Log) -> Table {
+    let mut table = Table::new(&["channel", "role", "unit", "min", "max", "missing"]);
+    for (name, channel) in log.channels() {
+        let (min, max, missing) = range(channel);
+        let role = format!("{:?}", channel.role).to_lowercase();
+        table.row(vec![name.into(), role, channel.unit.clone(), number(min), number(max), missing.to_string()]);
+    }
+    table
+}
+
+fn range(channel: &Channel) -> (f64, f64, usize) {
+    let finite = || channel.values.iter().copied().filter(|x| x.is_finite());
+    let missing = channel.values.len() - finite().count();
+    (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max), missing)
+}
+
+fn describe(name: &str, channel: &Channel) -> Value {
+    let (min, max, missing) = range(channel);
+    let finite = |x: f64| x.is_finite().then_some(x);
+    json!({ "name": name, "role": channel.role, "unit": channel.unit, "min": finite(min), "max": finite(max),
+            "missing": missing })
+}
+
+fn about_btr(global: &Global) -> Result<ExitCode, Failure> {
+    let terms: Vec<(String, &str)> = TERMS.iter().map(|t| (format!("{} ({})", t.name, t.unit), t.help)).collect();
+    if global.json {
+        let named = |list: &[(&str, &str)]| list.iter().map(|(n, h)| json!({ "name": n, "help": h })).collect::<Vec<_>>();
+        let terms: Vec<Value> =
+            TERMS.iter().map(|t| json!({ "name": t.name, "unit": t.unit, "help": t.help })).collect();
+        println!(
+            "{}",
+            json!({ "ok": true, "drives": named(DRIVES), "distances": named(DISTANCES), "searches": named(SEARCHES),
+                    "fitness": terms })
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    section("drives", DRIVES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
+    section("fitness terms", terms.into_iter());
+    section("distances", DISTANCES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
+    section("searches", SEARCHES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
+    println!("effects: see `btr effects`");
+    Ok(ExitCode::SUCCESS)
+}
+
+fn section<'a>(title: &str, rows: impl Iterator<Item = (String, &'a str)>) {
+    println!("{title}");
+    rows.for_each(|(name, help)| println!("  {name:<22} {help}"));
+    println!();
+}

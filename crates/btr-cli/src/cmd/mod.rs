@@ -1,0 +1,9 @@
+//! One file per verb.
+
+pub(crate) mod coevolve;
+pub(crate) mod completions;
+pub(crate) mod convert;
+pub(crate) mod effects;
+pub(crate) mod info;
+pub(crate) mod schema;
+pub(crate) mod simulate;

@@ -1,0 +1,129 @@
+//! What a run is doing, live on stderr: one moving line on a terminal, one line per iteration elsewhere.
+
+use crate::args::Global;
+use crate::table::{maybe, number};
+use btr_core::coevolve::{Coevolution, Generation, Iteration, Side};
+use btr_physics::model::Model;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// How often the moving line is drawn.
+const TICK: Duration = Duration::from_millis(200);
+
+/// The live display of a run.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    verbose: bool,
+    quiet: bool,
+    /// Work done when this process began: a resumed run has a head start that says nothing about speed.
+    from: f64,
+    began: Instant,
+}
+
+impl Progress {
+    pub(crate) fn new(model: Arc<Model>, state: &Coevolution, global: &Global) -> Self {
+        let live = std::io::stderr().is_terminal() && !global.quiet;
+        let target = if live { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(None, target);
+        let began = Instant::now();
+        let speed = move |_: &ProgressState, line: &mut dyn Write| {
+            let rollouts = model.rollouts.load(Ordering::Relaxed) as f64;
+            let _ = write!(line, "{:.0} evaluations/s", rollouts / began.elapsed().as_secs_f64().max(1e-9));
+        };
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} · {speed} · {elapsed}") {
+            bar.set_style(style.with_key("speed", speed));
+        }
+        if live {
+            bar.enable_steady_tick(TICK);
+        }
+        Progress { bar, verbose: global.verbose, quiet: global.quiet, from: done(state), began }
+    }
+
+    /// After a generation or a real test.
+    pub(crate) fn update(&self, state: &Coevolution) {
+        self.bar.set_message(self.line(state));
+    }
+
+    /// After a generation; said aloud with `-v` only.
+    pub(crate) fn generation(&self, g: &Generation) {
+        if self.verbose {
+            let side = if g.side == Side::Controllers { "controllers, fitness" } else { "simulators, phi" };
+            self.say(&format!("  {}.{} {side}: best {} mean {}", g.iteration, g.generation, number(g.best), number(g.mean)));
+        }
+    }
+
+    /// After an iteration.
+    pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
+        let parameters: Vec<String> = it.parameters.iter().map(|(name, x)| format!("{name}={}", number(*x))).collect();
+        let shown = if parameters.len() > 6 { String::new() } else { format!(" · {}", parameters.join(" ")) };
+        self.say(&format!(
+            "iteration {}/{of} · fitness {} in simulation, {} in reality · phi {} → {}{shown} · {} real tests",
+            it.i,
+            maybe(it.fitness_sim),
+            maybe(it.fitness_real),
+            maybe(it.phi_predicted),
+            maybe(it.phi),
+            it.real_tests
+        ));
+    }
+
+    /// A line that stays.
+    pub(crate) fn say(&self, line: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| eprintln!("{line}"));
+        }
+    }
+
+    /// Takes the moving line away.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn line(&self, state: &Coevolution) -> String {
+        let plan = state.plan();
+        let mut line = format!("iteration {}/{}", state.iteration(), plan.iterations);
+        let last = state.history().generations.last().filter(|g| g.iteration == state.iteration());
+        if let Some(g) = last {
+            let (step, phase) = match g.side {
+                Side::Controllers => ("controllers", plan.controllers.as_ref()),
+                Side::Simulators => ("simulators", plan.simulators.as_ref()),
+            };
+            let of = phase.map_or(1, |p| p.generations);
+            let what = if g.side == Side::Controllers { "fitness" } else { "phi" };
+            let _ = write!(line, " · {step} {}/{of} · {what} {}", g.generation, number(g.best));
+        }
+        if let Some(it) = state.history().iterations.last() {
+            let _ = write!(line, " · real {} · phi {}", maybe(it.best_real), maybe(it.phi));
+        }
+        let _ = write!(line, " · {} real tests · ETA {}", state.ledger().spent(), self.eta(state));
+        line
+    }
+
+    /// Time left if the rest goes as fast as what this process did so far.
+    fn eta(&self, state: &Coevolution) -> String {
+        let share = (done(state) - self.from) / (1.0 - self.from);
+        if share <= 0.0 {
+            return "?".to_owned();
+        }
+        let left = self.began.elapsed().as_secs_f64() * (1.0 - share) / share;
+        if left < 90.0 { format!("{left:.0} s") } else { format!("{:.0} min", left / 60.0) }
+    }
+}
+
+/// The share of the plan's iterations that is done, counting half an iteration for the generations of each search.
+fn done(state: &Coevolution) -> f64 {
+    let plan = state.plan();
+    let closed = state.history().iterations.len();
+    let mine = state.history().generations.iter().filter(|g| g.iteration > closed);
+    let within: f64 = mine
+        .map(|g| {
+            let phase = if g.side == Side::Controllers { &plan.controllers } else { &plan.simulators };
+            0.5 / phase.as_ref().map_or(1, |p| p.generations).max(1) as f64
+        })
+        .sum();
+    ((closed as f64 + within) / plan.iterations as f64).min(1.0)
+}

@@ -1,0 +1,46 @@
+//! Models on their own: with their own drive, with another file's, or replaying a log.
+
+use super::build::Builder;
+use super::file::DriveSection;
+use super::parse::{FileError, Source};
+use super::scenarios::{self, Situations};
+use crate::io;
+use crate::model::Model;
+use std::path::Path;
+
+/// The model of a file, with its own drive.
+///
+/// # Errors
+/// Whatever does not make sense, at its line.
+pub fn model(source: &Source) -> Result<Model, FileError> {
+    let file = source.parse()?;
+    Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
+}
+
+/// The model of a file, driven as the `[drive]` of another one says.
+///
+/// # Errors
+/// Whatever does not make sense in either file, at its line.
+pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileError> {
+    #[derive(serde::Deserialize)]
+    struct OnlyDrive {
+        drive: DriveSection,
+    }
+    let mut file = source.parse()?;
+    let OnlyDrive { drive: section } =
+        toml::from_str(&drive.text).map_err(|e| drive.error(&["drive"], e.message(), None))?;
+    file.drive = Some(section);
+    Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
+}
+
+/// The model of a file, told what a log says the robot was told, from where the log starts.
+///
+/// # Errors
+/// Whatever does not make sense; a log that cannot be read or lacks the robot's joints.
+pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> {
+    let file = source.parse()?;
+    let builder = Builder { file: &file, source };
+    let (log_read, _) = io::read_log(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+    let scenario = scenarios::replaying(log, &log_read, &builder.robot()?, source)?;
+    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read] })
+}

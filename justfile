@@ -1,0 +1,13 @@
+# `just` lists these; each is one line that one could type.
+
+# Every check and every test.
+test:
+    bash tests/run.sh
+
+# The main job.
+nao:
+    cargo run --release -- coevolve robots/nao.toml
+
+# Speed of the ant and the Nao.
+bench:
+    cargo bench -p btr-physics

@@ -1,0 +1,7 @@
+"""The Python package can be installed and imported."""
+
+import btr
+
+
+def test_the_package_tells_its_version() -> None:
+    assert btr.__version__.count(".") == 2
