@@ -13,5 +13,7 @@ pub mod distance;
 pub mod log;
 pub mod random;
 pub mod search;
+mod settings;
 pub mod space;
+pub mod stats;
 pub mod world;

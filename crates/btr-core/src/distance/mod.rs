@@ -1,4 +1,29 @@
 //! How far a simulated behaviour is from the real one.
+//!
+//! All distances that look at logs do so in the same way (see [`Channels`]): only channels that both logs have, commands
+//! and sensors but never outside knowledge, the simulated log on the real log's clock, a sample that is missing on either
+//! side ignored on both.
+
+mod channels;
+mod dtw;
+mod fft;
+mod fit;
+mod fitness;
+mod information;
+#[cfg(test)]
+mod laws;
+mod rmse;
+mod spec;
+mod spectrum;
+
+pub use channels::Channels;
+pub use dtw::{Dtw, dtw};
+pub use fit::{NormalisedRmse, fit_percent};
+pub use fitness::Fitness;
+pub use information::{Information, InformationDistance, information_distance};
+pub use rmse::{Rmse, rmse};
+pub use spec::{DISTANCES, DistanceSpec};
+pub use spectrum::{Spectrum, spectral_difference};
 
 use crate::world::Behaviour;
 
@@ -8,4 +33,9 @@ pub trait Distance: Send + Sync {
     fn name(&self) -> &'static str;
     /// 0 for equal behaviours; NaN never, `f64::INFINITY` where they cannot be compared.
     fn distance(&self, real: &Behaviour, sim: &Behaviour) -> f64;
+}
+
+/// NaN is no distance: where the numbers allow none, the behaviours cannot be compared.
+fn comparable(distance: f64) -> f64 {
+    if distance.is_nan() { f64::INFINITY } else { distance }
 }

@@ -8,8 +8,9 @@ mod stop;
 mod weights;
 
 use super::best::Best;
-use super::{Search, Unit, sample, settings};
+use super::{Search, Unit, sample};
 use crate::random::Rng;
+use crate::settings;
 use run::Run;
 use serde::{Deserialize, Serialize};
 

@@ -7,8 +7,9 @@
 
 use super::best::Best;
 use super::pool::Pool;
-use super::{Search, Unit, gray, sample, settings};
+use super::{Search, Unit, gray, sample};
 use crate::random::Rng;
+use crate::settings;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 

@@ -14,7 +14,6 @@ mod laws;
 mod pool;
 pub mod real_ga;
 mod sample;
-pub(crate) mod settings;
 pub mod spec;
 
 pub use spec::{AnySearch, SEARCHES, SearchSpec};

@@ -4,8 +4,9 @@
 
 use super::best::Best;
 use super::pool::Pool;
-use super::{Search, Unit, sample, settings};
+use super::{Search, Unit, sample};
 use crate::random::Rng;
+use crate::settings;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 

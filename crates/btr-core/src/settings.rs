@@ -29,7 +29,15 @@ pub(crate) fn maybe_at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> 
 
 /// Bits per parameter of a Gray code.
 pub(crate) fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
-    checked(deserializer, |n| (1..=super::gray::MAX_BITS).contains(n), "a number of bits between 1 and 32")
+    checked(deserializer, |n| (1..=crate::search::gray::MAX_BITS).contains(n), "a number of bits between 1 and 32")
+}
+
+/// The finest binning of a series.
+pub(crate) const MOST_BINS: usize = 1024;
+
+/// Bins of a histogram.
+pub(crate) fn bins<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
+    checked(deserializer, |n| (2..=MOST_BINS).contains(n), "a number of bins between 2 and 1024")
 }
 
 fn checked<'de, D, T>(deserializer: D, good: impl Fn(&T) -> bool, expected: &str) -> Result<T, D::Error>
