@@ -2,10 +2,11 @@
 
 use crate::distance::DistanceSpec;
 use crate::search::SearchSpec;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How simulation and reality work together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// The paper's loop: controllers evolve in the best simulation, a few are tried, simulations evolve to match.
@@ -21,7 +22,7 @@ pub enum Method {
 }
 
 /// The simulation the first iteration starts from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Initial {
     /// The nominal values of S.
@@ -32,7 +33,7 @@ pub enum Initial {
 }
 
 /// One of the two searches and how long it goes on per iteration.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SearchPhase {
     /// Generations per iteration.
@@ -42,7 +43,7 @@ pub struct SearchPhase {
 }
 
 /// Which controllers are tried in reality (step 2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// The m fittest of the last generation, topped up from earlier ones.
@@ -55,7 +56,7 @@ pub enum Rule {
 }
 
 /// How many controllers are tried, and by which rule.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Transfer {
     /// The rule.
@@ -79,7 +80,7 @@ impl Default for Transfer {
 }
 
 /// Which older transfers keep counting in step 3 (the paper's historical consistency).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Memory {
     /// All of them.
@@ -92,7 +93,7 @@ pub enum Memory {
 }
 
 /// When the two populations are taken to have lost each other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DisengagementRule {
     /// Iterations without progress before the verdict.
@@ -112,7 +113,7 @@ impl Default for DisengagementRule {
 }
 
 /// Everything that steers the loop.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// How simulation and reality work together.

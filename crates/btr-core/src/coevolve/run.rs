@@ -377,33 +377,29 @@ impl Coevolution {
     }
 
     fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
-        let all: Vec<&Entry> = self.state.ledger.entries().iter().collect();
-        let now = self.distances_now(on, &all);
-        let fresh: Vec<f64> = indices(&self.state.ledger, &self.state.ledger.of_iteration(self.state.iteration)).map(|k| now[k]).collect();
+        let now = self.distances_now(on);
+        let State { ledger, iteration, .. } = &self.state;
+        let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
+        let tests: Vec<usize> = indices(ledger, &ledger.counting(*iteration, self.plan.memory, &now)).collect();
+        let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
         self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
-        let counting = self.state.ledger.counting(self.state.iteration, self.plan.memory, &now);
-        let tests: Vec<usize> = indices(&self.state.ledger, &counting).collect();
-        let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
         self.state.phi = Some(incumbent);
         if self.plan.phi_goal.is_some_and(|goal| incumbent <= goal) {
             return Phase::End;
         }
         let space = on.simulator.simulations();
         let first = self.state.iteration == 1 && self.plan.initial_simulation == Initial::Random;
-        let seed = (!first).then(|| space.to_unit(&self.state.simulation));
-        let search = phase.search.start(space.len(), seed.as_deref());
-        Phase::Simulators { search, tests, tried: vec![(space.to_unit(&self.state.simulation), incumbent)], generation: 1 }
+        let here = space.to_unit(&self.state.simulation);
+        let search = phase.search.start(space.len(), (!first).then_some(here.as_slice()));
+        Phase::Simulators { search, tests, tried: vec![(here, incumbent)], generation: 1 }
     }
 
-    /// How far the present simulation is from every test of the ledger.
-    fn distances_now(&mut self, on: &On<'_>, tests: &[&Entry]) -> Vec<f64> {
-        let mut cost = Cost::default();
-        let simulation = std::slice::from_ref(&self.state.simulation);
-        let mut rows = evaluate::distances(on.simulator, on.distance, simulation, tests, &mut cost);
-        self.state.cost.evaluations += cost.evaluations;
-        self.state.cost.failures += cost.failures;
-        rows.remove(0)
+    /// How far the present simulation is from every test of the ledger; infinite where a test failed.
+    fn distances_now(&mut self, on: &On<'_>) -> Vec<f64> {
+        let State { ledger, simulation, cost, .. } = &mut self.state;
+        let all: Vec<&Entry> = ledger.entries().iter().collect();
+        evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost).remove(0)
     }
 
     fn simulators(
@@ -485,6 +481,7 @@ impl Coevolution {
         let share = |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
         let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
         let pairs: Vec<(Unit, f64, f64)> = self
+            .state
             .ledger
             .of_iteration(self.state.iteration)
             .iter()
@@ -497,9 +494,9 @@ impl Coevolution {
         Evidence {
             phi_share,
             predicted_share,
-            rank_agreement: stats::kendall_tau(&promised, &real),
+            rank_agreement: stats::kendall_tau_b(&promised, &real),
             pressure_on_simulations: self.pressure_on_simulations(),
-            pressure_on_controllers: stats::kendall_tau(&promised, &renewed).map(|tau| (1.0 - tau) / 2.0),
+            pressure_on_controllers: stats::kendall_tau_b(&promised, &renewed).map(|tau| (1.0 - tau) / 2.0),
             at_bound: self.at_bound(on),
         }
     }

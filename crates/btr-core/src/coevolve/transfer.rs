@@ -5,7 +5,8 @@ use super::ledger::Ledger;
 use super::plan::{Plan, Rule};
 use crate::distance::Distance;
 use crate::random::Rng;
-use crate::search::{Unit, neighbours};
+use crate::search::Unit;
+use crate::search::ga::neighbours;
 use crate::world::Simulator;
 use serde::{Deserialize, Serialize};
 

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 /// The channels a distance looks at, by name; `*` stands for any characters (`q_*`, `*_knee`), once per pattern. No
 /// pattern at all means every channel.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(transparent)]
 pub struct Channels(pub Vec<String>);
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Root mean square over the measured channels of their [`dtw`] distance, each divided by the standard deviation of the real
 /// channel (held joints by a tenth of the liveliest of their unit). Each channel is warped by itself, by sample number:
 /// the clock should be even.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Dtw {
     /// How far a sample may be moved, as a share of the whole series; 0.1.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Mean over the measured channels of the normalised root mean square error, that is of 1 - fit/100. Unlike
 /// [`Rmse`](super::Rmse), which a single bad channel dominates, no channel counts more than `most`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NormalisedRmse {
     /// Where the error of a channel is cut off; 10, a fit of -900 %.

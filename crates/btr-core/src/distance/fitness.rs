@@ -6,7 +6,7 @@ use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 
 /// Difference of fitness, in the fitness' own unit.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fitness {}
 

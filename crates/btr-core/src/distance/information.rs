@@ -17,7 +17,7 @@ use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 
 /// phi_2, in bits.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Information {
     /// Equal bins across the range of both series; 16. The paper gives no number.

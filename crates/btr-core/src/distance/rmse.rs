@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Root mean square error over all measured channels, each divided by the standard deviation of the real channel so that
 /// units mix (held joints by a tenth of the liveliest of their unit). 0 is perfect; a model that stays at the mean scores 1.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rmse {
     /// Channels to compare; all sensors unless given.

@@ -50,6 +50,11 @@ impl DistanceSpec {
         }
     }
 
+    /// Its name in [`DISTANCES`].
+    pub fn name(&self) -> &'static str {
+        self.build().name()
+    }
+
     /// The channels it is restricted to; `None` where no channel matters.
     pub fn channels(&self) -> Option<&Channels> {
         match self {
@@ -60,6 +65,23 @@ impl DistanceSpec {
             DistanceSpec::Spectrum(distance) => Some(&distance.channels),
             DistanceSpec::Dtw(distance) => Some(&distance.channels),
         }
+    }
+}
+
+impl schemars::JsonSchema for DistanceSpec {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Distance".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let names: Vec<&str> = DISTANCES.iter().map(|d| d.0).chain(["phi_1", "phi_2"]).collect();
+        schemars::json_schema!({
+            "description": "A distance by name, or a table with its name and settings",
+            "anyOf": [
+                { "enum": names },
+                { "type": "object", "properties": { "name": { "enum": names } }, "required": ["name"] }
+            ]
+        })
     }
 }
 

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 
 /// Root mean square over the measured channels of their [`spectral_difference`], each divided by the standard deviation of
 /// the real channel (held joints by a tenth of the liveliest of their unit).
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Spectrum {
     /// Channels to compare; all sensors unless given.

@@ -15,7 +15,7 @@ use run::Run;
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`CmaEs`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CmaEsSettings {
     /// Individuals per generation before any restart; 4 + 3·ln(parameters) unless given.

@@ -16,7 +16,7 @@ pub const SEARCHES: &[(&str, &str)] = &[
 
 /// A search and its settings: `{ algorithm = "ga", population = 20, mutation = 0.02 }`. What is left out has the default
 /// documented with it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "algorithm", rename_all = "snake_case")]
 pub enum SearchSpec {
     /// The paper's genetic algorithm.
