@@ -1,0 +1,178 @@
+//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples.
+//!
+//! Limitations: commas between cells, points in numbers, UTF-8. Headers are written without units, so a channel whose
+//! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
+
+use super::error::{IoError, Warning};
+use super::names::{Mapping, Meaning, header, seconds_per_unit};
+use super::series::{Series, assemble};
+use btr_core::log::{Log, Role};
+use csv::StringRecord;
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+/// Names of the time column that need no mapping.
+const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
+
+/// Reads a log. `path` is only for messages.
+pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    let broken = |e: csv::Error| IoError::Csv { path: path.to_owned(), what: e.to_string() };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
+    let mut table = Table::new(path, reader.headers().map_err(broken)?, mapping)?;
+    let expected = table.columns.len();
+    let mut row = StringRecord::new();
+    let mut short = None;
+    while reader.read_record(&mut row).map_err(broken)? {
+        // A record's position lies before the empty lines that were skipped to reach it.
+        let line = row.position().map_or(0, csv::Position::line).max(reader.position().line() - 1);
+        let got = row.len();
+        let misfit = short.or((got > expected).then_some((line, got)));
+        if let Some((line, got)) = misfit {
+            return Err(IoError::Cells { path: path.to_owned(), line, expected, got });
+        }
+        if got < expected {
+            // A logger that was killed leaves half a line, which is fine; anything after it is not.
+            short = Some((line, got));
+        } else {
+            table.push(line, &row)?;
+        }
+    }
+    table.into_log(mapping, short.map(|(line, _)| Warning::LastLineCut { line }))
+}
+
+/// The columns as they fill up.
+struct Table<'a> {
+    path: &'a Path,
+    time: usize,
+    seconds_per_unit: f64,
+    clock_s: Vec<f64>,
+    columns: Vec<Column>,
+}
+
+struct Column {
+    source: String,
+    meaning: Meaning,
+    /// Whether somebody relies on it: mapped, or one of btr's names.
+    wanted: bool,
+    values: Vec<f64>,
+    /// Line and text of the first cell that is no number.
+    text: Option<(u64, String)>,
+}
+
+impl Column {
+    fn new(source: &str, mapping: &Mapping) -> Self {
+        let mapped = mapping.meaning(source);
+        let switch = mapping.torque_on.as_ref().is_some_and(|s| s == source);
+        let wanted = mapped.is_some() || switch;
+        let meaning = mapped.unwrap_or_else(|| Meaning::of_header(source));
+        let wanted = wanted || meaning.role != Role::Truth;
+        Column { source: source.to_owned(), meaning, wanted, values: Vec::new(), text: None }
+    }
+}
+
+impl<'a> Table<'a> {
+    fn new(path: &'a Path, header: &StringRecord, mapping: &Mapping) -> Result<Self, IoError> {
+        if header.is_empty() {
+            return Err(IoError::Empty { path: path.to_owned() });
+        }
+        let mapped = mapping.time.as_deref().and_then(|name| header.iter().position(|h| h == name));
+        let time = mapped.or_else(|| TIME.iter().find_map(|name| header.iter().position(|h| h == *name)));
+        let time = time.ok_or_else(|| IoError::NoTime {
+            path: path.to_owned(),
+            wanted: mapping.time.clone().unwrap_or_else(|| "t".into()),
+            columns: header.iter().map(str::to_owned).collect(),
+        })?;
+        let columns = header.iter().map(|name| Column::new(name, mapping)).collect();
+        Ok(Table { path, time, seconds_per_unit: seconds_per_unit(&header[time]), clock_s: Vec::new(), columns })
+    }
+
+    fn push(&mut self, line: u64, row: &StringRecord) -> Result<(), IoError> {
+        self.tick(line, &row[self.time])?;
+        for (i, (column, text)) in self.columns.iter_mut().zip(row).enumerate() {
+            if i == self.time || column.text.is_some() {
+                continue;
+            }
+            match number(text) {
+                Some(value) => column.values.push(value),
+                None if column.wanted => return Err(not_a_number(self.path, line, &column.source, text)),
+                None => column.text = Some((line, text.to_owned())),
+            }
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self, line: u64, text: &str) -> Result<(), IoError> {
+        let time = number(text).filter(|t| t.is_finite());
+        let Some(time) = time else {
+            return Err(not_a_number(self.path, line, &self.columns[self.time].source, text));
+        };
+        let after_s = time * self.seconds_per_unit;
+        if let Some(&before_s) = self.clock_s.last()
+            && after_s <= before_s
+        {
+            return Err(IoError::Clock { path: self.path.to_owned(), line, before_s, after_s });
+        }
+        self.clock_s.push(after_s);
+        Ok(())
+    }
+
+    fn into_log(self, mapping: &Mapping, cut: Option<Warning>) -> Result<(Log, Vec<Warning>), IoError> {
+        if self.clock_s.is_empty() {
+            return Err(IoError::NoSamples { path: self.path.to_owned() });
+        }
+        let mut warnings: Vec<Warning> = cut.into_iter().collect();
+        let mut series = Vec::new();
+        for (i, Column { source, meaning, values, text, .. }) in self.columns.into_iter().enumerate() {
+            match text {
+                _ if i == self.time => {}
+                Some((line, text)) => warnings.push(Warning::ColumnIgnored { column: source, line, text }),
+                None => series.push(Series { source, meaning, values }),
+            }
+        }
+        let (log, more) = assemble(self.path, self.clock_s, series, mapping)?;
+        warnings.extend(more);
+        Ok((log, warnings))
+    }
+}
+
+/// A cell's number; NaN for a missing sample, `None` for text and for infinities (no sensor measures those).
+fn number(text: &str) -> Option<f64> {
+    if text.is_empty() || text.eq_ignore_ascii_case("nan") {
+        return Some(f64::NAN);
+    }
+    text.parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+fn not_a_number(path: &Path, line: u64, column: &str, text: &str) -> IoError {
+    IoError::NotANumber { path: path.to_owned(), line, column: column.to_owned(), text: text.to_owned() }
+}
+
+/// The header of a log: the time, then every channel under a name that reads back as itself.
+pub(crate) fn headers(path: &Path, log: &Log) -> Result<Vec<String>, IoError> {
+    let unwritable = |name: &str| IoError::Unwritable { path: path.to_owned(), channel: name.to_owned() };
+    let names = log.channels().map(|(name, _)| {
+        // The reader trims its cells, and takes the first column of these names for the time.
+        let readable = name.trim() == name && !TIME.contains(&name);
+        header(name).filter(|_| readable).ok_or_else(|| unwritable(name))
+    });
+    std::iter::once(Ok("t".to_owned())).chain(names).collect()
+}
+
+/// Writes a log under [`headers`]. Numbers are the shortest decimals that read back to the same bits.
+pub(crate) fn write(headers: &[String], log: &Log, out: impl Write) -> io::Result<()> {
+    let mut writer = csv::Writer::from_writer(out);
+    writer.write_record(headers)?;
+    let channels: Vec<&[f64]> = log.channels().map(|(_, channel)| channel.values.as_slice()).collect();
+    for (i, t) in log.clock_s().iter().enumerate() {
+        writer.write_field(cell(*t))?;
+        for values in &channels {
+            writer.write_field(cell(values[i]))?;
+        }
+        writer.write_record(None::<&[u8]>)?;
+    }
+    writer.flush()
+}
+
+fn cell(x: f64) -> String {
+    if x.is_nan() { String::new() } else { format!("{x:?}") }
+}

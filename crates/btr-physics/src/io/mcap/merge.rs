@@ -1,0 +1,117 @@
+//! Samples of several topics on the joint states' clock: commands held, the rest interpolated.
+
+use super::other::{Kind, Sample};
+use crate::io::error::Warning;
+use btr_core::log::{hold, interpolate};
+use indexmap::IndexMap;
+
+/// Channels on one clock.
+pub(crate) struct Merged {
+    pub(crate) clock_s: Vec<f64>,
+    pub(crate) series: Vec<(String, Vec<f64>)>,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+/// How a channel gets onto the clock.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Onto {
+    /// It is there already; NaN at ticks of other joints.
+    Exactly,
+    /// The last value before the tick, as servos hold it.
+    Held,
+    /// A line between its neighbours, and the last value after the last, as trajectories are followed.
+    Planned,
+    /// A line between its neighbours.
+    Between,
+}
+
+struct Track {
+    onto: Onto,
+    points: Vec<(u64, f64)>,
+}
+
+/// Merges samples in the order in which they were recorded; `None` when there are no joint states among them.
+pub(crate) fn merge(samples: Vec<(Kind, Sample)>) -> Option<Merged> {
+    // Stamps are when things happened, but only if everybody stamps; two clocks must not be mixed.
+    let stamped = samples.iter().all(|(_, s)| s.stamp_ns > 0);
+    let time = |s: &Sample| if stamped { s.stamp_ns } else { s.log_ns };
+    let mut clock: Vec<u64> = samples.iter().filter(|(k, s)| is_state(*k, s)).map(|(_, s)| time(s)).collect();
+    clock.sort_unstable();
+    clock.dedup();
+    let first = *clock.first()?;
+    // Beyond 2^53 ns (104 days, so any clock since 1970) seconds in f64 lose nanoseconds: count from the first tick.
+    let zero = if first > 1 << 53 { first } else { 0 };
+    let seconds = |ns: u64| (i128::from(ns) - i128::from(zero)) as f64 / 1e9;
+    let clock_s: Vec<f64> = clock.iter().map(|ns| seconds(*ns)).collect();
+
+    let mut warnings = Vec::new();
+    if zero > 0 {
+        warnings.push(Warning::ClockShifted { start_ns: zero });
+    }
+    let mut series = Vec::new();
+    for (name, mut track) in tracks(samples, time) {
+        let all = track.points.len();
+        track.points.sort_by_key(|(ns, _)| *ns);
+        track.points.dedup_by_key(|(ns, _)| *ns);
+        if track.points.len() < all {
+            warnings.push(Warning::Repeated { channel: name.clone(), count: all - track.points.len() });
+        }
+        series.push((name, track.onto(&clock_s, seconds)));
+    }
+    Some(Merged { clock_s, series, warnings })
+}
+
+/// Whether a sample says where joints are.
+fn is_state(kind: Kind, sample: &Sample) -> bool {
+    kind == Kind::States || (kind == Kind::Array && sample.values.iter().any(|(name, _)| name.starts_with("q_")))
+}
+
+/// The samples by channel.
+fn tracks(samples: Vec<(Kind, Sample)>, time: impl Fn(&Sample) -> u64) -> IndexMap<String, Track> {
+    let mut tracks: IndexMap<String, Track> = IndexMap::new();
+    for (kind, sample) in samples {
+        let ns = time(&sample);
+        let state = is_state(kind, &sample);
+        for (name, value) in sample.values {
+            let onto = match kind {
+                _ if state => Onto::Exactly,
+                Kind::Trajectory => Onto::Planned,
+                _ if name.starts_with("cmd_") => Onto::Held,
+                _ => Onto::Between,
+            };
+            let track = tracks.entry(name).or_insert(Track { onto, points: Vec::new() });
+            if let Some(after_start_ns) = sample.after_start_ns {
+                track.points.retain(|(planned, _)| *planned < ns.saturating_sub(after_start_ns));
+            }
+            track.points.push((ns, value));
+        }
+    }
+    tracks
+}
+
+impl Track {
+    fn onto(&self, clock_s: &[f64], seconds: impl Fn(u64) -> f64) -> Vec<f64> {
+        let x: Vec<f64> = self.points.iter().map(|(ns, _)| seconds(*ns)).collect();
+        let y: Vec<f64> = self.points.iter().map(|(_, value)| *value).collect();
+        let (Some(&first), Some(&last)) = (x.first(), x.last()) else { return vec![f64::NAN; clock_s.len()] };
+        let mut values = match self.onto {
+            Onto::Between | Onto::Planned => interpolate(&x, &y, clock_s),
+            Onto::Exactly | Onto::Held => hold(&x, &y, clock_s),
+        };
+        // Nobody knows a channel before it began; a sensor that fell silent says nothing, a command stays.
+        let mut known = x.iter().peekable();
+        for (value, &t) in values.iter_mut().zip(clock_s) {
+            while known.next_if(|k| **k < t).is_some() {}
+            let exact = known.peek().is_some_and(|k| **k <= t);
+            let silent = match self.onto {
+                Onto::Exactly => !exact,
+                Onto::Held | Onto::Planned => t < first,
+                Onto::Between => t < first || t > last,
+            };
+            if silent {
+                *value = f64::NAN;
+            }
+        }
+        values
+    }
+}

@@ -1,0 +1,203 @@
+//! Other people's messages as named samples: CDR or JSON, by joint name.
+
+use super::ros::{
+    Float64MultiArray, Imu, JointState, JointTrajectory, Quaternion, Time, TrajectoryPoint, Vector3, decode,
+};
+use crate::io::names::Topics;
+use serde_json::Value;
+
+/// What was known at one moment.
+#[derive(Debug)]
+pub(crate) struct Sample {
+    /// The message's own time in ns, 0 where it has none.
+    pub(crate) stamp_ns: u64,
+    /// When it was recorded, in ns.
+    pub(crate) log_ns: u64,
+    /// Channels under btr's names.
+    pub(crate) values: Vec<(String, f64)>,
+    /// For the first point of a trajectory: how far after the trajectory's start it lies, in ns. What earlier
+    /// trajectories had planned from that start on is void.
+    pub(crate) after_start_ns: Option<u64>,
+}
+
+/// What a topic carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    States,
+    Commands,
+    Trajectory,
+    Imu,
+    Array,
+}
+
+/// What the topic carries, or why it cannot be read; `None` for topics nobody asks for.
+pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -> Option<Result<Kind, String>> {
+    let name = schema.rsplit(['/', '.']).next().unwrap_or_default();
+    let kind = match name {
+        "JointState" if topic == topics.states => Kind::States,
+        "JointState" if topic == topics.commands => Kind::Commands,
+        "JointTrajectory" if topic == topics.commands => Kind::Trajectory,
+        "Imu" if topic == topics.imu => Kind::Imu,
+        "Float64MultiArray" if topics.arrays.contains_key(topic) => Kind::Array,
+        _ => {
+            let asked = [&topics.states, &topics.commands, &topics.imu].into_iter().chain(topics.arrays.keys());
+            let wanted = asked.into_iter().any(|t| t == topic);
+            return wanted.then(|| Err(format!("`{schema}` ({encoding}) is not read there")));
+        }
+    };
+    match encoding {
+        "cdr" | "json" => Some(Ok(kind)),
+        other => Some(Err(format!("messages encoded as `{other}` are not read"))),
+    }
+}
+
+/// Decodes a message into samples; the text says why not.
+pub(crate) fn samples(
+    kind: Kind,
+    names: &[String],
+    json: bool,
+    data: &[u8],
+    log_ns: u64,
+) -> Result<Vec<Sample>, String> {
+    let value = if json { Some(serde_json::from_slice::<Value>(data).map_err(|e| e.to_string())?) } else { None };
+    let value = value.as_ref();
+    let one = |stamp: Time, values| Ok(vec![Sample { stamp_ns: stamp.ns(), log_ns, values, after_start_ns: None }]);
+    match kind {
+        Kind::States => {
+            let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
+            one(m.header.stamp, states(&m)?)
+        }
+        Kind::Commands => {
+            let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
+            one(m.header.stamp, commands(&m)?)
+        }
+        Kind::Trajectory => {
+            let m = value.map_or_else(|| decode::<JointTrajectory>(data), |v| Ok(json_trajectory(v)))?;
+            trajectory(&m, log_ns)
+        }
+        Kind::Imu => {
+            let m = value.map_or_else(|| decode::<Imu>(data), |v| Ok(json_imu(v)))?;
+            one(m.header.stamp, imu(&m))
+        }
+        Kind::Array => {
+            let data =
+                value.map_or_else(|| decode::<Float64MultiArray>(data).map(|m| m.data), |v| Ok(numbers(&v["data"])))?;
+            one(Time::default(), named("", names, &data)?)
+        }
+    }
+}
+
+/// `<prefix><name>` for each number; none at all where the message leaves the array empty.
+fn named(prefix: &str, names: &[String], numbers: &[f64]) -> Result<Vec<(String, f64)>, String> {
+    if numbers.is_empty() {
+        return Ok(Vec::new());
+    }
+    if numbers.len() != names.len() {
+        return Err(format!("{} numbers for {} names", numbers.len(), names.len()));
+    }
+    Ok(names.iter().zip(numbers).map(|(name, x)| (format!("{prefix}{name}"), *x)).collect())
+}
+
+fn states(m: &JointState) -> Result<Vec<(String, f64)>, String> {
+    let parts = [("q_", &m.position), ("dq_", &m.velocity), ("tau_", &m.effort)];
+    let parts: Result<Vec<_>, _> = parts.into_iter().map(|(prefix, numbers)| named(prefix, &m.name, numbers)).collect();
+    Ok(parts?.concat())
+}
+
+/// The position where a joint has one, else its effort: robots under torque control are told efforts.
+fn commands(m: &JointState) -> Result<Vec<(String, f64)>, String> {
+    let mut values = named("cmd_", &m.name, &m.position)?;
+    let efforts = named("cmd_", &m.name, &m.effort)?;
+    if values.is_empty() {
+        return Ok(efforts);
+    }
+    for ((_, value), (_, effort)) in values.iter_mut().zip(efforts) {
+        if value.is_nan() {
+            *value = effort;
+        }
+    }
+    Ok(values)
+}
+
+/// One sample per point, at its own time after the start.
+fn trajectory(m: &JointTrajectory, log_ns: u64) -> Result<Vec<Sample>, String> {
+    let sample = |(i, point): (usize, &TrajectoryPoint)| {
+        let (stamp_ns, after_ns) = (m.header.stamp.ns(), point.time_from_start.ns());
+        let values = named("cmd_", &m.joint_names, &point.positions)?;
+        let stamp_ns = if stamp_ns == 0 { 0 } else { stamp_ns.saturating_add(after_ns) };
+        let after_start_ns = (i == 0).then_some(after_ns);
+        Ok(Sample { stamp_ns, log_ns: log_ns.saturating_add(after_ns), values, after_start_ns })
+    };
+    m.points.iter().enumerate().map(sample).collect()
+}
+
+fn imu(m: &Imu) -> Vec<(String, f64)> {
+    let mut values = Vec::new();
+    let mut add = |there: bool, parts: &[(&str, f64)]| {
+        if there {
+            values.extend(parts.iter().map(|(axis, x)| (format!("imu_{axis}"), *x)));
+        }
+    };
+    // -1 first in a covariance says that the quantity is not there.
+    let there = |covariance: &[f64; 9]| covariance[0] >= 0.0;
+    let (a, w, q) = (&m.linear_acceleration, &m.angular_velocity, &m.orientation);
+    add(there(&m.linear_acceleration_covariance), &[("ax", a.x), ("ay", a.y), ("az", a.z)]);
+    add(there(&m.angular_velocity_covariance), &[("wx", w.x), ("wy", w.y), ("wz", w.z)]);
+    add(there(&m.orientation_covariance), &[("qx", q.x), ("qy", q.y), ("qz", q.z), ("qw", q.w)]);
+    values
+}
+
+// JSON as Foxglove and rosbridge write it: fields may be missing, NaN is null, nanoseconds go by three names.
+
+fn number(v: &Value) -> f64 {
+    v.as_f64().unwrap_or(f64::NAN)
+}
+
+fn numbers(v: &Value) -> Vec<f64> {
+    v.as_array().map(|a| a.iter().map(number).collect()).unwrap_or_default()
+}
+
+fn strings(v: &Value) -> Vec<String> {
+    v.as_array().map(|a| a.iter().filter_map(|s| s.as_str().map(str::to_owned)).collect()).unwrap_or_default()
+}
+
+fn json_time(v: &Value) -> Time {
+    let part = |names: &[&str]| names.iter().find_map(|name| v[*name].as_u64()).unwrap_or(0);
+    let sec = i32::try_from(part(&["sec", "secs"])).unwrap_or(i32::MAX);
+    Time { sec, nanosec: u32::try_from(part(&["nanosec", "nsec", "nsecs"])).unwrap_or(0) }
+}
+
+fn json_joint_state(v: &Value) -> JointState {
+    let mut m = JointState { name: strings(&v["name"]), position: numbers(&v["position"]), ..JointState::default() };
+    m.header.stamp = json_time(&v["header"]["stamp"]);
+    (m.velocity, m.effort) = (numbers(&v["velocity"]), numbers(&v["effort"]));
+    m
+}
+
+fn json_trajectory(v: &Value) -> JointTrajectory {
+    let point = |p: &Value| TrajectoryPoint::new(numbers(&p["positions"]), json_time(&p["time_from_start"]));
+    let points = v["points"].as_array().map(|a| a.iter().map(point).collect()).unwrap_or_default();
+    let mut m = JointTrajectory { joint_names: strings(&v["joint_names"]), points, ..JointTrajectory::default() };
+    m.header.stamp = json_time(&v["header"]["stamp"]);
+    m
+}
+
+fn json_imu(v: &Value) -> Imu {
+    let vector = |v: &Value| Vector3 { x: number(&v["x"]), y: number(&v["y"]), z: number(&v["z"]) };
+    let q = &v["orientation"];
+    let mut m = Imu {
+        linear_acceleration: vector(&v["linear_acceleration"]),
+        angular_velocity: vector(&v["angular_velocity"]),
+        orientation: Quaternion { x: number(&q["x"]), y: number(&q["y"]), z: number(&q["z"]), w: number(&q["w"]) },
+        ..Imu::default()
+    };
+    m.header.stamp = json_time(&v["header"]["stamp"]);
+    let covariance = |name: &str| {
+        let there = numbers(&v[name]).first().is_none_or(|x| *x >= 0.0);
+        std::array::from_fn(|i| if i == 0 && !there { -1.0 } else { 0.0 })
+    };
+    m.orientation_covariance = covariance("orientation_covariance");
+    m.angular_velocity_covariance = covariance("angular_velocity_covariance");
+    m.linear_acceleration_covariance = covariance("linear_acceleration_covariance");
+    m
+}

@@ -1,0 +1,117 @@
+//! `/btr/channels`: the whole log, bit by bit, as a message with one field per channel.
+
+use super::ros::LITTLE_ENDIAN_CDR;
+use btr_core::log::{Log, LogError, Role};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Where it is, and of which type.
+pub(crate) const TOPIC: &str = "/btr/channels";
+pub(crate) const TYPE: &str = "btr/msg/Channels";
+/// Under which key of the MCAP channel's metadata names, units and roles stand, as JSON.
+const KEY: &str = "channels";
+
+/// What the values after the time are, in their order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Column {
+    name: String,
+    unit: String,
+    role: Role,
+}
+
+fn columns(log: &Log) -> Vec<Column> {
+    log.channels().map(|(name, c)| Column { name: name.to_owned(), unit: c.unit.clone(), role: c.role }).collect()
+}
+
+/// Names, units and roles, for the MCAP channel's metadata.
+pub(crate) fn metadata(log: &Log) -> Result<BTreeMap<String, String>, serde_json::Error> {
+    Ok(BTreeMap::from([(KEY.to_owned(), serde_json::to_string(&columns(log))?)]))
+}
+
+/// The message definition: the time, then a field for each channel.
+pub(crate) fn definition(log: &Log) -> String {
+    let mut definition = String::from("float64 time_s\n");
+    let mut taken = vec!["time_s".to_owned()];
+    for (name, channel) in log.channels() {
+        let field = field(name, &taken);
+        // Comments end with the line, so a name with a line break in it must not get there.
+        let comment: String = format!("{name} [{}]", channel.unit).chars().filter(|c| !c.is_control()).collect();
+        definition += &format!("float64 {field}  # {comment}\n");
+        taken.push(field);
+    }
+    definition
+}
+
+/// A field name that ROS allows (letters, digits, single underscores, a letter first) and that is still free.
+fn field(name: &str, taken: &[String]) -> String {
+    let mut field = String::new();
+    for c in name.chars() {
+        match c {
+            c if c.is_ascii_alphanumeric() => field.push(c),
+            _ if field.ends_with('_') => {}
+            _ => field.push('_'),
+        }
+    }
+    let field = field.trim_matches('_');
+    let base = match field.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        true => field.to_owned(),
+        false => format!("channel_{field}").trim_end_matches('_').to_owned(),
+    };
+    let numbered = (2..).map(|n| format!("{base}_{n}"));
+    std::iter::once(base.clone()).chain(numbered).find(|f| !taken.contains(f)).unwrap_or(base)
+}
+
+/// The message of one tick.
+pub(crate) fn encode(time_s: f64, values: impl Iterator<Item = f64>, message: &mut Vec<u8>) {
+    message.clear();
+    message.extend(LITTLE_ENDIAN_CDR);
+    for x in std::iter::once(time_s).chain(values) {
+        message.extend(x.to_le_bytes());
+    }
+}
+
+/// The log as its rows come in.
+pub(crate) struct Rows {
+    columns: Vec<Column>,
+    clock_s: Vec<f64>,
+    values: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    /// No rows yet; the text says what is wrong with the metadata.
+    pub(crate) fn new(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
+        let json = metadata.get(KEY).ok_or("its metadata does not name the channels")?;
+        let columns: Vec<Column> = serde_json::from_str(json).map_err(|e| e.to_string())?;
+        let values = vec![Vec::new(); columns.len()];
+        Ok(Rows { columns, clock_s: Vec::new(), values })
+    }
+
+    /// Takes in a message.
+    pub(crate) fn push(&mut self, message: &[u8]) -> Result<(), String> {
+        let (kind, body) = message.split_at_checked(4).ok_or("shorter than a CDR header")?;
+        let (numbers, rest) = body.as_chunks::<8>();
+        if kind != LITTLE_ENDIAN_CDR || !rest.is_empty() || numbers.len() != self.columns.len() + 1 {
+            return Err(format!("{} bytes where {} numbers should be", body.len(), self.columns.len() + 1));
+        }
+        let mut numbers = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes));
+        self.clock_s.extend(numbers.next());
+        for (column, x) in self.values.iter_mut().zip(numbers) {
+            column.push(x);
+        }
+        Ok(())
+    }
+
+    /// Whether no message came.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.clock_s.is_empty()
+    }
+
+    /// The log of all rows.
+    pub(crate) fn into_log(self) -> Result<Log, LogError> {
+        let mut log = Log::new(self.clock_s)?;
+        for (Column { name, unit, role }, values) in self.columns.into_iter().zip(self.values) {
+            log.insert(name, unit, role, values)?;
+        }
+        Ok(log)
+    }
+}

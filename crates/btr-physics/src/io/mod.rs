@@ -1,0 +1,76 @@
+//! Logs and files: CSV for people, MCAP for robots and their viewers.
+
+mod csv;
+mod error;
+mod mcap;
+mod names;
+mod series;
+#[cfg(test)]
+mod tests;
+pub mod whole;
+
+pub use error::{IoError, Warning};
+pub use mcap::Meta;
+pub use names::{Mapping, Topics};
+
+use btr_core::log::Log;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// The formats, by the end of the file's name.
+enum Format {
+    Csv,
+    CsvGz,
+    Mcap,
+}
+
+fn format(path: &Path) -> Result<Format, IoError> {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ends = |ending: &str| name.ends_with(ending);
+    match () {
+        () if ends(".csv") => Ok(Format::Csv),
+        () if ends(".csv.gz") => Ok(Format::CsvGz),
+        () if ends(".mcap") => Ok(Format::Mcap),
+        () if ends(".db3") => Err(IoError::Db3 { path: path.to_owned() }),
+        () => Err(IoError::Format { path: path.to_owned() }),
+    }
+}
+
+/// Reads a log (`.csv`, `.csv.gz`, `.mcap`). Channels come under btr's names; the mapping says which foreign names mean
+/// them.
+///
+/// # Errors
+/// [`IoError`], with the place in the file and a remedy.
+pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    let format = format(path)?;
+    let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+    match format {
+        Format::Csv => csv::read(path, file, mapping),
+        Format::CsvGz => csv::read(path, flate2::read::MultiGzDecoder::new(file), mapping),
+        Format::Mcap => mcap::read(path, BufReader::new(file), mapping),
+    }
+}
+
+/// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP only.
+///
+/// # Errors
+/// [`IoError::File`], an unknown extension, or a channel name that CSV cannot carry.
+pub fn write_log(path: &Path, log: &Log, meta: &Meta) -> Result<(), IoError> {
+    let written = match format(path)? {
+        Format::Csv => {
+            let headers = csv::headers(path, log)?;
+            whole::write_whole(path, |out| csv::write(&headers, log, out))
+        }
+        Format::CsvGz => {
+            let headers = csv::headers(path, log)?;
+            whole::write_whole(path, |out| {
+                let mut gz = flate2::write::GzEncoder::new(out, flate2::Compression::default());
+                csv::write(&headers, log, &mut gz)?;
+                gz.finish().map(|_| ())
+            })
+        }
+        Format::Mcap => whole::write_whole(path, |out| mcap::write(log, meta, out)),
+    };
+    written.map_err(|source| IoError::File { path: path.to_owned(), source })
+}

@@ -1,0 +1,101 @@
+//! From the series of a file to a log: names, units, torque-off spells.
+
+use super::error::{IoError, Warning};
+use super::names::{Mapping, Meaning};
+use btr_core::log::{Log, Role};
+use std::path::Path;
+
+/// One series of a file, under the file's own name for it.
+pub(crate) struct Series {
+    /// The file's name.
+    pub(crate) source: String,
+    /// What it stands for.
+    pub(crate) meaning: Meaning,
+    /// In the file's unit, one per tick.
+    pub(crate) values: Vec<f64>,
+}
+
+impl Mapping {
+    /// A series under what its name means: by the mapping, or as one of btr's names.
+    pub(crate) fn series(&self, source: String, values: Vec<f64>) -> Series {
+        let meaning = self.meaning(&source).unwrap_or_else(|| Meaning::of(source.clone()));
+        Series { source, meaning, values }
+    }
+}
+
+/// Puts series that share a clock into a log.
+pub(crate) fn assemble(
+    path: &Path,
+    clock_s: Vec<f64>,
+    mut series: Vec<Series>,
+    mapping: &Mapping,
+) -> Result<(Log, Vec<Warning>), IoError> {
+    let warnings = unused(mapping, &series);
+    check_names(path, &series)?;
+    let switches = switches(mapping, &series);
+    for (command, switch) in &switches {
+        let on = series[*switch].values.clone();
+        switch_off(&mut series[*command].values, &on);
+    }
+    let failed = |source| IoError::Log { path: path.to_owned(), source };
+    let mut log = Log::new(clock_s).map_err(failed)?;
+    for (i, s) in series.into_iter().enumerate() {
+        if switches.iter().any(|(_, switch)| *switch == i) {
+            continue;
+        }
+        let Meaning { name, unit, role, factor } = s.meaning;
+        let values = s.values.into_iter().map(|v| v * factor).collect();
+        log.insert(name, unit, role, values).map_err(failed)?;
+    }
+    Ok((log, warnings))
+}
+
+/// Pairs of a command's index and the index of the 0/1 series that switches it.
+fn switches(mapping: &Mapping, series: &[Series]) -> Vec<(usize, usize)> {
+    let switch_of = |command: &str| {
+        let switch = mapping.torque_on_for(command)?;
+        series.iter().position(|s| s.source == switch)
+    };
+    let commands = series.iter().enumerate().filter(|(_, s)| s.meaning.role == Role::Command);
+    commands.filter_map(|(i, s)| switch_of(&s.meaning.name).map(|switch| (i, switch))).collect()
+}
+
+/// Nothing is driven unless the switch says so.
+fn switch_off(command: &mut [f64], on: &[f64]) {
+    for (value, on) in command.iter_mut().zip(on) {
+        let driven = *on > 0.5;
+        if !driven {
+            *value = f64::NAN;
+        }
+    }
+}
+
+fn check_names(path: &Path, series: &[Series]) -> Result<(), IoError> {
+    for (i, second) in series.iter().enumerate() {
+        if let Some(first) = series[..i].iter().find(|s| s.meaning.name == second.meaning.name) {
+            return Err(IoError::Twice {
+                path: path.to_owned(),
+                channel: second.meaning.name.clone(),
+                first: first.source.clone(),
+                second: second.source.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Names of the mapping that the log does not have. A log in btr's own names (say, a simulated one) owes nobody a
+/// foreign name, so a mapping of which nothing is found is no mistake.
+fn unused(mapping: &Mapping, series: &[Series]) -> Vec<Warning> {
+    let exact = mapping.channels.iter().filter(|(_, theirs)| !theirs.contains("{joint}"));
+    let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));
+    let mut wanted: Vec<(&str, &str)> = exact.map(|(o, t)| (o.as_str(), t.as_str())).collect();
+    wanted.extend(switch.map(|name| ("torque_on", name.as_str())));
+    let has = |theirs: &str| series.iter().any(|s| s.source == theirs);
+    let foreign = series.iter().any(|s| mapping.meaning(&s.source).is_some());
+    if !foreign {
+        return Vec::new();
+    }
+    let missing = wanted.into_iter().filter(|(_, theirs)| !has(theirs));
+    missing.map(|(ours, theirs)| Warning::MappingUnused { ours: ours.to_owned(), theirs: theirs.to_owned() }).collect()
+}
