@@ -24,6 +24,12 @@ pub enum WorldError {
         /// Which quantity, on which body.
         what: String,
     },
+    /// A set-up that cannot be simulated: a site that does not exist, a time step that does not fit.
+    #[error("cannot simulate this: {what}")]
+    Setup {
+        /// What does not fit.
+        what: String,
+    },
     /// A point that is not in its space.
     #[error(transparent)]
     Space(#[from] SpaceError),

@@ -229,4 +229,31 @@ impl Joint {
             actuator: Actuator::Passive,
         }
     }
+
+    /// Unit of its position: rad, or m for slides.
+    pub fn position_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "m" } else { "rad" }
+    }
+
+    /// Unit of its velocity: rad/s, or m/s for slides.
+    pub fn velocity_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "m/s" } else { "rad/s" }
+    }
+
+    /// Unit of its torque: N·m, or N for slides.
+    pub fn torque_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "N" } else { "N·m" }
+    }
+
+    /// Unit of the command that its actuator takes.
+    pub fn command_unit(&self) -> &'static str {
+        match self.actuator {
+            Actuator::Torque { .. } => self.torque_unit(),
+            Actuator::Voltage { servo: None, .. } => "V",
+            Actuator::Passive
+            | Actuator::Position { .. }
+            | Actuator::Voltage { servo: Some(_), .. }
+            | Actuator::Prescribed => self.position_unit(),
+        }
+    }
 }

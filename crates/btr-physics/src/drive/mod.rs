@@ -1,9 +1,22 @@
 //! Drives: what the joints are told, over time.
 
-pub mod cart_table;
-pub mod nao_walk;
-pub mod posture;
-pub mod reference;
+mod cart_table;
+mod nao_kick;
+mod nao_walk;
+mod posture;
+mod reference;
+mod replay;
+mod sine;
+mod zmp_motion;
+
+pub use cart_table::com_for_zmp;
+pub use nao_kick::NaoKick;
+pub use nao_walk::NaoWalk;
+pub use posture::{Posture, Stance};
+pub use reference::References;
+pub use replay::Replay;
+pub use sine::Sine;
+pub use zmp_motion::MotionError;
 
 /// A source of joint references.
 pub trait Drive: Send + Sync {

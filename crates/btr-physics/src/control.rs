@@ -1,0 +1,159 @@
+//! From the drive's references to what acts on every joint: commands, effects on them, motors, effects on those.
+
+use crate::assemble;
+use crate::drive::Drive;
+use crate::effect::{Effect, Placed};
+use crate::engine::{Affine, Dof, Dynamics};
+use crate::motor::{JointState, Motor};
+use crate::robot::Robot;
+use crate::sim::Setup;
+use btr_core::world::WorldError;
+
+/// The controller's side of a run.
+pub(crate) struct Control<'a> {
+    reference: Reference<'a>,
+    joints: Vec<JointControl>,
+    dt_s: f64,
+}
+
+/// The drive's references around the present.
+struct Reference<'a> {
+    drive: &'a dyn Drive,
+    control_s: f64,
+    /// Number of the last reference; `usize::MAX` before the first.
+    tick: usize,
+    last: Vec<f64>,
+    next: Vec<f64>,
+}
+
+/// One joint: its motor, what acts on it always, and the effects on it.
+struct JointControl {
+    motor: Motor,
+    passive: Dof,
+    stations: Vec<Station>,
+    /// Whether it is led from one reference to the next.
+    led: bool,
+    /// What it was told last, before any effect.
+    command: f64,
+    /// The motor's torque during the last step.
+    acting: Affine,
+}
+
+/// An effect on one joint with its memory.
+struct Station {
+    effect: &'static dyn Effect,
+    values: Vec<f64>,
+    memory: Vec<f64>,
+}
+
+impl<'a> Control<'a> {
+    /// Allocates everything that the run needs.
+    pub(crate) fn new(
+        robot: &Robot,
+        effects: &[Placed],
+        setup: &Setup,
+        drive: &'a dyn Drive,
+    ) -> Result<Self, WorldError> {
+        let carried = assemble::carried_inertia(robot, &assemble::bodies(robot));
+        let mut joints: Vec<JointControl> = robot
+            .movable()
+            .zip(carried)
+            .map(|((_, link), carried)| {
+                let motor = Motor::new(&link.joint.actuator, carried, setup.dt_s);
+                let led = setup.interpolate || motor.is_prescribed();
+                let torque = Affine { damping: link.joint.damping, ..Affine::default() };
+                let (dry_friction, armature) = (link.joint.dry_friction, link.joint.armature);
+                let passive = Dof { torque, dry_friction, armature };
+                JointControl { motor, passive, stations: Vec::new(), led, command: f64::NAN, acting: Affine::default() }
+            })
+            .collect();
+        for placed in effects {
+            for joint in placed.joints(robot)? {
+                joints[joint].place(placed, setup.dt_s);
+            }
+        }
+        Ok(Control { reference: Reference::new(drive, setup.control_s, joints.len()), joints, dt_s: setup.dt_s })
+    }
+
+    /// Takes in the references that are valid at `time_s`.
+    pub(crate) fn listen(&mut self, time_s: f64) {
+        self.reference.advance(time_s);
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            joint.command = if joint.led { self.reference.led(i, time_s) } else { self.reference.last[i] };
+        }
+    }
+
+    /// Sets what acts on the joints during the step that begins at `time_s`.
+    pub(crate) fn act(&mut self, time_s: f64, engine: &mut dyn Dynamics) {
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            let (q, dq) = (engine.positions()[i], engine.velocities()[i]);
+            // A prescribed joint shall be at its reference when the step ends.
+            let end_s = time_s + self.dt_s;
+            let command = if joint.motor.is_prescribed() { self.reference.led(i, end_s) } else { joint.command };
+            let dof = joint.act(JointState { time_s, dt_s: self.dt_s, q, dq, command });
+            engine.set_joint(i, &dof);
+        }
+    }
+
+    /// What joint `i` was told, before any effect; NaN when it is not driven.
+    pub(crate) fn command(&self, i: usize) -> f64 {
+        self.joints[i].command
+    }
+
+    /// The torque of joint `i`'s motor in the state that the last step led to.
+    pub(crate) fn torque(&self, i: usize, q: f64, dq: f64) -> f64 {
+        self.joints[i].acting.at(q, dq)
+    }
+}
+
+impl<'a> Reference<'a> {
+    fn new(drive: &'a dyn Drive, control_s: f64, joints: usize) -> Self {
+        let undriven = vec![f64::NAN; joints];
+        Reference { drive, control_s, tick: usize::MAX, last: undriven.clone(), next: undriven }
+    }
+
+    /// Asks the drive when another reference is due.
+    fn advance(&mut self, time_s: f64) {
+        // The share of a tick absorbs rounding: a step's time is a multiple of dt, a reference's one of control_s.
+        let tick = (time_s / self.control_s + 1e-6).floor() as usize;
+        if tick == self.tick {
+            return;
+        }
+        if self.tick.checked_add(1) == Some(tick) {
+            std::mem::swap(&mut self.last, &mut self.next);
+        } else {
+            self.drive.command(tick as f64 * self.control_s, &mut self.last);
+        }
+        self.drive.command((tick + 1) as f64 * self.control_s, &mut self.next);
+        self.tick = tick;
+    }
+
+    /// The reference of joint `i` on the line from the last to the next one.
+    fn led(&self, i: usize, time_s: f64) -> f64 {
+        let share = time_s / self.control_s - self.tick as f64;
+        self.last[i] + share * (self.next[i] - self.last[i])
+    }
+}
+
+impl JointControl {
+    fn place(&mut self, placed: &Placed, dt_s: f64) {
+        placed.effect.joint(&placed.values, &mut self.passive);
+        let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
+        self.stations.push(Station { effect: placed.effect, values: placed.values.clone(), memory });
+    }
+
+    fn act(&mut self, mut state: JointState) -> Dof {
+        for station in &mut self.stations {
+            state.command = station.effect.command(&station.values, &mut station.memory, &state);
+        }
+        let mut motor = self.motor.torque(&state);
+        let mut dof = self.passive;
+        for station in &mut self.stations {
+            station.effect.motor(&station.values, &mut station.memory, &mut motor, &state);
+            station.effect.torque(&station.values, &mut station.memory, &mut dof, &state);
+        }
+        self.acting = motor.saturated(&state);
+        dof.torque.add(&self.acting);
+        dof
+    }
+}

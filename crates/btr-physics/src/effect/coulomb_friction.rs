@@ -1,0 +1,25 @@
+//! Coulomb friction: a constant torque against the motion, and up to that torque at rest.
+
+use super::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+
+pub(super) struct CoulombFriction;
+
+static CARD: Card = Card {
+    name: "coulomb_friction",
+    law: "-torque·sign(dq); holds at rest",
+    site: SiteKind::Joint,
+    cite: "Coulomb, Théorie des machines simples, 1785",
+    tell: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
+    params: &[Param { name: "torque", unit: "N·m", bounds: (0.0, 5.0), off: 0.0, hint: 0.1 }],
+};
+
+impl Effect for CoulombFriction {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn joint(&self, p: &[f64], dof: &mut Dof) {
+        dof.dry_friction += p[0];
+    }
+}

@@ -1,0 +1,165 @@
+//! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its own
+//! that tells everything about it.
+
+use crate::engine::Dof;
+use crate::motor::{JointState, MotorTorque};
+use crate::robot::Robot;
+use crate::sim::{Ground, setup_error};
+use crate::site::matches;
+use btr_core::world::WorldError;
+use std::fmt;
+
+/// Where an effect can sit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SiteKind {
+    /// On joints.
+    Joint,
+    /// On links; `base` means the root.
+    Link,
+    /// On the floor; its site is always `*`.
+    Ground,
+}
+
+/// A parameter of an effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Param {
+    /// Unique in its effect.
+    pub name: &'static str,
+    /// SI unit as text.
+    pub unit: &'static str,
+    /// Smallest and largest sensible value.
+    pub bounds: (f64, f64),
+    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands.
+    pub off: f64,
+    /// A typical value, to start a search from.
+    pub hint: f64,
+}
+
+/// What an effect says about itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Card {
+    /// Its name everywhere.
+    pub name: &'static str,
+    /// The law in a line.
+    pub law: &'static str,
+    /// Where it sits.
+    pub site: SiteKind,
+    /// Where the law is from.
+    pub cite: &'static str,
+    /// How it shows in the error of a model that lacks it.
+    pub tell: &'static str,
+    /// Its parameters, in the order of [`Placed::values`].
+    pub params: &'static [Param],
+}
+
+/// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values
+/// of its parameters, `memory` is its own, zero at the start of a run.
+pub trait Effect: Sync {
+    /// What it says about itself.
+    fn card(&self) -> &'static Card;
+    /// Changes a link before the world is built.
+    fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
+    /// Changes the floor before the world is built.
+    fn contact(&self, _p: &[f64], _ground: &mut Ground) {}
+    /// Adds to what always acts on a joint.
+    fn joint(&self, _p: &[f64], _dof: &mut Dof) {}
+    /// How many numbers it remembers for each joint, when the step is `dt_s` long.
+    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
+        0
+    }
+    /// The command that reaches the motor in the coming step.
+    fn command(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> f64 {
+        state.command
+    }
+    /// Changes the motor's torque of the coming step.
+    fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointState) {}
+    /// Adds to what acts on the joint in the coming step.
+    fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointState) {}
+}
+
+impl fmt::Debug for dyn Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.card().name)
+    }
+}
+
+/// Declares the effects' files and lists them.
+macro_rules! effects {
+    ($($file:ident::$effect:ident),* $(,)?) => {
+        $(mod $file;)*
+        /// Every effect there is.
+        pub static EFFECTS: &[&dyn Effect] = &[$(&$file::$effect),*];
+    };
+}
+
+effects! {
+    coulomb_friction::CoulombFriction,
+    viscous_friction::ViscousFriction,
+    armature::Armature,
+    torque_limit::TorqueLimit,
+    command_delay::CommandDelay,
+    payload::Payload,
+    ground_friction::GroundFriction,
+}
+
+/// The effect of that name.
+pub fn find(name: &str) -> Option<&'static dyn Effect> {
+    EFFECTS.iter().copied().find(|effect| effect.card().name == name)
+}
+
+/// An effect somewhere, with values for its parameters.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// Which effect.
+    pub effect: &'static dyn Effect,
+    /// Names of joints or links, as [`matches`] reads them.
+    pub site: String,
+    /// One value per parameter of its card.
+    pub values: Vec<f64>,
+}
+
+impl Placed {
+    /// The effect at a site, switched off.
+    pub fn off(effect: &'static dyn Effect, site: impl Into<String>) -> Self {
+        Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.off).collect() }
+    }
+
+    /// The effect at a site with typical values.
+    pub fn hinted(effect: &'static dyn Effect, site: impl Into<String>) -> Self {
+        Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.hint).collect() }
+    }
+
+    /// Whether there is one value for each parameter.
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        let card = self.effect.card();
+        if self.values.len() == card.params.len() {
+            return Ok(());
+        }
+        let (name, wanted, got) = (card.name, card.params.len(), self.values.len());
+        Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")))
+    }
+
+    /// The movable joints that it sits on, as indices among them; none for effects that sit elsewhere.
+    pub(crate) fn joints(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
+        if self.effect.card().site != SiteKind::Joint {
+            return Ok(Vec::new());
+        }
+        let names = robot.movable().map(|(_, link)| link.joint.name.as_str());
+        self.found(names.enumerate().filter(|(_, name)| matches(&self.site, name)).map(|(i, _)| i).collect())
+    }
+
+    /// The links that it sits on.
+    pub(crate) fn links(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
+        let is_meant = |i: usize, name: &str| matches(&self.site, name) || (i == 0 && self.site == "base");
+        let links = robot.links.iter().enumerate();
+        self.found(links.filter(|(i, link)| is_meant(*i, &link.name)).map(|(i, _)| i).collect())
+    }
+
+    fn found(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
+        if sites.is_empty() {
+            let name = self.effect.card().name;
+            return Err(setup_error(format!("effect `{name}`: the robot has nothing called `{}`", self.site)));
+        }
+        Ok(sites)
+    }
+}

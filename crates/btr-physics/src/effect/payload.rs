@@ -1,0 +1,25 @@
+//! Something heavy on a link.
+
+use super::{Card, Effect, Param, SiteKind};
+use crate::robot::Robot;
+
+pub(super) struct Payload;
+
+static CARD: Card = Card {
+    name: "payload",
+    law: "a point mass at the link's centre of mass",
+    site: SiteKind::Link,
+    cite: "Newton",
+    tell: "static errors that follow the posture, on this joint and on all that carry it",
+    params: &[Param { name: "mass", unit: "kg", bounds: (0.0, 5.0), off: 0.0, hint: 0.1 }],
+};
+
+impl Effect for Payload {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
+        robot.links[link].mass_kg += p[0];
+    }
+}

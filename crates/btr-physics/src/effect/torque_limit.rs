@@ -1,0 +1,25 @@
+//! A motor that gives no more than so much torque.
+
+use super::{Card, Effect, Param, SiteKind};
+use crate::motor::{JointState, MotorTorque};
+
+pub(super) struct TorqueLimit;
+
+static CARD: Card = Card {
+    name: "torque_limit",
+    law: "the motor's torque is clamped to ±torque",
+    site: SiteKind::Joint,
+    cite: "saturation, as in any servo's data sheet",
+    tell: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
+    params: &[Param { name: "torque", unit: "N·m", bounds: (0.01, 100.0), off: f64::INFINITY, hint: 1.0 }],
+};
+
+impl Effect for TorqueLimit {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
+        motor.limit = motor.limit.min(p[0]);
+    }
+}

@@ -1,0 +1,78 @@
+//! What the simulation loop asks of a physics engine, whichever it is.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// A joint torque that depends linearly on the joint's state: tau = constant − stiffness·q − damping·dq.
+///
+/// Engines integrate it implicitly, so stiff servos stay stable; sums of such torques are such torques again.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Affine {
+    /// N·m (N for slides).
+    pub constant: f64,
+    /// N·m/rad (N/m).
+    pub stiffness: f64,
+    /// N·m·s/rad (N·s/m).
+    pub damping: f64,
+}
+
+impl Affine {
+    /// A torque that depends on nothing, in N·m (N).
+    pub fn constant(torque: f64) -> Self {
+        Affine { constant: torque, ..Affine::default() }
+    }
+
+    /// The torque in the state (q, dq).
+    pub fn at(&self, q: f64, dq: f64) -> f64 {
+        self.constant - self.stiffness * q - self.damping * dq
+    }
+
+    /// Adds another such torque.
+    pub fn add(&mut self, other: &Affine) {
+        self.constant += other.constant;
+        self.stiffness += other.stiffness;
+        self.damping += other.damping;
+    }
+}
+
+/// Everything that acts on one joint from the inside during one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dof {
+    /// Motor, springs, viscous friction.
+    pub torque: Affine,
+    /// Coulomb friction that holds at rest, in N·m (N).
+    pub dry_friction: f64,
+    /// Rotor inertia seen at the joint, in kg·m² (kg).
+    pub armature: f64,
+}
+
+/// Where the root's frame is and how it moves, in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseState {
+    /// Pose of the root link's frame.
+    pub pose: Isometry3<f64>,
+    /// Velocity of that frame's origin in m/s.
+    pub velocity_m_s: Vector3<f64>,
+    /// Angular velocity in rad/s.
+    pub angular_rad_s: Vector3<f64>,
+}
+
+/// A robot in its world, advanced step by step. Joints are counted in the order of
+/// [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
+pub trait Dynamics {
+    /// Joint positions in rad (m).
+    fn positions(&self) -> &[f64];
+    /// Joint velocities in rad/s (m/s).
+    fn velocities(&self) -> &[f64];
+    /// Sets what acts on a joint from now on.
+    fn set_joint(&mut self, joint: usize, dof: &Dof);
+    /// Advances by the setup's `dt_s`.
+    fn step(&mut self);
+    /// The root.
+    fn base(&self) -> BaseState;
+    /// Sum of the normal forces on a foot during the last step, in N.
+    fn foot_force_n(&self, foot: usize) -> f64;
+    /// Centre of the ball, if there is one.
+    fn ball(&self) -> Option<Point3<f64>>;
+    /// What is wrong with the state (not finite, absurdly fast), if anything.
+    fn trouble(&self) -> Option<String>;
+}

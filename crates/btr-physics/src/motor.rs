@@ -1,0 +1,112 @@
+//! Actuators: from a command to a joint torque that the engine can integrate implicitly.
+
+use crate::engine::Affine;
+use crate::robot::{Actuator, DutyLoop};
+
+/// What a joint is doing at the beginning of a step, and what it is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointState {
+    /// Simulated time in s.
+    pub time_s: f64,
+    /// Length of the step in s.
+    pub dt_s: f64,
+    /// Position in rad (m).
+    pub q: f64,
+    /// Velocity in rad/s (m/s).
+    pub dq: f64,
+    /// The command that reaches the motor; NaN when it is switched off.
+    pub command: f64,
+}
+
+/// A motor's torque before saturation, and its bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorTorque {
+    /// What it would do without a bound.
+    pub wanted: Affine,
+    /// Largest torque in either direction, in N·m (N); infinite when unbounded.
+    pub limit: f64,
+}
+
+impl MotorTorque {
+    const OFF: MotorTorque =
+        MotorTorque { wanted: Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 }, limit: f64::INFINITY };
+
+    /// The torque for the coming step: constant at the bound if the wanted one would exceed it at the step's end, as far
+    /// as the present velocity tells.
+    pub fn saturated(&self, state: &JointState) -> Affine {
+        let expected = self.wanted.at(state.q + state.dt_s * state.dq, state.dq);
+        if expected.abs() > self.limit { Affine::constant(self.limit.copysign(expected)) } else { self.wanted }
+    }
+}
+
+/// An actuator with its memory.
+#[derive(Clone, Debug)]
+pub(crate) struct Motor {
+    actuator: Actuator,
+    /// ∫(cmd − q)dt so far, in rad·s.
+    integral: f64,
+    /// Stiffness with which a prescribed joint is held, in N·m/rad.
+    hold: f64,
+}
+
+/// How much stiffer than inertia/dt² a prescribed joint is held: it lags by this fraction of one step's motion.
+const HOLD: f64 = 1e4;
+
+impl Motor {
+    /// `carried_inertia` is what the joint moves, in kg·m² (kg); only prescribed joints use it.
+    ///
+    /// A prescribed joint is pulled by an implicit spring far stiffer than its inertia, rather than moved kinematically: so
+    /// its acceleration acts on the other links, and the spring's force is the torque that the motion needs.
+    pub(crate) fn new(actuator: &Actuator, carried_inertia: f64, dt_s: f64) -> Self {
+        let hold = HOLD * carried_inertia.max(f64::MIN_POSITIVE) / (dt_s * dt_s);
+        Motor { actuator: actuator.clone(), integral: 0.0, hold }
+    }
+
+    /// Whether the command is the joint's position itself.
+    pub(crate) fn is_prescribed(&self) -> bool {
+        self.actuator == Actuator::Prescribed
+    }
+
+    /// The torque for the coming step. A NaN command switches the motor off (no current, no back-EMF) and clears its
+    /// integral.
+    pub(crate) fn torque(&mut self, state: &JointState) -> MotorTorque {
+        let command = state.command;
+        if command.is_nan() {
+            self.integral = 0.0;
+            return MotorTorque::OFF;
+        }
+        match self.actuator {
+            Actuator::Passive => MotorTorque::OFF,
+            Actuator::Position { kp, ki, kd, max_torque } => {
+                self.integral += (command - state.q) * state.dt_s;
+                let constant = kp * command + ki * self.integral;
+                MotorTorque { wanted: Affine { constant, stiffness: kp, damping: kd }, limit: max_torque }
+            }
+            Actuator::Torque { max_torque } => MotorTorque { wanted: Affine::constant(command), limit: max_torque },
+            Actuator::Voltage { kt, resistance, ref servo } => {
+                let mut wanted = match servo {
+                    Some(servo) => duty_voltage(servo, state),
+                    None => Affine::constant(command),
+                };
+                wanted.constant *= kt / resistance;
+                wanted.stiffness *= kt / resistance;
+                wanted.damping += kt * kt / resistance;
+                MotorTorque { wanted, limit: f64::INFINITY }
+            }
+            Actuator::Prescribed => {
+                let wanted = Affine { constant: self.hold * command, stiffness: self.hold, damping: 0.0 };
+                MotorTorque { wanted, limit: f64::INFINITY }
+            }
+        }
+    }
+}
+
+/// The voltage that a duty loop sets, as a function of q.
+fn duty_voltage(servo: &DutyLoop, state: &JointState) -> Affine {
+    let duty = servo.gain * (state.command - state.q - state.dt_s * state.dq);
+    if duty.abs() > servo.max_duty {
+        return Affine::constant(servo.supply * servo.max_duty.copysign(duty));
+    }
+    let stiffness = servo.supply * servo.gain;
+    Affine { constant: stiffness * state.command, stiffness, damping: 0.0 }
+}

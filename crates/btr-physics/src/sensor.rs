@@ -1,0 +1,41 @@
+//! Sensors that err: white noise and a quantum on the readings.
+
+use btr_core::random::Rng;
+use rand::RngExt;
+
+/// Standard deviations of the sensors' noise, by kind; all zero by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// Of joint positions, in rad (m).
+    pub position: f64,
+    /// Of joint velocities, in rad/s (m/s).
+    pub velocity: f64,
+    /// Of motor torques, in N·m (N).
+    pub torque: f64,
+    /// Of the gyroscope, in rad/s.
+    pub gyro_rad_s: f64,
+    /// Of the accelerometer, in m/s².
+    pub accelerometer_m_s2: f64,
+    /// Of foot forces, in N.
+    pub foot_n: f64,
+    /// Step of the joint encoders, in rad (m); 0 for none. Positions are rounded to it after the noise.
+    pub position_quantum: f64,
+}
+
+/// Adds noise of this standard deviation, then rounds to multiples of `quantum` where that is positive.
+pub(crate) fn disturb(values: &mut [f64], deviation: f64, quantum: f64, rng: &mut Rng) {
+    for value in values {
+        if deviation > 0.0 {
+            *value += deviation * gaussian(rng);
+        }
+        if quantum > 0.0 {
+            *value = (*value / quantum).round() * quantum;
+        }
+    }
+}
+
+/// A standard normal number (Box and Muller 1958).
+fn gaussian(rng: &mut Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}

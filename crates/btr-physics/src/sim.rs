@@ -1,0 +1,199 @@
+//! The simulation loop: a robot, what is put into its world, a drive; out comes a log.
+
+use crate::control::Control;
+use crate::drive::Drive;
+use crate::effect::{Placed, SiteKind};
+use crate::engine::Dynamics;
+use crate::rapier::Rapier;
+use crate::record::Recorder;
+use crate::robot::Robot;
+use crate::sensor::Noise;
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use nalgebra::{Point3, Vector3};
+use std::borrow::Cow;
+
+/// The floor: the plane z = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Coulomb coefficient against everything that touches it.
+    pub friction: f64,
+}
+
+/// A ball to be kicked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    /// m.
+    pub radius_m: f64,
+    /// kg.
+    pub mass_kg: f64,
+    /// Centre at the start, in the world.
+    pub start_m: Point3<f64>,
+    /// Coulomb coefficient; averaged with that of what it touches.
+    pub friction: f64,
+    /// Speed kept in a central impact; averaged with that of what it touches, which is 0.
+    pub restitution: f64,
+    /// Rate at which its spin decays, in 1/s.
+    pub rolling_damping_per_s: f64,
+}
+
+/// Which sensors are logged. Commands and joint positions always are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensors {
+    /// `dq_<joint>`.
+    pub velocities: bool,
+    /// `tau_<joint>`: the motors' torques.
+    pub torques: bool,
+    /// `imu_gyro_{x,y,z}` and `imu_acc_{x,y,z}` at the root's frame, in its axes.
+    pub imu: bool,
+    /// `foot_<link>`: normal forces.
+    pub feet: bool,
+}
+
+/// Everything about a run but the robot and its drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Length of a physics step, in s.
+    pub dt_s: f64,
+    /// Solver steps in each, for accuracy; forces are held over them.
+    pub substeps: usize,
+    /// Simulated time, in s.
+    pub duration_s: f64,
+    /// Time between two references of the drive, in s.
+    pub control_s: f64,
+    /// Whether joints are led linearly from one reference to the next; held otherwise. Prescribed joints are always led.
+    pub interpolate: bool,
+    /// Time between two samples of the log, in s: a multiple of `dt_s`, and `dt_s` itself when absent.
+    pub sample_s: Option<f64>,
+    /// What is logged.
+    pub sensors: Sensors,
+    /// The floor, if any.
+    pub ground: Option<Ground>,
+    /// A ball, if any.
+    pub ball: Option<Ball>,
+    /// Errors of the sensors; applied only when a run is given a noise seed.
+    pub noise: Noise,
+    /// In the world's axes, in m/s².
+    pub gravity_m_s2: Vector3<f64>,
+    /// Joint velocities at the start, in the order of the movable joints; at rest where absent.
+    pub start_velocities: Vec<f64>,
+}
+
+impl Default for Setup {
+    /// Two seconds at 1 ms on a floor, references every 55 ms as in the paper.
+    fn default() -> Self {
+        Setup {
+            dt_s: 0.001,
+            substeps: 1,
+            duration_s: 2.0,
+            control_s: 0.055,
+            interpolate: false,
+            sample_s: None,
+            sensors: Sensors { velocities: true, torques: true, imu: false, feet: true },
+            ground: Some(Ground { friction: 0.8 }),
+            ball: None,
+            noise: Noise::default(),
+            gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),
+            start_velocities: Vec::new(),
+        }
+    }
+}
+
+impl Setup {
+    /// Samples of the log and physics steps from one to the next.
+    fn samples(&self) -> Result<(usize, usize), WorldError> {
+        let positive = [self.dt_s, self.duration_s, self.control_s].iter().all(|&t| t > 0.0 && t.is_finite());
+        if !positive || self.substeps == 0 {
+            return Err(setup_error(format!(
+                "dt_s = {}, duration_s = {}, control_s = {} and substeps = {} must be positive",
+                self.dt_s, self.duration_s, self.control_s, self.substeps
+            )));
+        }
+        let ratio = self.sample_s.map_or(1.0, |sample| sample / self.dt_s);
+        let every = ratio.round();
+        if !(every >= 1.0 && (ratio - every).abs() < 1e-6 * every) {
+            return Err(setup_error(format!("sample_s must be a multiple of dt_s, not {ratio} times it")));
+        }
+        let samples = (self.duration_s / (self.dt_s * every) + 1e-9).floor() as usize;
+        if samples == 0 {
+            return Err(setup_error(format!("duration_s = {} is shorter than one sample", self.duration_s)));
+        }
+        Ok((samples + 1, every as usize))
+    }
+}
+
+pub(crate) fn setup_error(what: String) -> WorldError {
+    WorldError::Setup { what }
+}
+
+/// Runs `drive` on `robot` with `effects` and logs what happens, from the start state on.
+///
+/// The first sample is the start state; torques there are those of the first command, foot forces and accelerations those
+/// of the first step. The same arguments give the same bits, on any thread.
+///
+/// # Errors
+/// [`WorldError::Setup`] for sites that match nothing and times that do not fit; [`WorldError::BlewUp`] when the state stops
+/// being finite or moves absurdly fast.
+pub fn simulate(
+    robot: &Robot,
+    effects: &[Placed],
+    setup: &Setup,
+    drive: &dyn Drive,
+    noise_seed: Option<u64>,
+) -> Result<Log, WorldError> {
+    let (samples, every) = setup.samples()?;
+    let (robot, setup) = planted(robot, effects, setup)?;
+    let mut engine = Rapier::new(&robot, &setup);
+    let mut control = Control::new(&robot, effects, &setup, drive)?;
+    let mut recorder = Recorder::new(&robot, &setup, samples);
+    for step in 0..=(samples - 1) * every {
+        let time_s = step as f64 * setup.dt_s;
+        if step > 0 {
+            control.act(time_s - setup.dt_s, &mut engine);
+            recorder.before_step(&engine);
+            engine.step();
+            check(&engine, time_s)?;
+        }
+        control.listen(time_s);
+        if step == 1 {
+            recorder.forces(&engine, &control);
+        }
+        if step % every == 0 {
+            recorder.state(&engine, &control);
+            if step > 0 {
+                recorder.forces(&engine, &control);
+            }
+        }
+    }
+    recorder.finish(setup.dt_s * every as f64, noise_seed)
+}
+
+/// The robot and the setup after the effects that act on them before the run.
+fn planted<'a>(
+    robot: &'a Robot,
+    effects: &[Placed],
+    setup: &'a Setup,
+) -> Result<(Cow<'a, Robot>, Cow<'a, Setup>), WorldError> {
+    let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
+    for placed in effects {
+        placed.check()?;
+        match placed.effect.card().site {
+            SiteKind::Joint => {}
+            SiteKind::Link => {
+                for link in placed.links(&robot)? {
+                    placed.effect.link(&placed.values, robot.to_mut(), link);
+                }
+            }
+            SiteKind::Ground => {
+                if let Some(ground) = &mut setup.to_mut().ground {
+                    placed.effect.contact(&placed.values, ground);
+                }
+            }
+        }
+    }
+    Ok((robot, setup))
+}
+
+fn check(engine: &Rapier, time_s: f64) -> Result<(), WorldError> {
+    engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
+}
