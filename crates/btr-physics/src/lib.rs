@@ -26,5 +26,6 @@ pub mod run;
 pub mod sensor;
 pub mod sim;
 pub mod site;
+mod stretch;
 pub mod task;
 pub mod urdf;

@@ -6,7 +6,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// How the root is held.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Base {
     /// Bolted to the world.

@@ -5,6 +5,7 @@ use crate::experiment::{Experiment, FileError};
 use crate::io;
 use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step};
 use btr_core::distance::Distance;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint: name and version of the format.
@@ -29,14 +30,24 @@ pub enum RunError {
     #[error("the experiment is not the one that {} was begun with", .0.display())]
     OtherExperiment(PathBuf),
     /// A checkpoint of another version, or a damaged one.
-    #[error("{} is not a checkpoint of this version: {1}", .0.display())]
-    Checkpoint(PathBuf, String),
+    #[error("{} is not a checkpoint of this version: {why}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A real test that was done and is gone.
     #[error("{0}")]
     LostTest(String),
     /// The disk refused.
-    #[error("{}: {1}", .0.display())]
-    Io(PathBuf, std::io::Error),
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
 }
 
 impl RunError {
@@ -50,9 +61,9 @@ impl RunError {
                 "resume with the file, --set and --seed that {} shows, or choose another --out",
                 path.join("experiment.toml").display()
             )),
-            RunError::Checkpoint(..) => Some("choose another --out; the real tests in transfers/ are untouched".to_owned()),
+            RunError::Checkpoint { .. } => Some("choose another --out; the real tests in transfers/ are untouched".to_owned()),
             RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
-            RunError::Plan(_) | RunError::Io(..) => None,
+            RunError::Plan(_) | RunError::Io { .. } => None,
         }
     }
 }
@@ -92,7 +103,7 @@ impl Run {
         if stamp != experiment.stamp() {
             return Err(RunError::OtherExperiment(folder.to_owned()));
         }
-        let damaged = |why: &str| RunError::Checkpoint(path.clone(), why.to_owned());
+        let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
         let state: State = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
         let mut state = Coevolution::resumed(plan, state);
@@ -145,13 +156,13 @@ impl Run {
         let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         written
             .and_then(|()| io::write_whole(&path, |file| file.write_all(bytes)))
-            .map_err(|e| RunError::Io(path.clone(), e))?;
+            .map_err(|source| RunError::Io { path: path.clone(), source })?;
         Ok(path)
     }
 
     fn checkpoint(&self) -> Result<(), RunError> {
         let body = postcard::to_allocvec(self.state.state())
-            .map_err(|e| RunError::Checkpoint(checkpoint_path(&self.folder), e.to_string()))?;
+            .map_err(|e| RunError::Checkpoint { path: checkpoint_path(&self.folder), why: e.to_string() })?;
         self.write("checkpoint.bin", &[MAGIC.as_slice(), &body].concat()).map(|_| ())
     }
 }

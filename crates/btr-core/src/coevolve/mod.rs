@@ -19,4 +19,4 @@ pub use evaluate::{Cost, phi};
 pub use history::{Generation, History, Iteration, Side, StopReason};
 pub use ledger::{Entry, Ledger, Verdict};
 pub use plan::{DisengagementRule, Initial, Memory, Method, Plan, Rule, SearchPhase, Transfer};
-pub use run::{Coevolution, On, PlanError, Step};
+pub use run::{Coevolution, On, PlanError, State, Step};

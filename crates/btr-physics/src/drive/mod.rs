@@ -1,19 +1,26 @@
 //! Drives: what the joints are told, over time.
 
-pub mod cart_table;
+mod cart_table;
 mod hold;
-pub mod nao_walk;
+mod nao_kick;
+mod nao_walk;
 mod plan;
-pub mod posture;
-pub mod reference;
+mod posture;
+mod reference;
 mod replay;
 mod sine;
+mod zmp_motion;
 
+pub use cart_table::com_for_zmp;
 pub use hold::Hold;
+pub use nao_kick::NaoKick;
 pub use nao_walk::NaoWalk;
 pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};
+pub use posture::{Posture, Stance};
+pub use reference::References;
 pub use replay::Replay;
 pub use sine::Sine;
+pub use zmp_motion::MotionError;
 
 use crate::robot::Robot;
 

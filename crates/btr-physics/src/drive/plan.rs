@@ -1,6 +1,6 @@
 //! Drives by name, and which of their numbers are searched.
 
-use super::{Drive, Hold, NaoWalk, Replay, Sine, nao_walk};
+use super::{Drive, Hold, NaoKick, NaoWalk, Replay, Sine};
 use crate::robot::Robot;
 use btr_core::space::{Dim, Space, SpaceError};
 use btr_core::world::WorldError;
@@ -47,8 +47,8 @@ impl DriveKind {
         Ok(match self {
             DriveKind::Hold | DriveKind::Replay(_) => Vec::new(),
             DriveKind::Sine { .. } => sine_dims(robot),
-            DriveKind::NaoWalk => nao_walk::space()?.dims().to_vec(),
-            DriveKind::NaoKick => nao_kick::space()?.dims().to_vec(),
+            DriveKind::NaoWalk => NaoWalk::space()?.dims().to_vec(),
+            DriveKind::NaoKick => NaoKick::space()?.dims().to_vec(),
         })
     }
 
@@ -65,7 +65,7 @@ impl DriveKind {
                 Box::new(NaoWalk::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
             }
             DriveKind::NaoKick => {
-                Box::new(NaoKick::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
+                Box::new(NaoKick::new(robot, values).map_err(|e| refused(e.to_string()))?)
             }
             DriveKind::Replay(replay) => Box::new(replay.clone()),
         })

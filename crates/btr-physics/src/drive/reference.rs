@@ -2,30 +2,57 @@
 
 use super::Drive;
 use crate::nao::CONTROL_S;
-use crate::robot::Robot;
+use crate::robot::{JointKind, Robot};
 use nalgebra::Isometry3;
 
 /// A motion worked out beforehand: all joints every 55 ms, straight lines between, held at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct References {
     joints: usize,
+    /// One row of joints per reference.
     values: Vec<f64>,
-    start: Isometry3<f64>,
+    start_root: Isometry3<f64>,
+    start_q: Vec<f64>,
+    reached: bool,
 }
 
 impl References {
-    /// A motion of `joints` joints that starts with the root at `start`; `values` holds one row of joints per 55 ms.
-    pub(super) fn new(joints: usize, values: Vec<f64>, start: Isometry3<f64>) -> Self {
-        References { joints, values, start }
+    /// No reference yet, for `joints` joints that start at 0.
+    pub(super) fn new(joints: usize) -> Self {
+        let (start_root, start_q) = (Isometry3::identity(), vec![0.0; joints]);
+        References { joints, values: Vec::new(), start_root, start_q, reached: true }
     }
 
-    /// Puts the robot where the motion begins: root pose and joint angles at the start.
+    /// Sets the state in which the motion begins.
+    pub(super) fn begin(&mut self, root: Isometry3<f64>, q: &[f64]) {
+        self.start_root = root;
+        self.start_q.copy_from_slice(q);
+    }
+
+    /// Appends a reference; `reached` tells whether it is what was wanted.
+    pub(super) fn push(&mut self, q: &[f64], reached: bool) {
+        self.values.extend_from_slice(q);
+        self.reached &= reached;
+    }
+
+    /// The reference that was appended last.
+    pub(super) fn last_mut(&mut self) -> &mut [f64] {
+        let from = self.values.len().saturating_sub(self.joints);
+        &mut self.values[from..]
+    }
+
+    /// Puts the robot where the motion begins: its root's pose and its joints' angles at the start.
     pub fn place(&self, robot: &mut Robot) {
-        robot.start = self.start;
-        let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != crate::robot::JointKind::Fixed);
-        for (link, &angle) in moving.zip(&self.values) {
+        robot.start = self.start_root;
+        let movable = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
+        for (link, &angle) in movable.zip(&self.start_q) {
             link.joint.start = angle;
         }
+    }
+
+    /// False when some reference is out of the legs' reach, so that they only come close.
+    pub fn reached(&self) -> bool {
+        self.reached
     }
 
     fn row(&self, index: usize) -> &[f64] {

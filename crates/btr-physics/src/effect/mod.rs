@@ -139,6 +139,18 @@ impl Placed {
         Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")))
     }
 
+    /// Checks that there is something at its site.
+    ///
+    /// # Errors
+    /// [`WorldError::Setup`] when the robot has nothing of that name.
+    pub fn check_site(&self, robot: &Robot) -> Result<(), WorldError> {
+        match self.effect.card().site {
+            SiteKind::Joint => self.joints(robot).map(|_| ()),
+            SiteKind::Link => self.links(robot).map(|_| ()),
+            SiteKind::Ground => Ok(()),
+        }
+    }
+
     /// The movable joints that it sits on, as indices among them; none for effects that sit elsewhere.
     pub(crate) fn joints(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
         if self.effect.card().site != SiteKind::Joint {

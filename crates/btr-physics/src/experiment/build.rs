@@ -211,7 +211,9 @@ impl Builder<'_> {
                 radius_m: b.radius_m,
                 mass_kg: b.mass_kg,
                 start_m: Point3::new(b.position_m[0], b.position_m[1], b.radius_m),
-                ..Ball::default()
+                friction: b.friction,
+                restitution: b.restitution,
+                rolling_damping_per_s: b.rolling_damping_per_s,
             }),
             noise: noise(&self.file.noise),
             gravity_m_s2: Vector3::new(0.0, 0.0, s.gravity),
@@ -237,7 +239,7 @@ impl Builder<'_> {
         }
         let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
         let placed = Placed { effect, site: section.site.clone(), values };
-        placed.sites(robot).map_err(|e| self.error(&keys, e, None))?;
+        placed.check_site(robot).map_err(|e| self.error(&keys, e, None))?;
         Ok(placed)
     }
 

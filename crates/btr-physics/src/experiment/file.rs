@@ -126,6 +126,10 @@ fn one() -> f64 {
     1.0
 }
 
+fn half() -> f64 {
+    0.5
+}
+
 /// Time steps, ground, ball, gravity.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -173,6 +177,15 @@ pub struct BallSection {
     pub radius_m: f64,
     /// kg.
     pub mass_kg: f64,
+    /// Coulomb coefficient.
+    #[serde(default = "half")]
+    pub friction: f64,
+    /// Speed kept in a central impact.
+    #[serde(default = "half")]
+    pub restitution: f64,
+    /// Rate at which its spin decays, in 1/s.
+    #[serde(default = "half")]
+    pub rolling_damping_per_s: f64,
 }
 
 /// Standard deviations of white noise, and steps of quantisation.

@@ -60,9 +60,7 @@ pub(super) fn from_logs(
 }
 
 pub(super) fn unreadable(source: &Source, error: &io::IoError) -> FileError {
-    let help = "paths are taken from the experiment file's folder; point index or files to where the data is, or use \
-                --set reality.index=PATH";
-    source.error(&["reality"], &error.to_string(), Some(error.help().unwrap_or_else(|| help.to_owned())))
+    source.error(&["reality"], &error.to_string(), Some(error.help()))
 }
 
 fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {

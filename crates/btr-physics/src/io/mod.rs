@@ -7,11 +7,12 @@ mod names;
 mod series;
 #[cfg(test)]
 mod tests;
-pub mod whole;
+mod whole;
 
 pub use error::{IoError, Warning};
 pub use mcap::Meta;
 pub use names::{Mapping, Topics};
+pub use whole::write_whole;
 
 use btr_core::log::Log;
 use std::fs::File;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Where a log's channels are: the `[log]` table of a model or experiment file.
 ///
 /// btr's own names (`t`, `cmd_<joint>`, `q_<joint>`, ...) are always understood; the mapping adds foreign ones.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mapping {
     /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
@@ -25,7 +25,7 @@ pub struct Mapping {
 }
 
 /// The topics of an MCAP file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Topics {
     /// What the joints did: `sensor_msgs/msg/JointState`.

@@ -16,7 +16,7 @@ pub use twin::{Revealed, Twin};
 use btr_core::world::Reality;
 
 /// A reality that may tell at the end what it was.
-pub trait Revealing: Reality + Send {
+pub trait Revealing: Reality + Send + Sync {
     /// The truth, where it is known: hidden twins know it, robots do not.
     fn reveal(&self) -> Option<Revealed> {
         None

@@ -7,6 +7,7 @@ use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Outcome, Trial};
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Endings under which a finished log is looked for.
