@@ -57,7 +57,7 @@ impl From<btr_physics::run::RunError> for Failure {
 
 impl From<btr_physics::io::IoError> for Failure {
     fn from(error: btr_physics::io::IoError) -> Self {
-        Failure::new("log", &error, error.help())
+        Failure::new("log", &error, Some(error.help()))
     }
 }
 

@@ -4,7 +4,6 @@ mod args;
 mod cmd;
 mod failure;
 mod figures;
-mod plot;
 mod progress;
 mod table;
 
