@@ -1,6 +1,6 @@
 //! Robots on the floor.
 
-use crate::scene::{G, brick, hold, last, placed, run, run_with, setup};
+use crate::scene::{G, Told, brick, hold, last, placed, run, run_with, setup};
 use btr_physics::ant;
 use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL, nao};
 use btr_physics::sim::{Ball, Ground, Setup};
@@ -67,6 +67,13 @@ fn nao_stands_and_its_feet_carry_its_weight() {
         let acc = ["x", "y", "z"].map(|axis| last(&log, &format!("imu_acc_{axis}")));
         assert!((Vector3::from(acc).norm() - G).abs() < 1e-3, "{acc:?}");
     }
+}
+
+#[test]
+fn nothing_falls_asleep() {
+    let late = Told(|t: f64| if t < 4.0 { 0.0 } else { 0.1 });
+    let log = run(&nao(), &Setup { duration_s: 5.0, ..standing(1) }, &late);
+    assert!(last(&log, "q_HeadYaw") > 0.09, "the head must turn after four still seconds");
 }
 
 #[test]

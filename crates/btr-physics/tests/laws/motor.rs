@@ -121,3 +121,23 @@ fn fractional_delay_lies_between_its_neighbours() {
     let (early, between, late) = (end(0.008), end(0.0085), end(0.010));
     assert!((between - (0.75 * early + 0.25 * late)).abs() < 1e-6, "{early} {between} {late}");
 }
+
+#[test]
+fn stiff_servo_on_a_light_link_settles_at_the_papers_step() {
+    // Neither the stiffness nor the bound may make it chatter, although kd·dt is a thousand times the inertia.
+    for max_torque in [f64::INFINITY, 2.0] {
+        let robot = pendulum(0.06, 0.01, Actuator::Position { kp: 200.0, ki: 0.0, kd: 1.0, max_torque });
+        let log = run(&robot, &setup(0.055 / 7.0, 2.0), &hold(0.5));
+        let tail = &log.values("q_hinge").unwrap()[200..];
+        assert!(tail.iter().all(|q| (q - 0.5).abs() < 1e-4), "limit {max_torque}: {tail:?}");
+    }
+}
+
+#[test]
+fn saturation_converges_with_the_step() {
+    let robot = with(Actuator::Position { kp: 80.0, ki: 0.0, kd: 6.0, max_torque: 5.0 });
+    let end = |dt: f64| last(&run(&robot, &setup(dt, 0.8), &hold(1.0)), "q_hinge");
+    let truth = 2.0 * end(0.00025) - end(0.0005);
+    let (coarse, fine) = ((end(0.004) - truth).abs(), (end(0.002) - truth).abs());
+    assert!(coarse < 0.02 && fine < 0.7 * coarse, "{coarse} rad, then {fine} rad");
+}
