@@ -68,3 +68,21 @@ fn gyroscope_integrates_to_the_pose() {
     let yaw = 2.0 * last(&log, "base_qz").atan2(last(&log, "base_qw"));
     assert!(yaw.abs() > 0.05 && (turned - yaw).abs() < 1e-3, "gyro {turned} rad, pose {yaw} rad");
 }
+
+#[test]
+fn angular_momentum_stays() {
+    // A wheel that spins up and then runs evenly: the body turns against it by the ratio of their inertias, undamped.
+    let mut robot = swimmer(servo());
+    for link in &mut robot.links {
+        link.com_m = nalgebra::Point3::origin();
+    }
+    robot.links[1].joint.axis = Vector3::z();
+    robot.links[1].joint.origin = nalgebra::Isometry3::identity();
+    let mut spinning = weightless(0.001, 8.0);
+    spinning.sensors.imu = true;
+    let log = run(&robot, &spinning, &Told(|t: f64| t));
+    let [body, wheel] = [0, 1].map(|i| robot.links[i].inertia_kg_m2[(2, 2)]);
+    let expected = -wheel / (body + wheel) * last(&log, "dq_shoulder");
+    let turning = last(&log, "imu_gyro_z");
+    assert!((turning / expected - 1.0).abs() < 1e-6, "{turning} rad/s, expected {expected} rad/s");
+}

@@ -3,6 +3,7 @@
 
 mod contact;
 mod determinism;
+mod drive;
 mod effects;
 mod free;
 mod joint;

@@ -3,6 +3,7 @@
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup, weightless};
 use btr_physics::pendulum::pendulum;
 use btr_physics::robot::{Actuator, DutyLoop, Robot};
+use proptest::prelude::{ProptestConfig, prop_assert, proptest};
 
 const MASS: f64 = 1.3;
 const LENGTH: f64 = 0.7;
@@ -12,14 +13,22 @@ fn with(actuator: Actuator) -> Robot {
     pendulum(MASS, LENGTH, actuator)
 }
 
-#[test]
-fn servo_gives_way_by_gravity_over_kp() {
-    let robot = with(Actuator::Position { kp: 80.0, ki: 0.0, kd: 8.0, max_torque: 100.0 });
-    let log = run(&robot, &setup(0.055 / 7.0, 5.0), &hold(1.0));
-    let q = last(&log, "q_hinge");
-    let weight = MASS * G * LENGTH * q.sin();
-    assert!((80.0 * (1.0 - q) - weight).abs() < 1e-6, "{q} rad");
-    assert!((last(&log, "tau_hinge") - weight).abs() < 1e-6);
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn servo_gives_way_by_gravity_over_kp(
+        mass in 0.05..3.0, length in 0.05..1.0, kp in 30.0..200.0, target in -2.0..2.0,
+    ) {
+        let inertia: f64 = mass * length * length;
+        let kd = 2.0 * f64::sqrt(kp * inertia);
+        let robot = pendulum(mass, length, Actuator::Position { kp, ki: 0.0, kd, max_torque: 1000.0 });
+        let log = run(&robot, &setup(0.055 / 7.0, 8.0), &hold(target));
+        let q = last(&log, "q_hinge");
+        let weight = mass * G * length * q.sin();
+        prop_assert!((kp * (target - q) - weight).abs() < 1e-6, "{} rad", q);
+        prop_assert!((last(&log, "tau_hinge") - weight).abs() < 1e-6);
+    }
 }
 
 #[test]

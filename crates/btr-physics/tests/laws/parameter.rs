@@ -93,3 +93,16 @@ fn wrong_names_get_near_ones() {
     assert!(absent.to_string().contains("RKneePitch"), "{absent}");
     assert!(Target::parse("length@LHipRoll", &robot).is_err(), "a ball has no long axis");
 }
+
+#[test]
+fn every_quantity_is_read_back_where_it_was_set() {
+    for name in ["mass@RKneePitch", "kp@R*", "kd@*", "ki@LKneePitch", "max_torque@*", "ground_friction"]
+        .into_iter()
+        .chain(["coulomb_friction.torque@RKneePitch", "payload.mass@base", "ground_friction.coefficient"])
+    {
+        let (mut robot, mut placed, mut setup) = (nao(), Vec::new(), Setup::default());
+        let target = Target::parse(name, &robot).unwrap();
+        target.set(0.37, &mut robot, &mut placed, &mut setup);
+        assert_eq!(target.nominal(&robot, &placed, &setup), Some(0.37), "{name}");
+    }
+}
