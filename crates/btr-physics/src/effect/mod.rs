@@ -112,7 +112,7 @@ pub fn find(name: &str) -> Option<&'static dyn Effect> {
 pub struct Placed {
     /// Which effect.
     pub effect: &'static dyn Effect,
-    /// Names of joints or links, as [`matches`] reads them.
+    /// Names of joints or links, as [`site::matches`](crate::site::matches) reads them.
     pub site: String,
     /// One value per parameter of its card.
     pub values: Vec<f64>,
