@@ -1,0 +1,63 @@
+//! Drives say what they are made of.
+
+use crate::scene::{hold, run, setup};
+use btr_core::log::{Log, Role};
+use btr_physics::ant;
+use btr_physics::drive::{Drive, Replay, Sine};
+use btr_physics::pendulum::pendulum;
+use btr_physics::robot::Actuator;
+use btr_physics::sim::Setup;
+
+#[test]
+fn sine_is_the_papers_formula() {
+    let sine = Sine { centres: vec![0.1, -0.2], controller: vec![0.5, 0.3, 0.7, -1.0], omega_rad_s: 4.0 };
+    let mut command = [0.0; 2];
+    sine.command(0.25, &mut command);
+    assert!((command[0] - (0.1 + 0.5 * 1.3_f64.sin())).abs() < 1e-15);
+    assert!((command[1] - (-0.2 + 0.7 * 0.0_f64.sin())).abs() < 1e-15);
+}
+
+#[test]
+fn replaying_a_log_repeats_it_bitwise() {
+    let robot = ant::ant();
+    let walking = Setup { dt_s: 0.005, duration_s: 1.1, ..Setup::default() };
+    let log = run(&robot, &walking, &ant::tripod());
+    let again = run(&robot, &Setup { control_s: 0.005, ..walking }, &Replay::new(&log, &robot));
+    assert_eq!(log, again);
+}
+
+fn told(torque_on: Option<Vec<f64>>) -> [f64; 4] {
+    let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
+    let mut log = Log::new(vec![10.0, 10.1, 10.2, 10.3]).unwrap();
+    log.insert("cmd_hinge", "N·m", Role::Command, vec![1.0, f64::NAN, 3.0, 4.0]).unwrap();
+    if let Some(on) = torque_on {
+        log.insert("torque_on", "1", Role::Command, on).unwrap();
+    }
+    let replay = Replay::new(&log, &robot);
+    [0.0, 0.15, 0.25, 99.0].map(|time_s| {
+        let mut command = [0.0];
+        replay.command(time_s, &mut command);
+        command[0]
+    })
+}
+
+#[test]
+fn replay_holds_and_switches_off() {
+    let [start, missing, held, after] = told(None);
+    assert!(missing.is_nan() && [start, held, after].map(|told| told as i32) == [1, 3, 4]);
+    let gated = told(Some(vec![1.0, 1.0, 0.0, 1.0]));
+    assert!(gated[2].is_nan() && gated[3] > 3.5);
+}
+
+#[test]
+fn references_are_held_or_led() {
+    let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
+    let ramp = crate::scene::Told(|t: f64| t);
+    let held = Setup { control_s: 0.04, ..setup(0.01, 0.1) };
+    let led = Setup { interpolate: true, ..held.clone() };
+    let commands = |setup: &Setup| run(&robot, setup, &ramp).values("cmd_hinge").unwrap().to_vec();
+    for (i, (held, led)) in commands(&held).iter().zip(commands(&led)).enumerate() {
+        assert!((held - (i / 4) as f64 * 0.04).abs() < 1e-12 && (led - i as f64 * 0.01).abs() < 1e-12);
+    }
+    assert_eq!(commands(&held).len(), run(&robot, &held, &hold(0.0)).len());
+}
