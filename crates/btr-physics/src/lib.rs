@@ -7,6 +7,7 @@ pub mod drive;
 pub mod effect;
 pub mod engine;
 pub mod kinematics;
+pub mod leg;
 pub mod motor;
 pub mod nao;
 pub mod pendulum;

@@ -3,7 +3,7 @@
 use super::cart_table::com_for_zmp;
 use super::posture::{Posture, Stance};
 use super::reference::References;
-use crate::kinematics::LegError;
+use crate::leg::LegError;
 use crate::nao::{CONTROL_S, STEPS_PER_CONTROL};
 use crate::robot::Robot;
 use btr_core::space::SpaceError;
