@@ -1,6 +1,6 @@
 //! From links to moving bodies: what fixed joints hold together becomes one body with one mass and one inertia.
 
-use crate::robot::{JointKind, Link, Robot, Shape};
+use crate::robot::{Geometry, JointKind, Link, Robot, Shape};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// A rigid body in the frame of its first link. `bodies[0]` is the root, `bodies[1 + j]` hangs on movable joint `j`.
@@ -116,4 +116,25 @@ fn start_poses(robot: &Robot, bodies: &[Body]) -> Vec<Isometry3<f64>> {
         poses.push(pose);
     }
     poses
+}
+
+/// How far the robot's lowest shape is below the floor (z = 0) in the start pose, in m; negative above it.
+pub(crate) fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
+    let poses = start_poses(robot, bodies);
+    let shapes = bodies.iter().zip(&poses).flat_map(|(body, pose)| body.shapes.iter().map(move |(_, s)| (pose, s)));
+    shapes
+        .map(|(pose, shape)| shape_depth_m(&(robot.start * pose * shape.pose), &shape.geometry))
+        .fold(f64::MIN, f64::max)
+}
+
+fn shape_depth_m(pose: &Isometry3<f64>, geometry: &Geometry) -> f64 {
+    // The world's vertical in the shape's axes.
+    let up = pose.rotation.inverse() * Vector3::z();
+    let reach = match geometry {
+        Geometry::Box { half_m } => half_m.dot(&up.abs()),
+        Geometry::Sphere { radius_m } => *radius_m,
+        Geometry::Cylinder { radius_m, half_length_m } => half_length_m * up.z.abs() + radius_m * up.x.hypot(up.y),
+        Geometry::Capsule { radius_m, half_length_m } => half_length_m * up.z.abs() + radius_m,
+    };
+    reach - pose.translation.z
 }

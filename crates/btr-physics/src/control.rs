@@ -5,7 +5,7 @@ use crate::drive::Drive;
 use crate::effect::{Effect, Placed};
 use crate::engine::{Affine, Dof, Dynamics};
 use crate::motor::{JointState, Motor};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::sim::Setup;
 use btr_core::world::WorldError;
 
@@ -31,6 +31,8 @@ struct JointControl {
     motor: Motor,
     passive: Dof,
     stations: Vec<Station>,
+    /// Roughly what it moves, in kg·m² (kg).
+    inertia: f64,
     /// Whether it is led from one reference to the next.
     led: bool,
     /// What it was told last, before any effect.
@@ -58,14 +60,7 @@ impl<'a> Control<'a> {
         let mut joints: Vec<JointControl> = robot
             .movable()
             .zip(carried)
-            .map(|((_, link), carried)| {
-                let motor = Motor::new(&link.joint.actuator, carried, setup.dt_s);
-                let led = setup.interpolate || motor.is_prescribed();
-                let torque = Affine { damping: link.joint.damping, ..Affine::default() };
-                let (dry_friction, armature) = (link.joint.dry_friction, link.joint.armature);
-                let passive = Dof { torque, dry_friction, armature };
-                JointControl { motor, passive, stations: Vec::new(), led, command: f64::NAN, acting: Affine::default() }
-            })
+            .map(|((_, link), inertia)| JointControl::new(&link.joint, inertia, setup))
             .collect();
         for placed in effects {
             for joint in placed.joints(robot)? {
@@ -90,7 +85,8 @@ impl<'a> Control<'a> {
             // A prescribed joint shall be at its reference when the step ends.
             let end_s = time_s + self.dt_s;
             let command = if joint.motor.is_prescribed() { self.reference.led(i, end_s) } else { joint.command };
-            let dof = joint.act(JointState { time_s, dt_s: self.dt_s, q, dq, command });
+            let inertia = joint.inertia;
+            let dof = joint.act(JointState { time_s, dt_s: self.dt_s, q, dq, inertia, command });
             engine.set_joint(i, &dof);
         }
     }
@@ -136,6 +132,15 @@ impl<'a> Reference<'a> {
 }
 
 impl JointControl {
+    fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
+        let motor = Motor::new(&joint.actuator, inertia, setup.dt_s);
+        let led = setup.interpolate || motor.is_prescribed();
+        let torque = Affine { damping: joint.damping, ..Affine::default() };
+        let passive = Dof { torque, dry_friction: joint.dry_friction, armature: joint.armature };
+        let (command, acting) = (f64::NAN, Affine::default());
+        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting }
+    }
+
     fn place(&mut self, placed: &Placed, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];

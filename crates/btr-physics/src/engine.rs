@@ -26,6 +26,14 @@ impl Affine {
         self.constant - self.stiffness * q - self.damping * dq
     }
 
+    /// Position and velocity after an implicit step of `dt_s` on a joint that moves `inertia` (kg·m²) and that nothing
+    /// else acts on: what the engine will do with this torque, but for the other joints.
+    pub fn step(&self, q: f64, dq: f64, dt_s: f64, inertia: f64) -> (f64, f64) {
+        let push = dt_s * (self.constant - self.stiffness * q);
+        let dq = (inertia * dq + push) / (inertia + dt_s * self.damping + dt_s * dt_s * self.stiffness);
+        (q + dt_s * dq, dq)
+    }
+
     /// Adds another such torque.
     pub fn add(&mut self, other: &Affine) {
         self.constant += other.constant;

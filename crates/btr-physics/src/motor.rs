@@ -14,6 +14,8 @@ pub struct JointState {
     pub q: f64,
     /// Velocity in rad/s (m/s).
     pub dq: f64,
+    /// Roughly what the joint moves, in kg·m² (kg).
+    pub inertia: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
 }
@@ -31,10 +33,13 @@ impl MotorTorque {
     const OFF: MotorTorque =
         MotorTorque { wanted: Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 }, limit: f64::INFINITY };
 
-    /// The torque for the coming step: constant at the bound if the wanted one would exceed it at the step's end, as far
-    /// as the present velocity tells.
+    /// The torque for the coming step: constant at the bound if the wanted one would exceed it when the step ends.
+    ///
+    /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
+    /// its bounds.
     pub fn saturated(&self, state: &JointState) -> Affine {
-        let expected = self.wanted.at(state.q + state.dt_s * state.dq, state.dq);
+        let (q, dq) = self.wanted.step(state.q, state.dq, state.dt_s, state.inertia);
+        let expected = self.wanted.at(q, dq);
         if expected.abs() > self.limit { Affine::constant(self.limit.copysign(expected)) } else { self.wanted }
     }
 }
@@ -84,13 +89,10 @@ impl Motor {
             }
             Actuator::Torque { max_torque } => MotorTorque { wanted: Affine::constant(command), limit: max_torque },
             Actuator::Voltage { kt, resistance, ref servo } => {
-                let mut wanted = match servo {
-                    Some(servo) => duty_voltage(servo, state),
-                    None => Affine::constant(command),
+                let wanted = match servo {
+                    Some(servo) => duty_torque(kt, resistance, servo, state),
+                    None => Affine { constant: kt / resistance * command, ..back_emf(kt, resistance) },
                 };
-                wanted.constant *= kt / resistance;
-                wanted.stiffness *= kt / resistance;
-                wanted.damping += kt * kt / resistance;
                 MotorTorque { wanted, limit: f64::INFINITY }
             }
             Actuator::Prescribed => {
@@ -101,12 +103,20 @@ impl Motor {
     }
 }
 
-/// The voltage that a duty loop sets, as a function of q.
-fn duty_voltage(servo: &DutyLoop, state: &JointState) -> Affine {
-    let duty = servo.gain * (state.command - state.q - state.dt_s * state.dq);
+/// The torque of a short-circuited motor.
+fn back_emf(kt: f64, resistance: f64) -> Affine {
+    Affine { damping: kt * kt / resistance, ..Affine::default() }
+}
+
+/// The torque of a motor in a duty loop: its duty is bounded, its back-EMF is not.
+fn duty_torque(kt: f64, resistance: f64, servo: &DutyLoop, state: &JointState) -> Affine {
+    let full = kt / resistance * servo.supply;
+    let stiffness = full * servo.gain;
+    let wanted = Affine { constant: stiffness * state.command, stiffness, ..back_emf(kt, resistance) };
+    let (q, _) = wanted.step(state.q, state.dq, state.dt_s, state.inertia);
+    let duty = servo.gain * (state.command - q);
     if duty.abs() > servo.max_duty {
-        return Affine::constant(servo.supply * servo.max_duty.copysign(duty));
+        return Affine { constant: full * servo.max_duty.copysign(duty), ..back_emf(kt, resistance) };
     }
-    let stiffness = servo.supply * servo.gain;
-    Affine { constant: stiffness * state.command, stiffness, damping: 0.0 }
+    wanted
 }

@@ -174,6 +174,12 @@ impl Robot {
         self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
     }
 
+    /// Whether `links` is a tree with the root first and parents before their children.
+    pub fn is_tree(&self) -> bool {
+        let mut parents = self.links.iter().map(|link| link.parent).enumerate();
+        parents.next() == Some((0, None)) && parents.all(|(i, parent)| parent.is_some_and(|parent| parent < i))
+    }
+
     /// The index of a link by its name.
     pub fn link(&self, name: &str) -> Option<usize> {
         self.links.iter().position(|link| link.name == name)

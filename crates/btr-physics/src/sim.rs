@@ -174,6 +174,9 @@ fn planted<'a>(
     effects: &[Placed],
     setup: &'a Setup,
 ) -> Result<(Cow<'a, Robot>, Cow<'a, Setup>), WorldError> {
+    if !robot.is_tree() {
+        return Err(setup_error(format!("the links of `{}` are not a tree with parents first", robot.name)));
+    }
     let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
     for placed in effects {
         placed.check()?;

@@ -14,6 +14,14 @@ static CARD: Card = Card {
     params: &[Param { name: "delay", unit: "s", bounds: (0.0, 0.2), off: 0.0, hint: 0.02 }],
 };
 
+/// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.
+const LONGEST_S: f64 = 10.0;
+
+/// The delay in steps.
+fn steps(p: &[f64], dt_s: f64) -> f64 {
+    p[0].clamp(0.0, LONGEST_S) / dt_s
+}
+
 /// The memory is a counter of the commands so far, then a ring of the latest ones.
 impl Effect for CommandDelay {
     fn card(&self) -> &'static Card {
@@ -21,7 +29,7 @@ impl Effect for CommandDelay {
     }
 
     fn memory(&self, p: &[f64], dt_s: f64) -> usize {
-        1 + (p[0] / dt_s).ceil() as usize + 1
+        1 + steps(p, dt_s).ceil() as usize + 1
     }
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
@@ -33,7 +41,7 @@ impl Effect for CommandDelay {
         ring[now % ring.len()] = state.command;
         *count += 1.0;
         // Between two steps the command is taken as linear.
-        let late = p[0] / state.dt_s;
+        let late = steps(p, state.dt_s);
         let whole = late.floor() as usize;
         let share = late - late.floor();
         let past = |steps: usize| ring[(now + ring.len() - steps % ring.len()) % ring.len()];

@@ -1,0 +1,11 @@
+//! Laws of mechanics that every simulation here must obey, and the habits of the engine that they rest on.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod contact;
+mod determinism;
+mod effects;
+mod free;
+mod joint;
+mod motor;
+mod parameter;
+mod scene;

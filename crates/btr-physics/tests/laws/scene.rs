@@ -1,0 +1,107 @@
+//! Small robots and short cuts for the laws.
+
+use btr_core::log::Log;
+use btr_physics::drive::Drive;
+use btr_physics::effect::{Placed, find};
+use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
+use btr_physics::sim::{Setup, simulate};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+pub(crate) const G: f64 = 9.81;
+
+/// A drive made of a function of time, the same for all joints.
+pub(crate) struct Told<F>(pub(crate) F);
+
+impl<F: Fn(f64) -> f64 + Send + Sync> Drive for Told<F> {
+    fn command(&self, time_s: f64, command: &mut [f64]) {
+        command.fill((self.0)(time_s));
+    }
+}
+
+/// Every joint is told this all the time.
+pub(crate) fn hold(value: f64) -> Told<impl Fn(f64) -> f64 + Send + Sync> {
+    Told(move |_| value)
+}
+
+/// References at every step, no floor.
+pub(crate) fn setup(dt_s: f64, duration_s: f64) -> Setup {
+    Setup { dt_s, duration_s, control_s: dt_s, ground: None, ..Setup::default() }
+}
+
+pub(crate) fn weightless(dt_s: f64, duration_s: f64) -> Setup {
+    Setup { gravity_m_s2: Vector3::zeros(), ..setup(dt_s, duration_s) }
+}
+
+pub(crate) fn run(robot: &Robot, setup: &Setup, drive: &dyn Drive) -> Log {
+    simulate(robot, &[], setup, drive, None).unwrap()
+}
+
+pub(crate) fn run_with(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn Drive) -> Log {
+    simulate(robot, effects, setup, drive, None).unwrap()
+}
+
+pub(crate) fn placed(name: &str, site: &str, values: &[f64]) -> Placed {
+    Placed { effect: find(name).unwrap(), site: site.to_owned(), values: values.to_vec() }
+}
+
+pub(crate) fn last(log: &Log, channel: &str) -> f64 {
+    *log.values(channel).unwrap().last().unwrap()
+}
+
+/// A free box with its frame away from its centre of mass.
+pub(crate) fn brick(half_m: Vector3<f64>, mass_kg: f64, offset_m: Vector3<f64>) -> Robot {
+    let geometry = Geometry::Box { half_m };
+    let link = Link {
+        name: "brick".to_owned(),
+        parent: None,
+        joint: Joint::new("root", JointKind::Fixed, Isometry3::identity(), Vector3::z()),
+        mass_kg,
+        com_m: Point3::from(offset_m),
+        inertia_kg_m2: geometry.inertia_kg_m2(mass_kg),
+        shapes: vec![Shape { pose: Isometry3::translation(offset_m.x, offset_m.y, offset_m.z), geometry }],
+        foot: true,
+    };
+    Robot { name: "brick".to_owned(), base: Base::Floating, start: Isometry3::identity(), links: vec![link] }
+}
+
+/// A free body with a driven arm on its side.
+pub(crate) fn swimmer(actuator: Actuator) -> Robot {
+    let mut robot = brick(Vector3::new(0.1, 0.06, 0.03), 1.0, Vector3::new(0.03, -0.02, 0.01));
+    let mut arm = robot.links[0].clone();
+    let origin = Isometry3::new(Vector3::new(0.1, 0.05, 0.02), Vector3::new(0.3, -0.4, 0.2));
+    arm.name = "arm".to_owned();
+    arm.parent = Some(0);
+    arm.mass_kg = 0.6;
+    arm.com_m = Point3::new(0.02, 0.15, -0.03);
+    arm.joint = Joint { actuator, ..Joint::new("shoulder", JointKind::Revolute, origin, Vector3::new(0.6, 0.0, 0.8)) };
+    robot.links.push(arm);
+    robot
+}
+
+/// Poses of all links in the world, from base pose and joint positions.
+pub(crate) fn poses(robot: &Robot, base: Isometry3<f64>, q: &[f64]) -> Vec<Isometry3<f64>> {
+    let mut q = q.iter();
+    let mut poses = vec![base];
+    for link in &robot.links[1..] {
+        let joint = &link.joint;
+        let moved = match joint.kind {
+            JointKind::Fixed => Isometry3::identity(),
+            JointKind::Revolute => Isometry3::rotation(joint.axis * *q.next().unwrap()),
+            JointKind::Prismatic => Isometry3::from_parts((joint.axis * *q.next().unwrap()).into(), nalgebra::one()),
+        };
+        poses.push(poses[link.parent.unwrap()] * joint.origin * moved);
+    }
+    poses
+}
+
+/// The robot's centre of mass in sample `i` of a log.
+pub(crate) fn centre_of_mass(robot: &Robot, log: &Log, i: usize) -> Vector3<f64> {
+    let at = |name: &str| log.values(name).unwrap()[i];
+    let rotation = nalgebra::Quaternion::new(at("base_qw"), at("base_qx"), at("base_qy"), at("base_qz"));
+    let translation = nalgebra::Translation3::new(at("base_x"), at("base_y"), at("base_z"));
+    let base = Isometry3::from_parts(translation, nalgebra::UnitQuaternion::from_quaternion(rotation));
+    let q: Vec<f64> = robot.movable().map(|(_, link)| at(&format!("q_{}", link.joint.name))).collect();
+    let poses = poses(robot, base, &q);
+    let moments = robot.links.iter().zip(&poses).map(|(link, pose)| (pose * link.com_m).coords * link.mass_kg);
+    moments.sum::<Vector3<f64>>() / robot.mass_kg()
+}
