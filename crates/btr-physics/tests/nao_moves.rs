@@ -176,6 +176,7 @@ fn corners_of_the_controller_spaces_give_finite_references() {
     for bits in 0..1 << 9 {
         check(&NaoKick::new(&robot, &corner(&NaoKick::space().unwrap(), bits)).unwrap());
     }
+    check(&NaoWalk::new(&robot, &NaoWalk::space().unwrap().nominal(), f64::NAN).unwrap());
     assert!(NaoWalk::new(&robot, &[0.0; 10], 4.0).is_err());
     assert!(NaoKick::new(&robot, &[f64::NAN; 9]).is_err());
 }
