@@ -13,6 +13,7 @@ pub mod identify;
 pub mod io;
 pub mod kinematics;
 pub mod model;
+pub mod leg;
 pub mod motor;
 pub mod nao;
 pub mod parameter;

@@ -1,7 +1,8 @@
 //! Joint angles for a biped whose centre of mass and soles are to be somewhere.
 
 use super::cart_table::GRAVITY;
-use crate::kinematics::{Leg, LegError, Push, center_of_mass, holding_torques, link_poses};
+use crate::kinematics::{Push, center_of_mass, holding_torques, link_poses};
+use crate::leg::{Leg, LegError};
 use crate::robot::{Actuator, Geometry, Robot};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 

@@ -3,7 +3,7 @@
 use super::cart_table::com_for_zmp;
 use super::posture::{Posture, Stance};
 use super::reference::References;
-use crate::kinematics::LegError;
+use crate::leg::LegError;
 use crate::nao::{CONTROL_S, STEPS_PER_CONTROL};
 use crate::robot::Robot;
 use btr_core::space::SpaceError;
@@ -54,6 +54,8 @@ pub(super) trait ZmpPlan {
 
 /// The references that carry out `plan` for `duration_s` seconds.
 pub(super) fn references(robot: &Robot, plan: &impl ZmpPlan, duration_s: f64) -> Result<References, LegError> {
+    // Also turns a NaN into no time at all.
+    let duration_s = duration_s.max(0.0);
     let mut posture = Posture::new(robot)?;
     let carriage = plan.carriage();
     let origins = posture.soles_at_start();
