@@ -3,3 +3,4 @@
 pub mod drive;
 pub mod io;
 pub mod robot;
+pub mod urdf;

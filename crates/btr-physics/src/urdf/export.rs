@@ -1,0 +1,97 @@
+//! A robot as URDF text, for viewers and for other simulators.
+
+use crate::robot::{Geometry, Joint, JointKind, Link, Robot};
+use nalgebra::Isometry3;
+use std::fmt::Write;
+
+/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF has no
+/// word for (actuators, rotor inertia, the start) is left out.
+pub fn to_urdf(robot: &Robot) -> String {
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
+    for link in &robot.links {
+        push_link(&mut out, link);
+    }
+    for link in &robot.links {
+        if let Some(parent) = link.parent {
+            push_joint(&mut out, &link.joint, &robot.links[parent].name, &link.name);
+        }
+    }
+    out + "</robot>\n"
+}
+
+/// Appends a formatted line; writing to a string cannot fail.
+macro_rules! line {
+    ($out:expr, $($format:tt)*) => {{ let _ = writeln!($out, $($format)*); }};
+}
+
+fn push_link(out: &mut String, link: &Link) {
+    line!(out, "  <link name=\"{}\">", escaped(&link.name));
+    if link.mass_kg > 0.0 {
+        let (c, i) = (&link.com_m, &link.inertia_kg_m2);
+        line!(out, "    <inertial>");
+        line!(out, "      <origin xyz=\"{} {} {}\" rpy=\"0 0 0\"/>", c.x, c.y, c.z);
+        line!(out, "      <mass value=\"{}\"/>", link.mass_kg);
+        let (xx, xy, xz, yy, yz, zz) = (i.m11, i.m12, i.m13, i.m22, i.m23, i.m33);
+        line!(out, "      <inertia ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>");
+        line!(out, "    </inertial>");
+    }
+    for shape in &link.shapes {
+        for element in ["visual", "collision"] {
+            line!(out, "    <{element}>");
+            line!(out, "      {}", origin(&shape.pose));
+            line!(out, "      <geometry>{}</geometry>", geometry(&shape.geometry, element));
+            line!(out, "    </{element}>");
+        }
+    }
+    line!(out, "  </link>");
+}
+
+fn geometry(geometry: &Geometry, element: &str) -> String {
+    let cylinder = |tag: &str, r: f64, half: f64| format!("<{tag} radius=\"{r}\" length=\"{}\"/>", 2.0 * half);
+    match geometry {
+        Geometry::Box { half_m: h } => format!("<box size=\"{} {} {}\"/>", 2.0 * h.x, 2.0 * h.y, 2.0 * h.z),
+        Geometry::Sphere { radius_m } => format!("<sphere radius=\"{radius_m}\"/>"),
+        Geometry::Cylinder { radius_m, half_length_m } => cylinder("cylinder", *radius_m, *half_length_m),
+        // Viewers draw boxes, cylinders and balls only; as a body a capsule stays one.
+        Geometry::Capsule { radius_m, half_length_m } if element == "visual" => {
+            cylinder("cylinder", *radius_m, half_length_m + radius_m)
+        }
+        Geometry::Capsule { radius_m, half_length_m } => cylinder("capsule", *radius_m, *half_length_m),
+    }
+}
+
+fn push_joint(out: &mut String, joint: &Joint, parent: &str, child: &str) {
+    let limited = joint.limits.0.is_finite() && joint.limits.1.is_finite();
+    let kind = match joint.kind {
+        JointKind::Fixed => "fixed",
+        JointKind::Revolute if limited => "revolute",
+        JointKind::Revolute => "continuous",
+        JointKind::Prismatic => "prismatic",
+    };
+    line!(out, "  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name));
+    line!(out, "    {}", origin(&joint.origin));
+    line!(out, "    <parent link=\"{}\"/>", escaped(parent));
+    line!(out, "    <child link=\"{}\"/>", escaped(child));
+    if joint.kind != JointKind::Fixed {
+        line!(out, "    <axis xyz=\"{} {} {}\"/>", joint.axis.x, joint.axis.y, joint.axis.z);
+        line!(out, "    <dynamics damping=\"{}\" friction=\"{}\"/>", joint.damping, joint.dry_friction);
+        // URDF demands a range of slides, and an effort and a velocity of every range; 0 would mean none of either.
+        if limited || joint.kind == JointKind::Prismatic {
+            let (lower, upper) = (joint.limits.0.max(-FAR), joint.limits.1.min(FAR));
+            line!(out, "    <limit lower=\"{lower}\" upper=\"{upper}\" effort=\"{FAR}\" velocity=\"{FAR}\"/>");
+        }
+    }
+    line!(out, "  </joint>");
+}
+
+/// Stands for "no limit" where URDF wants a number.
+const FAR: f64 = 1e6;
+
+fn origin(pose: &Isometry3<f64>) -> String {
+    let (t, (roll, pitch, yaw)) = (&pose.translation, pose.rotation.euler_angles());
+    format!("<origin xyz=\"{} {} {}\" rpy=\"{roll} {pitch} {yaw}\"/>", t.x, t.y, t.z)
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,141 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+use super::*;
+use nalgebra::vector;
+
+const BODY: &str = r#"<inertial><origin xyz="0 0 0.1"/><mass value="2"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="3"/></inertial>"#;
+
+fn link_text(name: &str) -> String {
+    format!("<link name=\"{name}\">{BODY}</link>")
+}
+
+fn joint_text(name: &str, kind: &str, parent: &str, child: &str, inside: &str) -> String {
+    format!(
+        "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{inside}</joint>"
+    )
+}
+
+fn robot_text(parts: &[String]) -> String {
+    format!("<robot name=\"r\">{}</robot>", parts.concat())
+}
+
+fn complaint(parts: &[String]) -> String {
+    parse_urdf(&robot_text(parts), Base::Fixed).unwrap_err().to_string()
+}
+
+fn hinge(inside: &str) -> (Joint, Vec<UrdfWarning>) {
+    let parts = [link_text("a"), link_text("b"), joint_text("ab", "revolute", "a", "b", inside)];
+    let (mut robot, warnings) = parse_urdf(&robot_text(&parts), Base::Fixed).unwrap();
+    (robot.links.remove(1).joint, warnings)
+}
+
+#[test]
+fn a_joint_keeps_its_dynamics_limits_and_axis() {
+    let (joint, warnings) = hinge(
+        r#"<origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><axis xyz="0 0 2"/><dynamics damping="0.5" friction="0.25"/>
+           <limit lower="0.5" upper="2" effort="10" velocity="3"/>"#,
+    );
+    assert_eq!(joint.axis, vector![0.0, 0.0, 1.0]);
+    assert_eq!((joint.damping, joint.dry_friction, joint.limits), (0.5, 0.25, (0.5, 2.0)));
+    assert_eq!(joint.start.to_bits(), 0.5_f64.to_bits(), "the start lies inside the limits");
+    assert_eq!(joint.origin.translation.vector, vector![1.0, 2.0, 3.0]);
+    // Roll about x first, then pitch about y, then yaw about z, all in the parent's axes.
+    let about = |axis: Vector3<f64>, angle| UnitQuaternion::from_scaled_axis(axis * angle);
+    let turn = about(Vector3::z(), 0.3) * about(Vector3::y(), 0.2) * about(Vector3::x(), 0.1);
+    assert!(joint.origin.rotation.angle_to(&turn) < 1e-15);
+    assert_eq!((joint.actuator, warnings), (Actuator::Passive, vec![]));
+}
+
+#[test]
+fn a_turned_inertial_gives_the_inertia_in_the_links_axes() {
+    let turned = BODY.replace("0 0 0.1\"", "0 0 0.1\" rpy=\"1.5707963267948966 0 0\"");
+    let (robot, _) = parse_urdf(&robot_text(&[format!("<link name=\"a\">{turned}</link>")]), Base::Floating).unwrap();
+    let expected = Matrix3::from_diagonal(&vector![1.0, 3.0, 2.0]);
+    assert!((robot.links[0].inertia_kg_m2 - expected).norm() < 1e-15);
+    assert_eq!((robot.links[0].com_m.z, robot.mass_kg()), (0.1, 2.0));
+}
+
+#[test]
+fn parents_come_before_children_whatever_the_files_order() {
+    let parts = [
+        link_text("hand"),
+        link_text("arm"),
+        link_text("root"),
+        joint_text("wrist", "continuous", "arm", "hand", ""),
+        joint_text("shoulder", "fixed", "root", "arm", ""),
+    ];
+    let (robot, _) = parse_urdf(&robot_text(&parts), Base::Fixed).unwrap();
+    let order: Vec<_> = robot.links.iter().map(|l| (l.name.as_str(), l.parent)).collect();
+    assert_eq!(order, [("root", None), ("arm", Some(0)), ("hand", Some(1))]);
+    assert_eq!(robot.links[2].joint.limits, (f64::NEG_INFINITY, f64::INFINITY));
+}
+
+#[test]
+fn what_is_left_out_is_told() {
+    let (joint, warnings) = hinge("<mimic joint=\"other\"/>");
+    assert_eq!(joint.limits, (f64::NEG_INFINITY, f64::INFINITY));
+    let mimic = UrdfWarning::Mimic { joint: "ab".into(), leader: "other".into() };
+    assert_eq!(warnings, [mimic, UrdfWarning::NoLimits { joint: "ab".into() }]);
+    let mesh = "<link name=\"a\"><collision><geometry><mesh filename=\"a.stl\"/></geometry></collision></link>";
+    let (robot, warnings) = parse_urdf(&robot_text(&[mesh.into()]), Base::Fixed).unwrap();
+    assert!(robot.links[0].shapes.is_empty());
+    assert_eq!(warnings[0].to_string(), "link `a`: the mesh `a.stl` is left out; only primitives touch things");
+}
+
+#[test]
+fn what_is_no_robot_is_named() {
+    let [a, b] = ["a", "b"].map(link_text);
+    let ab = |kind: &str| joint_text("ab", kind, "a", "b", "");
+    assert_eq!(
+        complaint(&[a.clone(), b.clone(), ab("floating")]),
+        "joint `ab`: floating joints are not simulated; split it into hinges and slides"
+    );
+    assert_eq!(complaint(&[a.clone(), ab("fixed")]), "joint `ab` names the link `b`, which does not exist");
+    assert_eq!(complaint(&[a.clone(), a.clone()]), "two links are called `a`");
+    assert_eq!(complaint(&[a.clone(), b.clone()]), "2 links have no parent (a, b); a robot has one root");
+    assert_eq!(complaint(&[]), "0 links have no parent (); a robot has one root");
+    assert_eq!(
+        complaint(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
+        "link `b` hangs on the joints `ab` and `ba`; a robot is a tree"
+    );
+    let ring = [link_text("root"), a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
+    assert_eq!(complaint(&ring), "the links a, b hang on each other in a loop");
+    let hollow = [a.clone(), "<link name=\"b\"/>".into(), ab("continuous")];
+    assert_eq!(complaint(&hollow), "joint `ab` moves `b`, which has no mass and carries none; give it an <inertial>");
+    assert_eq!(complaint(&[a.replace("\"2\"", "\"-1\"")]), "mass of `a` is -1, which is no mass");
+    assert!(complaint(&["<link".into()]).starts_with("not a URDF: "));
+}
+
+#[test]
+fn a_robot_survives_the_way_to_urdf_and_back() {
+    let shapes = r#"<collision><origin xyz="0 1 0" rpy="0.3 -0.2 0.1"/><geometry><box size="0.1 0.2 0.3"/></geometry></collision>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision>
+        <collision><geometry><cylinder radius="0.1" length="0.5"/></geometry></collision>
+        <collision><geometry><capsule radius="0.1" length="0.5"/></geometry></collision>"#;
+    let inside = r#"<origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><axis xyz="0 1 0"/><dynamics damping="0.5" friction="0.25"/>
+        <limit lower="-0.5" upper="2" effort="10" velocity="3"/>"#;
+    let parts = [
+        link_text("a &amp; co"),
+        format!("<link name=\"b\">{BODY}{shapes}</link>"),
+        link_text("c"),
+        link_text("d"),
+        joint_text("ab", "revolute", "a &amp; co", "b", inside),
+        joint_text("bc", "prismatic", "b", "c", inside),
+        joint_text("cd", "continuous", "c", "d", "<axis xyz=\"1 0 0\"/>"),
+    ];
+    let (robot, warnings) = parse_urdf(&robot_text(&parts), Base::Floating).unwrap();
+    assert_eq!((robot.links[1].shapes.len(), warnings), (4, vec![]));
+    let (again, warnings) = parse_urdf(&to_urdf(&robot), Base::Floating).unwrap();
+    assert_eq!(warnings, vec![]);
+    for (a, b) in robot.links.iter().zip(&again.links) {
+        // Rotations pass through roll, pitch and yaw; everything else is the same to the bit.
+        assert!(a.joint.origin.rotation.angle_to(&b.joint.origin.rotation) < 1e-15, "{}", a.name);
+        let mut b = b.clone();
+        b.joint.origin = a.joint.origin;
+        for (shape, other) in a.shapes.iter().zip(&mut b.shapes) {
+            assert!(shape.pose.rotation.angle_to(&other.pose.rotation) < 1e-15, "{}", a.name);
+            other.pose = shape.pose;
+        }
+        assert_eq!(*a, b);
+    }
+}
