@@ -1,1 +1,5 @@
+// No verb draws yet.
+#[allow(dead_code)]
+mod plot;
+
 fn main() {}
