@@ -4,6 +4,7 @@ mod args;
 mod cmd;
 mod failure;
 mod figures;
+mod plot;
 mod progress;
 mod table;
 

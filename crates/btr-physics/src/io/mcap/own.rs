@@ -42,12 +42,12 @@ pub(crate) fn definition(log: &Log) -> String {
     definition
 }
 
-/// A field name that ROS allows (letters, digits, single underscores, a letter first) and that is still free.
+/// A field name that ROS allows (small letters, digits, single underscores, a letter first) and that is still free.
 fn field(name: &str, taken: &[String]) -> String {
     let mut field = String::new();
     for c in name.chars() {
         match c {
-            c if c.is_ascii_alphanumeric() => field.push(c),
+            c if c.is_ascii_alphanumeric() => field.push(c.to_ascii_lowercase()),
             _ if field.ends_with('_') => {}
             _ => field.push('_'),
         }
@@ -113,5 +113,23 @@ impl Rows {
             log.insert(name, unit, role, values)?;
         }
         Ok(log)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+    use super::*;
+
+    #[test]
+    fn fields_are_names_that_ros_allows() {
+        let mut log = Log::new(vec![]).unwrap();
+        for name in ["q_LHip", "q_lhip", "q_a-/.b_", "time_s", "9", "é"] {
+            log.insert(name, "rad", Role::Measured, vec![]).unwrap();
+        }
+        let definition = definition(&log);
+        let fields: Vec<&str> = definition.lines().map(|line| line.split_whitespace().nth(1).unwrap()).collect();
+        assert_eq!(fields, ["time_s", "q_lhip", "q_lhip_2", "q_a_b", "time_s_2", "channel_9", "channel"]);
+        assert!(definition.contains("q_a_b  # q_a-/.b_ [rad]\n"));
     }
 }

@@ -1,0 +1,76 @@
+//! Figures as SVG: panels with axes, lines, dots and a legend, readable on light and on dark paper.
+
+pub mod axis;
+pub mod paper;
+mod svg;
+
+/// A colour by what it is for; every figure uses the same ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ink {
+    /// The main curve: the best, the simulated.
+    Main,
+    /// A second curve: the mean.
+    Second,
+    /// What is true or was measured.
+    Truth,
+    /// Between black (0, best) and pale (1, worst).
+    Shade(f64),
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// A continuous line.
+    Line,
+    /// A dashed line.
+    Dashes,
+    /// A dot per point.
+    Dots,
+}
+
+/// Points that belong together. Points that are not finite are gaps.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// For the legend; nameless series are not in it.
+    pub name: Option<String>,
+    /// Colour.
+    pub ink: Ink,
+    /// Line or dots.
+    pub mark: Mark,
+    /// x and y in the units of the axes.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Series {
+    /// A series with a name for the legend.
+    pub fn new(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+        Series { name: Some(name.to_owned()), ink, mark, points }
+    }
+
+    /// A series that the legend leaves out.
+    pub fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+        Series { name: None, ink, mark, points }
+    }
+}
+
+/// One pair of axes and what is drawn in it.
+#[derive(Clone, Debug, Default)]
+pub struct Panel {
+    /// Above the panel.
+    pub title: String,
+    /// Below the x axis, with the unit.
+    pub x_label: String,
+    /// Beside the y axis, with the unit.
+    pub y_label: String,
+    /// Drawn in this order.
+    pub series: Vec<Series>,
+    /// Thin vertical lines, for instance where an iteration ends.
+    pub marks_x: Vec<f64>,
+    /// Values that the y axis has to reach, so that panels can be compared.
+    pub show_y: Vec<f64>,
+}
+
+/// A figure of panels, row by row with `columns` in each, as an SVG document.
+pub fn figure(panels: &[Panel], columns: usize) -> String {
+    svg::document(panels, columns.max(1))
+}

@@ -1,0 +1,200 @@
+//! The paper's figures 3 and 5 (Zagal, Delpiano and Ruiz-del-Solar 2009), drawn from a run's history.
+
+use super::{Ink, Mark, Panel, Series, figure};
+
+/// One generation of the search for controllers, or for simulations.
+#[derive(Clone, Debug)]
+pub struct Generation {
+    /// The Back-to-Reality iteration it belongs to, from 1.
+    pub iteration: usize,
+    /// The best of the generation: largest fitness, or smallest phi.
+    pub best: f64,
+    /// The mean over the population.
+    pub mean: f64,
+}
+
+/// One simulation that was tried.
+#[derive(Clone, Debug)]
+pub struct Individual {
+    /// The generation of the search for simulations, counted over the whole run from 0.
+    pub generation: usize,
+    /// Its distance to reality.
+    pub phi: f64,
+    /// Its parameters, in the order of [`Figure3::parameters`].
+    pub values: Vec<f64>,
+}
+
+/// One searched parameter of the simulation.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Its unit, `1` for plain numbers.
+    pub unit: String,
+    /// Its value in reality, where that is known.
+    pub truth: Option<f64>,
+}
+
+/// What figure 3 shows.
+#[derive(Clone, Debug)]
+pub struct Figure3 {
+    /// The search for controllers, generation by generation over the whole run.
+    pub fitness: Vec<Generation>,
+    /// What fitness is, with its unit.
+    pub fitness_label: String,
+    /// The search for simulations, generation by generation over the whole run.
+    pub phi: Vec<Generation>,
+    /// What phi is, with its unit.
+    pub phi_label: String,
+    /// The searched parameters.
+    pub parameters: Vec<Parameter>,
+    /// Every simulation that was tried.
+    pub individuals: Vec<Individual>,
+}
+
+/// Steps of grey between the best and the worst of a generation.
+const SHADES: usize = 8;
+
+/// Figure 3: fitness, phi, and each parameter over the generations; individuals are the darker the smaller their phi.
+pub fn figure3(data: &Figure3) -> String {
+    let mut panels = vec![
+        progress("Fitness", &data.fitness_label, "max", &data.fitness),
+        progress("Distance to reality", &data.phi_label, "min", &data.phi),
+    ];
+    let ends = ends(&data.phi);
+    panels.extend((0..data.parameters.len()).map(|i| parameter(data, i, &ends)));
+    figure(&panels, 2)
+}
+
+fn progress(title: &str, label: &str, best: &str, generations: &[Generation]) -> Panel {
+    let curve = |value: fn(&Generation) -> f64| {
+        generations.iter().enumerate().map(|(i, g)| (i as f64, value(g))).collect::<Vec<_>>()
+    };
+    Panel {
+        title: title.to_owned(),
+        x_label: "generation".into(),
+        y_label: label.to_owned(),
+        series: vec![
+            Series::new("mean", Ink::Second, Mark::Dashes, curve(|g| g.mean)),
+            Series::new(best, Ink::Main, Mark::Line, curve(|g| g.best)),
+        ],
+        marks_x: ends(generations),
+        ..Panel::default()
+    }
+}
+
+/// Between the last generation of an iteration and the first of the next.
+fn ends(generations: &[Generation]) -> Vec<f64> {
+    let pairs = generations.windows(2).enumerate();
+    pairs.filter(|(_, pair)| pair[0].iteration != pair[1].iteration).map(|(i, _)| i as f64 + 0.5).collect()
+}
+
+fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
+    let Parameter { name, unit, truth } = &data.parameters[index];
+    let generations: Vec<Vec<&Individual>> = by_generation(&data.individuals);
+    let mut shades: Vec<Vec<(f64, f64)>> = vec![Vec::new(); SHADES];
+    let mut best = Vec::new();
+    for (x, population) in generations.iter().enumerate() {
+        // From the worst to the best, so that dark dots lie on top within a generation.
+        for (rank, individual) in population.iter().enumerate() {
+            let shade = rank * (SHADES - 1) / (population.len() - 1).max(1);
+            shades[shade].push((x as f64, individual.values[index]));
+        }
+        best.extend(population.first().map(|individual| (x as f64, individual.values[index])));
+    }
+    let mut series: Vec<Series> = Vec::new();
+    for (shade, points) in shades.into_iter().enumerate().rev() {
+        series.push(Series::nameless(Ink::Shade(shade as f64 / (SHADES - 1) as f64), Mark::Dots, points));
+    }
+    series.push(Series::new("best", Ink::Main, Mark::Line, best));
+    if let Some(truth) = truth {
+        let last = generations.len().saturating_sub(1) as f64;
+        series.push(Series::new("reality", Ink::Second, Mark::Dashes, vec![(0.0, *truth), (last, *truth)]));
+    }
+    let y_label = if unit == "1" { String::new() } else { unit.clone() };
+    Panel { title: name.clone(), x_label: "generation".into(), y_label, series, marks_x: ends.to_vec(), show_y: vec![] }
+}
+
+/// The individuals of each generation, smallest phi first; those without a phi last.
+fn by_generation(individuals: &[Individual]) -> Vec<Vec<&Individual>> {
+    let count = individuals.iter().map(|i| i.generation + 1).max().unwrap_or(0);
+    let mut generations: Vec<Vec<&Individual>> = vec![Vec::new(); count];
+    for individual in individuals {
+        generations[individual.generation].push(individual);
+    }
+    for population in &mut generations {
+        population.sort_by(|a, b| a.phi.total_cmp(&b.phi));
+    }
+    generations
+}
+
+/// One joint over time, in rad (m for slides).
+#[derive(Clone, Debug)]
+pub struct Tracking {
+    /// The joint's name.
+    pub joint: String,
+    /// In s.
+    pub time_s: Vec<f64>,
+    /// What the joint was told.
+    pub reference: Vec<f64>,
+    /// What it really did.
+    pub real: Vec<f64>,
+    /// What the first simulation did.
+    pub before: Vec<f64>,
+    /// What the found simulation did.
+    pub after: Vec<f64>,
+}
+
+/// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after (right).
+pub fn figure5(joints: &[Tracking], unit: &str) -> String {
+    let panel = |joint: &Tracking, when: &str, simulated: &[f64]| {
+        let curve = |values: &[f64]| joint.time_s.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
+        Panel {
+            title: format!("{}, {when}", joint.joint),
+            x_label: "time (s)".into(),
+            y_label: format!("position ({unit})"),
+            series: vec![
+                Series::new("reference", Ink::Truth, Mark::Dashes, curve(&joint.reference)),
+                Series::new("real", Ink::Second, Mark::Line, curve(&joint.real)),
+                Series::new("simulated", Ink::Main, Mark::Line, curve(simulated)),
+            ],
+            show_y: joint.before.iter().chain(&joint.after).copied().collect(),
+            ..Panel::default()
+        }
+    };
+    let pairs = joints.iter().flat_map(|j| [panel(j, "before", &j.before), panel(j, "after", &j.after)]);
+    figure(&pairs.collect::<Vec<_>>(), 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_of_each_generation_is_the_one_with_the_smallest_phi() {
+        let individual = |generation, phi, value| Individual { generation, phi, values: vec![value] };
+        let individuals = vec![
+            individual(0, 0.5, 1.0),
+            individual(0, f64::NAN, 2.0),
+            individual(1, 0.2, 3.0),
+            individual(0, 0.1, 4.0),
+        ];
+        let parameters = vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0) }];
+        let (fitness, phi) = (Vec::new(), Vec::new());
+        let (fitness_label, phi_label) = (String::new(), String::new());
+        let data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals };
+        let panel = parameter(&data, 0, &[]);
+        let named =
+            |name: &str| panel.series.iter().find(|s| s.name.as_deref() == Some(name)).map(|s| s.points.clone());
+        assert_eq!(named("best"), Some(vec![(0.0, 4.0), (1.0, 3.0)]));
+        assert_eq!(named("reality"), Some(vec![(0.0, 5.0), (1.0, 5.0)]));
+        let darkest = panel.series.iter().find(|s| s.ink == Ink::Shade(0.0)).map(|s| s.points.clone());
+        assert_eq!(darkest, Some(vec![(0.0, 4.0), (1.0, 3.0)]));
+    }
+
+    #[test]
+    fn iterations_end_between_generations() {
+        let generation = |iteration| Generation { iteration, best: 0.0, mean: 0.0 };
+        assert_eq!(ends(&[1, 1, 2, 2, 3].map(generation)), [1.5, 3.5]);
+    }
+}

@@ -1,0 +1,183 @@
+//! Panels to SVG.
+
+use super::axis::Axis;
+use super::{Ink, Mark, Panel, Series};
+use std::fmt::Write;
+
+/// A panel with its labels, and the plot inside it, in px.
+const CELL: (f64, f64) = (460.0, 280.0);
+const LEFT: f64 = 66.0;
+const RIGHT: f64 = 16.0;
+const TOP: f64 = 50.0;
+const BOTTOM: f64 = 46.0;
+
+/// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the colour-blind.
+const STYLE: &str = "<style>
+text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
+.title{font-size:14px;font-weight:600;fill:#111}
+.paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
+.main{stroke:#0b62b0}.second{stroke:#d9730d}.truth{stroke:#5c5c5c}.line,.dots{fill:none}
+.line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.dots{stroke-width:3.4;stroke-linecap:round}
+@media(prefers-color-scheme:dark){text{fill:#c8c8c8}.title{fill:#eee}.paper{fill:#15181c}.frame{stroke:#666}
+.grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.truth{stroke:#a5a5a5}
+.shade{filter:invert(1)}}
+</style>";
+
+/// Appends a formatted line; writing to a string cannot fail.
+macro_rules! line {
+    ($out:expr, $($format:tt)*) => {{ let _ = writeln!($out, $($format)*); }};
+}
+
+/// The whole document.
+pub(super) fn document(panels: &[Panel], columns: usize) -> String {
+    let rows = panels.len().div_ceil(columns);
+    let (width, height) = (CELL.0 * columns.min(panels.len()) as f64, CELL.1 * rows as f64);
+    let mut out = String::new();
+    line!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\">"
+    );
+    line!(out, "{STYLE}");
+    line!(out, "<rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>");
+    for (i, panel) in panels.iter().enumerate() {
+        let (x, y) = (CELL.0 * (i % columns) as f64, CELL.1 * (i / columns) as f64);
+        line!(out, "<g transform=\"translate({x} {y})\">");
+        Frame::new(panel).draw(panel, &mut out);
+        line!(out, "</g>");
+    }
+    out + "</svg>\n"
+}
+
+/// Where values lie on the paper.
+struct Frame {
+    x: Axis,
+    y: Axis,
+}
+
+impl Frame {
+    fn new(panel: &Panel) -> Self {
+        let points = || panel.series.iter().flat_map(|s| &s.points);
+        let x = points().map(|p| p.0).chain(panel.marks_x.iter().copied());
+        let y = points().map(|p| p.1).chain(panel.show_y.iter().copied());
+        Frame { x: Axis::over(x, 6, 0.0), y: Axis::over(y, 5, 0.06) }
+    }
+
+    fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let (width, height) = (CELL.0 - LEFT - RIGHT, CELL.1 - TOP - BOTTOM);
+        (LEFT + width * self.x.share(x), TOP + height * (1.0 - self.y.share(y)))
+    }
+
+    fn draw(&self, panel: &Panel, out: &mut String) {
+        let (right, bottom) = (CELL.0 - RIGHT, CELL.1 - BOTTOM);
+        for (x, text) in self.x.ticks() {
+            let (x, _) = self.at((x, 0.0));
+            line!(out, "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
+            line!(out, "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{text}</text>", bottom + 16.0);
+        }
+        for (y, text) in self.y.ticks() {
+            let (_, y) = self.at((0.0, y));
+            line!(out, "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>");
+            line!(out, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", LEFT - 6.0, y + 4.0);
+        }
+        for x in &panel.marks_x {
+            let (x, _) = self.at((*x, 0.0));
+            line!(out, "<line class=\"mark\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
+        }
+        let (width, height) = (right - LEFT, bottom - TOP);
+        line!(out, "<rect class=\"frame\" x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" height=\"{height}\"/>");
+        for series in &panel.series {
+            self.draw_series(series, out);
+        }
+        labels(panel, out);
+        legend(panel, out);
+    }
+
+    fn draw_series(&self, series: &Series, out: &mut String) {
+        let (class, colour) = look(series);
+        let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
+        if series.mark == Mark::Dots {
+            // Round ends of lines without length: one element for all dots keeps the file small.
+            let dots = series.points.iter().filter(|p| finite(p)).map(|p| self.at(*p));
+            let path: String = dots.map(|(x, y)| format!("M{x:.1} {y:.1}h.01")).collect();
+            line!(out, "<path class=\"{class}\"{colour} d=\"{path}\"/>");
+            return;
+        }
+        for run in series.points.split(|p| !finite(p)).filter(|run| !run.is_empty()) {
+            let points: Vec<String> = run.iter().map(|p| self.at(*p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+            line!(out, "<polyline class=\"{class}\"{colour} points=\"{}\"/>", points.join(" "));
+        }
+    }
+}
+
+/// The classes of a series, and its colour where it is a shade.
+fn look(series: &Series) -> (String, String) {
+    let mark = match series.mark {
+        Mark::Line => "line",
+        Mark::Dashes => "line dashes",
+        Mark::Dots => "dots",
+    };
+    let (ink, colour) = match series.ink {
+        Ink::Main => ("main", String::new()),
+        Ink::Second => ("second", String::new()),
+        Ink::Truth => ("truth", String::new()),
+        Ink::Shade(shade) => {
+            let grey = (215.0 * shade.clamp(0.0, 1.0)).round() as u8;
+            ("shade", format!(" stroke=\"#{grey:02x}{grey:02x}{grey:02x}\""))
+        }
+    };
+    (format!("{ink} {mark}"), colour)
+}
+
+fn labels(panel: &Panel, out: &mut String) {
+    let middle_x = (LEFT + CELL.0 - RIGHT) / 2.0;
+    let middle_y = (TOP + CELL.1 - BOTTOM) / 2.0;
+    line!(out, "<text class=\"title\" x=\"{LEFT}\" y=\"20\">{}</text>", escaped(&panel.title));
+    let x_label = escaped(&panel.x_label);
+    line!(out, "<text x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{x_label}</text>", CELL.1 - 10.0);
+    let y_label = escaped(&panel.y_label);
+    line!(out, "<text transform=\"translate(16 {middle_y}) rotate(-90)\" text-anchor=\"middle\">{y_label}</text>");
+}
+
+/// Names between the title and the frame, from the left; there they hide no data.
+fn legend(panel: &Panel, out: &mut String) {
+    let mut x = LEFT;
+    for series in &panel.series {
+        let Some(name) = &series.name else { continue };
+        let (class, colour) = look(series);
+        let y = TOP - 12.0;
+        let (from, length) = if series.mark == Mark::Dots { (x + 10.0, 0.01) } else { (x, 20.0) };
+        line!(out, "<path class=\"{class}\"{colour} d=\"M{from} {y}h{length}\"/>");
+        line!(out, "<text x=\"{}\" y=\"{}\">{}</text>", x + 25.0, y + 4.0, escaped(name));
+        // Fonts are the viewer's, so the width is a guess on the generous side.
+        x += 42.0 + 6.6 * name.chars().count() as f64;
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(series: Vec<Series>) -> String {
+        document(&[Panel { title: "a < b & c".into(), series, ..Panel::default() }], 2)
+    }
+
+    #[test]
+    fn missing_samples_are_gaps() {
+        let points = vec![(0.0, 0.0), (1.0, 1.0), (2.0, f64::NAN), (3.0, 0.0), (4.0, 1.0)];
+        let svg = drawn(vec![Series::nameless(Ink::Main, Mark::Line, points.clone())]);
+        assert_eq!(svg.matches("<polyline").count(), 2);
+        let svg = drawn(vec![Series::nameless(Ink::Shade(0.0), Mark::Dots, points)]);
+        assert_eq!(svg.matches("h.01").count(), 4);
+        assert!(!svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn names_are_in_the_legend_and_markup_in_titles_is_text() {
+        let svg = drawn(vec![Series::new("best", Ink::Main, Mark::Line, vec![(0.0, 0.0)])]);
+        assert!(svg.contains(">best</text>") && svg.contains(">a &lt; b &amp; c</text>"), "{svg}");
+    }
+}
