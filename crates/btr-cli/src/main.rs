@@ -1,3 +1,5 @@
+//! The `btr` command.
+
 // No verb draws yet.
 #[allow(dead_code)]
 mod plot;
