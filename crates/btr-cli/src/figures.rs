@@ -1,11 +1,111 @@
-//! Files that people look at.
+//! Files that people look at: the paper's figures 3 and 5 of this run, and its logs for robot viewers.
 
 use crate::failure::Failure;
+use crate::plot::paper::{Figure3, Generation, Individual, Parameter, Tracking, figure3, figure5};
+use btr_core::coevolve::{self, Side};
+use btr_core::log::{Log, interpolate};
+use btr_core::world::Simulator;
 use btr_physics::experiment::Experiment;
+use btr_physics::io::{self, Meta};
 use btr_physics::report::Report;
 use btr_physics::run::Run;
+use btr_physics::urdf;
 use std::path::PathBuf;
 
-pub(crate) fn write(_: &Experiment, _: &Run, _: &Report) -> Result<Vec<PathBuf>, Failure> {
-    Ok(Vec::new())
+/// How many joints figure 5 shows; the paper shows three.
+const JOINTS: usize = 3;
+
+/// Writes figures and logs into the run's folder.
+pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    if report.generations.iter().any(|g| g.side == Side::Simulators) {
+        files.push(run.write("figure3.svg", figure3(&history(experiment, report)).as_bytes())?);
+    }
+    let Some((trial, real)) = run.state().best_tested().and_then(|e| Some((&e.trial, &e.behaviour()?.log))) else {
+        return Ok(files);
+    };
+    let simulate = |s: &[f64]| experiment.model.simulate(s, &trial.controller, trial.scenario, None);
+    let (before, after) = (simulate(run.state().start())?, simulate(run.state().simulation())?);
+    let joints = tracking(real, &before, &after);
+    if !joints.is_empty() {
+        files.push(run.write("figure5.svg", figure5(&joints, "rad").as_bytes())?);
+    }
+    let meta = meta(experiment, run)?;
+    for (name, log) in [("real", real), ("simulated_before", &before), ("simulated_after", &after)] {
+        let path = run.folder().join(format!("{name}.mcap"));
+        io::write_log(&path, log, &meta)?;
+        files.push(path);
+    }
+    Ok(files)
+}
+
+fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
+    let (robot, ..) = experiment.model.at(run.state().simulation(), 0);
+    let adapted = btr_physics::adapt::adapted(
+        experiment.source(),
+        experiment.model.simulations(),
+        run.state().simulation(),
+    );
+    Ok(Meta {
+        base_link: robot.links.first().map(|link| link.name.clone()),
+        urdf: Some(urdf::to_urdf(&robot)),
+        model_toml: Some(adapted.map_err(|e| Failure::new("output", e, None))?),
+        notes: [("seed".to_owned(), experiment.seed.to_string())].into(),
+    })
+}
+
+fn history(experiment: &Experiment, report: &Report) -> Figure3 {
+    let of = |side: Side| report.generations.iter().filter(move |g| g.side == side);
+    let trace = |side: Side| {
+        of(side).map(|g| Generation { iteration: g.iteration, best: g.best, mean: g.mean }).collect::<Vec<_>>()
+    };
+    let truth = report.revealed.as_ref().map(|r| &r.truth.parameters);
+    let dims = experiment.model.simulations().dims().iter();
+    Figure3 {
+        fitness: trace(Side::Controllers),
+        fitness_label: "fitness".to_owned(),
+        phi: trace(Side::Simulators),
+        phi_label: format!("phi ({})", experiment.plan.distance.name()),
+        parameters: dims
+            .map(|d| Parameter {
+                name: d.name.clone(),
+                unit: d.unit.clone(),
+                truth: truth.and_then(|t| t.get(&d.name)).copied(),
+            })
+            .collect(),
+        individuals: of(Side::Simulators).enumerate().flat_map(|(k, g)| individuals(k, g)).collect(),
+    }
+}
+
+fn individuals(generation: usize, g: &coevolve::Generation) -> impl Iterator<Item = Individual> + '_ {
+    let scored = g.points.iter().zip(&g.scores);
+    scored.filter_map(move |(values, phi)| Some(Individual { generation, phi: (*phi)?, values: values.clone() }))
+}
+
+/// The joints whose simulation changed most, in the order of the log.
+fn tracking(real: &Log, before: &Log, after: &Log) -> Vec<Tracking> {
+    let names = real.channels().filter_map(|(name, _)| name.strip_prefix("q_"));
+    let mut joints: Vec<(f64, usize, Tracking)> = names
+        .enumerate()
+        .filter_map(|(k, joint)| {
+            let at = |log: &Log, prefix: &str| {
+                let values = &log.channel(&format!("{prefix}_{joint}"))?.values;
+                Some(interpolate(log.clock_s(), values, real.clock_s()))
+            };
+            let tracking = Tracking {
+                joint: joint.to_owned(),
+                time_s: real.clock_s().to_vec(),
+                reference: at(real, "cmd")?,
+                real: at(real, "q")?,
+                before: at(before, "q")?,
+                after: at(after, "q")?,
+            };
+            let change: f64 = tracking.before.iter().zip(&tracking.after).map(|(a, b)| (a - b) * (a - b)).sum();
+            Some((change, k, tracking))
+        })
+        .collect();
+    joints.sort_by(|a, b| b.0.total_cmp(&a.0));
+    joints.truncate(JOINTS);
+    joints.sort_by_key(|(_, k, _)| *k);
+    joints.into_iter().map(|(_, _, tracking)| tracking).collect()
 }

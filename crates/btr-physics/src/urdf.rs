@@ -4,125 +4,17 @@
 //! moves freely, with a warning; planar, floating and spherical joints are refused; `<transmission>`, `<safety_controller>`
 //! and velocity limits are not read. Every joint is passive: the model's file says what drives it.
 
+mod error;
 mod export;
 #[cfg(test)]
 mod tests;
 
+pub use error::{UrdfError, UrdfWarning};
 pub use export::to_urdf;
 
 use crate::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
-use std::path::{Path, PathBuf};
-
-/// Why a URDF gives no robot.
-#[derive(Debug, thiserror::Error)]
-pub enum UrdfError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Not XML, or not URDF.
-    #[error("not a URDF: {what}")]
-    Syntax {
-        /// What the parser said.
-        what: String,
-    },
-    /// A kind of joint that btr does not simulate.
-    #[error("joint `{joint}`: {kind} joints are not simulated; split it into hinges and slides")]
-    Kind {
-        /// The joint.
-        joint: String,
-        /// Its type.
-        kind: String,
-    },
-    /// A link that a joint names and nobody defines.
-    #[error("joint `{joint}` names the link `{link}`, which does not exist")]
-    NoLink {
-        /// The joint.
-        joint: String,
-        /// The link.
-        link: String,
-    },
-    /// Two links or two joints with one name.
-    #[error("two {what} are called `{name}`")]
-    Twice {
-        /// Links or joints.
-        what: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// A link that hangs on two joints.
-    #[error("link `{link}` hangs on the joints `{first}` and `{second}`; a robot is a tree")]
-    TwoParents {
-        /// The link.
-        link: String,
-        /// One joint.
-        first: String,
-        /// The other.
-        second: String,
-    },
-    /// No root, or several.
-    #[error("{} links have no parent ({}); a robot has one root", roots.len(), roots.join(", "))]
-    Roots {
-        /// The links without a parent.
-        roots: Vec<String>,
-    },
-    /// Links that hang on each other in a ring.
-    #[error("the links {} hang on each other in a loop", links.join(", "))]
-    Loop {
-        /// The links that the root does not reach.
-        links: Vec<String>,
-    },
-    /// A number that no body can have.
-    #[error("{what} of `{name}` is {value}, which is no {what}")]
-    Value {
-        /// The link or joint.
-        name: String,
-        /// Which quantity.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A joint that moves nothing: no mass beyond it.
-    #[error("joint `{joint}` moves `{link}`, which has no mass and carries none; give it an <inertial>")]
-    Massless {
-        /// The joint.
-        joint: String,
-        /// The link it moves.
-        link: String,
-    },
-}
-
-/// What was left out of a robot.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum UrdfWarning {
-    /// A mesh.
-    #[error("link `{link}`: the mesh `{file}` is left out; only primitives touch things")]
-    Mesh {
-        /// The link.
-        link: String,
-        /// The mesh's file.
-        file: String,
-    },
-    /// A joint that should follow another one.
-    #[error("joint `{joint}` should mimic `{leader}`; it moves on its own")]
-    Mimic {
-        /// The joint.
-        joint: String,
-        /// The joint it should follow.
-        leader: String,
-    },
-    /// A hinge or slide without a range.
-    #[error("joint `{joint}` has no limits; it moves without end")]
-    NoLimits {
-        /// The joint.
-        joint: String,
-    },
-}
+use std::path::Path;
 
 /// A robot from a URDF file.
 ///

@@ -2,18 +2,18 @@
 
 /// The range of an axis and the step between its ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
+pub(crate) struct Axis {
     /// Smallest value shown.
-    pub min: f64,
+    pub(crate) min: f64,
     /// Largest value shown.
-    pub max: f64,
+    pub(crate) max: f64,
     /// Distance between ticks: 1, 2 or 5 times a power of ten.
-    pub step: f64,
+    pub(crate) step: f64,
 }
 
 impl Axis {
     /// The axis that shows all finite values, with about `ticks` ticks; `margin` is the share left free at each end.
-    pub fn over(values: impl Iterator<Item = f64>, ticks: usize, margin: f64) -> Self {
+    pub(crate) fn over(values: impl Iterator<Item = f64>, ticks: usize, margin: f64) -> Self {
         let finite = values.filter(|x| x.is_finite());
         let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
         let (min, max) = match () {
@@ -28,12 +28,12 @@ impl Axis {
     }
 
     /// Where the value lies between the ends, 0 to 1.
-    pub fn share(&self, value: f64) -> f64 {
+    pub(crate) fn share(&self, value: f64) -> f64 {
         (value - self.min) / (self.max - self.min)
     }
 
     /// The ticks with their texts.
-    pub fn ticks(&self) -> Vec<(f64, String)> {
+    pub(crate) fn ticks(&self) -> Vec<(f64, String)> {
         let first = (self.min / self.step).ceil();
         let last = (self.max / self.step).floor();
         // Counting in steps keeps 0.3 from becoming 0.30000000000000004.

@@ -1,12 +1,12 @@
 //! Figures as SVG: panels with axes, lines, dots and a legend, readable on light and on dark paper.
 
-pub mod axis;
-pub mod paper;
+pub(crate) mod axis;
+pub(crate) mod paper;
 mod svg;
 
 /// A colour by what it is for; every figure uses the same ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Ink {
+pub(crate) enum Ink {
     /// The main curve: the best, the simulated.
     Main,
     /// A second curve: the mean.
@@ -19,7 +19,7 @@ pub enum Ink {
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mark {
+pub(crate) enum Mark {
     /// A continuous line.
     Line,
     /// A dashed line.
@@ -30,47 +30,47 @@ pub enum Mark {
 
 /// Points that belong together. Points that are not finite are gaps.
 #[derive(Clone, Debug)]
-pub struct Series {
+pub(crate) struct Series {
     /// For the legend; nameless series are not in it.
-    pub name: Option<String>,
+    pub(crate) name: Option<String>,
     /// Colour.
-    pub ink: Ink,
+    pub(crate) ink: Ink,
     /// Line or dots.
-    pub mark: Mark,
+    pub(crate) mark: Mark,
     /// x and y in the units of the axes.
-    pub points: Vec<(f64, f64)>,
+    pub(crate) points: Vec<(f64, f64)>,
 }
 
 impl Series {
     /// A series with a name for the legend.
-    pub fn new(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+    pub(crate) fn new(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
         Series { name: Some(name.to_owned()), ink, mark, points }
     }
 
     /// A series that the legend leaves out.
-    pub fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+    pub(crate) fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
         Series { name: None, ink, mark, points }
     }
 }
 
 /// One pair of axes and what is drawn in it.
 #[derive(Clone, Debug, Default)]
-pub struct Panel {
+pub(crate) struct Panel {
     /// Above the panel.
-    pub title: String,
+    pub(crate) title: String,
     /// Below the x axis, with the unit.
-    pub x_label: String,
+    pub(crate) x_label: String,
     /// Beside the y axis, with the unit.
-    pub y_label: String,
+    pub(crate) y_label: String,
     /// Drawn in this order.
-    pub series: Vec<Series>,
+    pub(crate) series: Vec<Series>,
     /// Thin vertical lines, for instance where an iteration ends.
-    pub marks_x: Vec<f64>,
+    pub(crate) marks_x: Vec<f64>,
     /// Values that the y axis has to reach, so that panels can be compared.
-    pub show_y: Vec<f64>,
+    pub(crate) show_y: Vec<f64>,
 }
 
 /// A figure of panels, row by row with `columns` in each, as an SVG document.
-pub fn figure(panels: &[Panel], columns: usize) -> String {
+pub(crate) fn figure(panels: &[Panel], columns: usize) -> String {
     svg::document(panels, columns.max(1))
 }

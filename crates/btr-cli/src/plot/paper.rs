@@ -4,59 +4,59 @@ use super::{Ink, Mark, Panel, Series, figure};
 
 /// One generation of the search for controllers, or for simulations.
 #[derive(Clone, Debug)]
-pub struct Generation {
+pub(crate) struct Generation {
     /// The Back-to-Reality iteration it belongs to, from 1.
-    pub iteration: usize,
+    pub(crate) iteration: usize,
     /// The best of the generation: largest fitness, or smallest phi.
-    pub best: f64,
+    pub(crate) best: f64,
     /// The mean over the population.
-    pub mean: f64,
+    pub(crate) mean: f64,
 }
 
 /// One simulation that was tried.
 #[derive(Clone, Debug)]
-pub struct Individual {
+pub(crate) struct Individual {
     /// The generation of the search for simulations, counted over the whole run from 0.
-    pub generation: usize,
+    pub(crate) generation: usize,
     /// Its distance to reality.
-    pub phi: f64,
+    pub(crate) phi: f64,
     /// Its parameters, in the order of [`Figure3::parameters`].
-    pub values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
 }
 
 /// One searched parameter of the simulation.
 #[derive(Clone, Debug)]
-pub struct Parameter {
+pub(crate) struct Parameter {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Its unit, `1` for plain numbers.
-    pub unit: String,
+    pub(crate) unit: String,
     /// Its value in reality, where that is known.
-    pub truth: Option<f64>,
+    pub(crate) truth: Option<f64>,
 }
 
 /// What figure 3 shows.
 #[derive(Clone, Debug)]
-pub struct Figure3 {
+pub(crate) struct Figure3 {
     /// The search for controllers, generation by generation over the whole run.
-    pub fitness: Vec<Generation>,
+    pub(crate) fitness: Vec<Generation>,
     /// What fitness is, with its unit.
-    pub fitness_label: String,
+    pub(crate) fitness_label: String,
     /// The search for simulations, generation by generation over the whole run.
-    pub phi: Vec<Generation>,
+    pub(crate) phi: Vec<Generation>,
     /// What phi is, with its unit.
-    pub phi_label: String,
+    pub(crate) phi_label: String,
     /// The searched parameters.
-    pub parameters: Vec<Parameter>,
+    pub(crate) parameters: Vec<Parameter>,
     /// Every simulation that was tried.
-    pub individuals: Vec<Individual>,
+    pub(crate) individuals: Vec<Individual>,
 }
 
 /// Steps of grey between the best and the worst of a generation.
 const SHADES: usize = 8;
 
 /// Figure 3: fitness, phi, and each parameter over the generations; individuals are the darker the smaller their phi.
-pub fn figure3(data: &Figure3) -> String {
+pub(crate) fn figure3(data: &Figure3) -> String {
     let mut panels = vec![
         progress("Fitness", &data.fitness_label, "max", &data.fitness),
         progress("Distance to reality", &data.phi_label, "min", &data.phi),
@@ -130,23 +130,23 @@ fn by_generation(individuals: &[Individual]) -> Vec<Vec<&Individual>> {
 
 /// One joint over time, in rad (m for slides).
 #[derive(Clone, Debug)]
-pub struct Tracking {
+pub(crate) struct Tracking {
     /// The joint's name.
-    pub joint: String,
+    pub(crate) joint: String,
     /// In s.
-    pub time_s: Vec<f64>,
+    pub(crate) time_s: Vec<f64>,
     /// What the joint was told.
-    pub reference: Vec<f64>,
+    pub(crate) reference: Vec<f64>,
     /// What it really did.
-    pub real: Vec<f64>,
+    pub(crate) real: Vec<f64>,
     /// What the first simulation did.
-    pub before: Vec<f64>,
+    pub(crate) before: Vec<f64>,
     /// What the found simulation did.
-    pub after: Vec<f64>,
+    pub(crate) after: Vec<f64>,
 }
 
 /// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after (right).
-pub fn figure5(joints: &[Tracking], unit: &str) -> String {
+pub(crate) fn figure5(joints: &[Tracking], unit: &str) -> String {
     let panel = |joint: &Tracking, when: &str, simulated: &[f64]| {
         let curve = |values: &[f64]| joint.time_s.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
         Panel {

@@ -98,7 +98,7 @@ fn what_is_no_robot_is_named() {
         complaint(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
         "link `b` hangs on the joints `ab` and `ba`; a robot is a tree"
     );
-    let ring = [link_text("root"), a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
+    let ring = [link_text("root"), a.clone(), b, ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
     assert_eq!(complaint(&ring), "the links a, b hang on each other in a loop");
     let hollow = [a.clone(), "<link name=\"b\"/>".into(), ab("continuous")];
     assert_eq!(complaint(&hollow), "joint `ab` moves `b`, which has no mass and carries none; give it an <inertial>");
