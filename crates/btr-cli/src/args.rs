@@ -43,8 +43,10 @@ pub(crate) struct Global {
 #[derive(Subcommand)]
 pub(crate) enum Verb {
     /// Run the Back-to-Reality loop of an experiment
-    #[command(after_help = "Examples:\n  btr coevolve robots/nao.toml\n  btr coevolve robots/ant.toml --seed 7 --out runs/ant-7\n  \
-        btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume")]
+    #[command(
+        after_help = "Examples:\n  btr coevolve robots/nao.toml\n  btr coevolve robots/ant.toml --seed 7 --out runs/ant-7\n  \
+        btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume"
+    )]
     Coevolve(Coevolve),
     /// Run a model: replay a log's commands, or its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]

@@ -52,7 +52,13 @@ impl Progress {
     pub(crate) fn generation(&self, g: &Generation) {
         if self.verbose {
             let side = if g.side == Side::Controllers { "controllers, fitness" } else { "simulators, phi" };
-            self.say(&format!("  {}.{} {side}: best {} mean {}", g.iteration, g.generation, number(g.best), number(g.mean)));
+            self.say(&format!(
+                "  {}.{} {side}: best {} mean {}",
+                g.iteration,
+                g.generation,
+                number(g.best),
+                number(g.mean)
+            ));
         }
     }
 

@@ -31,9 +31,11 @@ impl Table {
 }
 
 fn line(row: &[String], widths: &[usize]) -> String {
-    let cells = row.iter().zip(widths).enumerate().map(|(k, (cell, &width))| {
-        if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-    });
+    let cells = row
+        .iter()
+        .zip(widths)
+        .enumerate()
+        .map(|(k, (cell, &width))| if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
     cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
 }
 

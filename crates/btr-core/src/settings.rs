@@ -12,6 +12,11 @@ pub(crate) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64
     checked(deserializer, |x| *x > 0.0 && f64::is_finite(*x), "a positive number")
 }
 
+/// A positive, finite number, or nothing.
+pub(crate) fn maybe_positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    checked(deserializer, |x: &Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite()), "a positive number")
+}
+
 /// A share of something, above 0 and up to 1.
 pub(crate) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     checked(deserializer, |x| *x > 0.0 && *x <= 1.0, "a share above 0 and up to 1")

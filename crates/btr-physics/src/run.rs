@@ -61,7 +61,9 @@ impl RunError {
                 "resume with the file, --set and --seed that {} shows, or choose another --out",
                 path.join("experiment.toml").display()
             )),
-            RunError::Checkpoint { .. } => Some("choose another --out; the real tests in transfers/ are untouched".to_owned()),
+            RunError::Checkpoint { .. } => {
+                Some("choose another --out; the real tests in transfers/ are untouched".to_owned())
+            }
             RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
             RunError::Plan(_) | RunError::Io { .. } => None,
         }

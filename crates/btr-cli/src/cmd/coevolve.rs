@@ -97,7 +97,11 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 fn say_interrupted(args: &Coevolve, folder: &Path) -> ExitCode {
-    eprintln!("interrupted; go on with: btr coevolve {} --out {} --resume", args.experiment.display(), folder.display());
+    eprintln!(
+        "interrupted; go on with: btr coevolve {} --out {} --resume",
+        args.experiment.display(),
+        folder.display()
+    );
     ExitCode::from(INTERRUPTED)
 }
 

@@ -65,7 +65,8 @@ fn describe(name: &str, channel: &Channel) -> Value {
 fn about_btr(global: &Global) -> Result<ExitCode, Failure> {
     let terms: Vec<(String, &str)> = TERMS.iter().map(|t| (format!("{} ({})", t.name, t.unit), t.help)).collect();
     if global.json {
-        let named = |list: &[(&str, &str)]| list.iter().map(|(n, h)| json!({ "name": n, "help": h })).collect::<Vec<_>>();
+        let named =
+            |list: &[(&str, &str)]| list.iter().map(|(n, h)| json!({ "name": n, "help": h })).collect::<Vec<_>>();
         let terms: Vec<Value> =
             TERMS.iter().map(|t| json!({ "name": t.name, "unit": t.unit, "help": t.help })).collect();
         println!(

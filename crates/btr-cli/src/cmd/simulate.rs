@@ -19,12 +19,19 @@ pub(crate) fn run(args: &Simulate, global: &Global) -> Result<ExitCode, Failure>
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let log = model.simulate(&s, &c, 0, global.seed)?;
     let (robot, ..) = model.at(&s, 0);
-    let meta = Meta { model_toml: Some(source.text.clone()), urdf: Some(btr_physics::urdf::to_urdf(&robot)), ..Meta::default() };
+    let meta = Meta {
+        model_toml: Some(source.text.clone()),
+        urdf: Some(btr_physics::urdf::to_urdf(&robot)),
+        ..Meta::default()
+    };
     io::write_log(&args.output, &log, &meta)?;
     let terms = model.fitness.terms(&log).map_err(btr_core::world::WorldError::from)?;
     if global.json {
         let terms: serde_json::Map<_, _> = terms.iter().map(|(t, x)| (t.name.to_owned(), (*x).into())).collect();
-        println!("{}", serde_json::json!({ "ok": true, "samples": log.len(), "duration_s": log.duration_s(), "fitness": terms }));
+        println!(
+            "{}",
+            serde_json::json!({ "ok": true, "samples": log.len(), "duration_s": log.duration_s(), "fitness": terms })
+        );
     } else if !global.quiet {
         println!("{}: {} samples, {} s", args.output.display(), log.len(), number(log.duration_s()));
         terms.iter().for_each(|(term, x)| println!("  {:<14} {} {}", term.name, number(*x), term.unit));

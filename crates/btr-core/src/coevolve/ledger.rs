@@ -115,8 +115,9 @@ impl Ledger {
             Memory::All => self.entries.iter().filter(usable).collect(),
             Memory::None => self.entries.iter().filter(usable).filter(|e| !is_old(e)).collect(),
             Memory::Worst(count) => {
-                let mut old: Vec<usize> =
-                    (0..self.entries.len()).filter(|&k| is_old(&self.entries[k]) && usable(&&self.entries[k])).collect();
+                let mut old: Vec<usize> = (0..self.entries.len())
+                    .filter(|&k| is_old(&self.entries[k]) && usable(&&self.entries[k]))
+                    .collect();
                 old.sort_by(|&a, &b| distance_now[b].total_cmp(&distance_now[a]).then(b.cmp(&a)));
                 old.truncate(count);
                 old.sort_unstable();

@@ -24,13 +24,16 @@ pub struct CmaEsSettings {
     /// Standard deviation at the start, as a share of each parameter's range; 0.25.
     #[serde(deserialize_with = "settings::positive")]
     pub sigma: f64,
+    /// The same for a search that starts from a seed, which is expected to be near; like `sigma` unless given.
+    #[serde(deserialize_with = "settings::maybe_positive")]
+    pub seeded_sigma: Option<f64>,
     /// How often to start again elsewhere, each time with twice the population; 9.
     pub restarts: u32,
 }
 
 impl Default for CmaEsSettings {
     fn default() -> Self {
-        CmaEsSettings { population: None, sigma: 0.25, restarts: 9 }
+        CmaEsSettings { population: None, sigma: 0.25, seeded_sigma: None, restarts: 9 }
     }
 }
 
@@ -58,7 +61,8 @@ impl CmaEs {
     /// A search around the seed, or around the middle of the cube without one.
     pub fn new(settings: CmaEsSettings, dims: usize, seed: Option<&[f64]>) -> Self {
         let mean = sample::on_cube(dims, seed.unwrap_or(&[]));
-        let run = Run::new(mean, settings.sigma, settings.population(dims));
+        let sigma = seed.and(settings.seeded_sigma).unwrap_or(settings.sigma);
+        let run = Run::new(mean, sigma, settings.population(dims));
         CmaEs { settings, dims, restarts: 0, run, best: Best::default() }
     }
 

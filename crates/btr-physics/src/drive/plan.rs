@@ -64,9 +64,7 @@ impl DriveKind {
             DriveKind::NaoWalk => {
                 Box::new(NaoWalk::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
             }
-            DriveKind::NaoKick => {
-                Box::new(NaoKick::new(robot, values).map_err(|e| refused(e.to_string()))?)
-            }
+            DriveKind::NaoKick => Box::new(NaoKick::new(robot, values).map_err(|e| refused(e.to_string()))?),
             DriveKind::Replay(replay) => Box::new(replay.clone()),
         })
     }

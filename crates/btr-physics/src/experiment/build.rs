@@ -1,8 +1,8 @@
 //! From what is written to what can be run.
 
 use super::file::{
-    ActuatorSection, DriveSection, EffectSection, File, NoiseSection, ParameterSection, RealitySection, SearchedSection,
-    TwinParameters, TwinSection,
+    ActuatorSection, DriveSection, EffectSection, File, NoiseSection, ParameterSection, RealitySection,
+    SearchedSection, TwinParameters, TwinSection,
 };
 use super::parse::{FileError, Source, nearest};
 use super::scenarios::{self, Situations};
@@ -279,9 +279,12 @@ impl Builder<'_> {
             SearchedSection::Bounds(bounds) => bounds.iter().map(|(name, b)| (name.clone(), Some(*b))).collect(),
         };
         DrivePlan::new(kind, robot, &section.set, &searched, section.start_from_nominal).map_err(|e| match &e {
-            DriveError::Unknown { name, known } => {
-                self.unknown(&["drive", "search", name], "parameter of this drive", name, known.iter().map(String::as_str))
-            }
+            DriveError::Unknown { name, known } => self.unknown(
+                &["drive", "search", name],
+                "parameter of this drive",
+                name,
+                known.iter().map(String::as_str),
+            ),
             other => self.error(&["drive"], other, None),
         })
     }
@@ -296,7 +299,8 @@ impl Builder<'_> {
                 None => Err(self.error(&["drive", "kind"], "a sine drive needs omega_rad_s", None)),
             },
             "replay" => {
-                let path = section.log.as_ref().ok_or_else(|| self.error(&["drive"], "replay needs log = PATH", None))?;
+                let path =
+                    section.log.as_ref().ok_or_else(|| self.error(&["drive"], "replay needs log = PATH", None))?;
                 let path = self.source.folder().join(path);
                 let (log, _) = crate::io::read_log(&path, &self.file.channels)
                     .map_err(|e| self.error(&["drive", "log"], e, None))?;
@@ -307,9 +311,8 @@ impl Builder<'_> {
     }
 
     fn fitness(&self, robot: &Robot) -> Result<Fitness, FileError> {
-        let fitness = Fitness::new(&self.file.fitness).map_err(|e| {
-            self.unknown(&["fitness", &e.name], "fitness term", &e.name, TERMS.iter().map(|t| t.name))
-        })?;
+        let fitness = Fitness::new(&self.file.fitness)
+            .map_err(|e| self.unknown(&["fitness", &e.name], "fitness term", &e.name, TERMS.iter().map(|t| t.name)))?;
         for term in TERMS.iter().filter(|t| self.file.fitness.contains_key(t.name)) {
             let lacks = |channel: &&&str| match channel.split_once('_') {
                 Some(("base", _)) => robot.base == Base::Fixed,
@@ -357,7 +360,11 @@ impl Builder<'_> {
         hidden.setup.noise = noise(&twin.noise);
         if let Some(steps) = twin.steps_per_control {
             if steps == 0 {
-                return Err(self.error(&["reality", "steps_per_control"], "steps_per_control must be at least 1", None));
+                return Err(self.error(
+                    &["reality", "steps_per_control"],
+                    "steps_per_control must be at least 1",
+                    None,
+                ));
             }
             hidden.setup.dt_s = hidden.setup.control_s / f64::from(steps);
         }
@@ -373,8 +380,7 @@ impl Builder<'_> {
             TwinParameters::Word(word) if word == "random" => {
                 let spread = twin.spread.unwrap_or(1.0);
                 let mut rng = random::stream(seed, &[TWIN_STREAM, 0]);
-                let unit: Vec<f64> =
-                    (0..space.len()).map(|_| 0.5 + spread * (rng.random::<f64>() - 0.5)).collect();
+                let unit: Vec<f64> = (0..space.len()).map(|_| 0.5 + spread * (rng.random::<f64>() - 0.5)).collect();
                 point = space.from_unit(&unit);
             }
             TwinParameters::Word(word) => return Err(self.unknown(&keys, "choice", word, ["nominal", "random"])),

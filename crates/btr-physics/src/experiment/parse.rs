@@ -65,7 +65,8 @@ impl Source {
         if settings.is_empty() {
             return Ok(());
         }
-        let mut document = self.text.parse::<toml_edit::DocumentMut>().map_err(|e| self.at_span(e.span(), e.message()))?;
+        let mut document =
+            self.text.parse::<toml_edit::DocumentMut>().map_err(|e| self.at_span(e.span(), e.message()))?;
         for setting in settings {
             apply_setting(&mut document, setting).map_err(|message| self.error(&[], &message, None))?;
         }
@@ -132,7 +133,8 @@ fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result
     let value = value.trim().parse::<toml_edit::Value>().unwrap_or_else(|_| value.trim().into());
     let mut item = document.as_item_mut();
     for key in &keys[..keys.len().saturating_sub(1)] {
-        let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: `{key}` is not inside a table"))?;
+        let table =
+            item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: `{key}` is not inside a table"))?;
         item = table.entry(key.get()).or_insert(toml_edit::table());
     }
     let last = keys.last().ok_or_else(|| format!("--set {setting}: expected key=value"))?;

@@ -163,10 +163,9 @@ fn scenario(
 pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
     let about = |e: LogError| {
         let available = match &e {
-            LogError::Missing { available, .. } => Some(format!(
-                "it has: {}; [channels] in the experiment file maps foreign names",
-                available.join(", ")
-            )),
+            LogError::Missing { available, .. } => {
+                Some(format!("it has: {}; [channels] in the experiment file maps foreign names", available.join(", ")))
+            }
             _ => None,
         };
         source.error(&["channels"], &format!("{}: {e}", path.display()), available)

@@ -56,6 +56,9 @@ impl Reality for Twin {
 impl Revealing for Twin {
     fn reveal(&self) -> Option<Revealed> {
         let names = self.model.simulations().dims().iter().map(|d| d.name.clone());
-        Some(Revealed { parameters: names.zip(self.parameters.iter().copied()).collect(), effects: self.hidden.clone() })
+        Some(Revealed {
+            parameters: names.zip(self.parameters.iter().copied()).collect(),
+            effects: self.hidden.clone(),
+        })
     }
 }

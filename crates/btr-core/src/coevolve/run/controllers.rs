@@ -1,0 +1,91 @@
+//! Step 1: the search for controllers in s_{i−1}, and the choice of those that are transferred.
+
+use super::{Coevolution, On, Phase, Step, Stream, best_index, stream, uniform};
+use crate::coevolve::evaluate;
+use crate::coevolve::history::{Generation, Side};
+use crate::coevolve::plan::Method;
+use crate::coevolve::transfer::{self, Choice, Scored};
+use crate::search::{AnySearch, Search, Unit};
+
+impl Coevolution {
+    pub(super) fn controllers(
+        &mut self,
+        on: &mut On<'_>,
+        mut search: AnySearch,
+        mut archive: Vec<Scored>,
+        generation: usize,
+    ) -> Step {
+        let units = search.ask(&mut self.stream(Stream::Controllers, generation));
+        let scores = self.score_controllers(on, &units);
+        search.tell(&units, &scores.iter().map(|f| -f).collect::<Vec<_>>());
+        let best = best_index(&scores.iter().map(|f| -f).collect::<Vec<_>>());
+        let point = on.simulator.controllers().from_unit(&units[best]);
+        self.state.history.generations.push(Generation::new(
+            (self.state.iteration, generation, Side::Controllers),
+            vec![point],
+            &scores,
+        ));
+        archive.extend(units.into_iter().zip(scores).map(|(unit, fitness)| Scored { unit, fitness, generation }));
+        self.state.phase = match &self.plan.controllers {
+            Some(phase) if generation < phase.generations => {
+                Phase::Controllers { search, archive, generation: generation + 1 }
+            }
+            _ => self.choose(on, &archive),
+        };
+        Step::Generation
+    }
+
+    /// Fitness in s_{i−1}, corrected or replaced as the method wants.
+    pub(super) fn score_controllers(&mut self, on: &On<'_>, units: &[Unit]) -> Vec<f64> {
+        if self.explores() {
+            let rivals = self.rivals(on);
+            return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
+        }
+        let fitness = evaluate::fitness(on.simulator, &self.state.simulation, units, &mut self.state.cost);
+        fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect()
+    }
+
+    /// Estimation-exploration looks for disagreement in all iterations but the last.
+    pub(super) fn explores(&self) -> bool {
+        self.plan.method == Method::EstimationExploration && self.state.iteration < self.plan.iterations
+    }
+
+    pub(super) fn choose(&mut self, on: &On<'_>, archive: &[Scored]) -> Phase {
+        let m = self
+            .plan
+            .transfers(on.simulator.controllers().len())
+            .min(self.tests_left().div_ceil(on.simulator.scenarios()));
+        let candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
+        let rivals = self.rivals(on);
+        let choice = Choice {
+            plan: &self.plan,
+            simulator: on.simulator,
+            distance: on.distance,
+            simulation: &self.state.simulation,
+            rivals: &rivals,
+            candidates,
+        };
+        let mut rng = self.stream(Stream::Neighbours, 0);
+        let mut queue = choice.choose(m, &mut rng, &mut self.state.cost);
+        if self.explores() {
+            let units: Vec<Unit> = queue.iter().map(|c| c.unit.clone()).collect();
+            let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+            queue.iter_mut().zip(fitness).for_each(|(c, f)| c.fitness = f);
+        }
+        if let Some(first) = queue.first() {
+            self.state.controller = Some(first.unit.clone());
+        }
+        Phase::Transfer { queue, next: 0, testing: None }
+    }
+
+    /// Simulations that explain the past about equally well; before there is a past, random ones.
+    pub(super) fn rivals(&self, on: &On<'_>) -> Vec<Vec<f64>> {
+        if !self.state.rivals.is_empty() {
+            return self.state.rivals.clone();
+        }
+        let space = on.simulator.simulations();
+        (0..self.plan.transfer.rivals as u64)
+            .map(|k| space.from_unit(&uniform(space.len(), &mut stream(self.state.seed, Stream::FirstRivals, k, 0))))
+            .collect()
+    }
+}

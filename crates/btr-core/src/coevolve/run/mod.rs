@@ -1,0 +1,318 @@
+//! The state machine that turns the loop.
+
+mod controllers;
+mod reality_only;
+mod record;
+mod simulators;
+mod transfers;
+
+use super::correction::LinearCorrection;
+use super::disengage;
+use super::evaluate::Cost;
+use super::history::{History, StopReason};
+use super::ledger::{Entry, Ledger};
+use super::plan::{Initial, Method, Plan};
+use super::transfer::Scored;
+use crate::distance::Distance;
+use crate::random::{self, Rng};
+use crate::search::{AnySearch, Unit};
+use crate::world::{Reality, Simulator};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+/// What a run acts on. Not part of its state: the caller builds it anew when a run is resumed.
+pub struct On<'a> {
+    /// S, C and how they behave.
+    pub simulator: &'a dyn Simulator,
+    /// phi.
+    pub distance: &'a dyn Distance,
+    /// Where the truth comes from.
+    pub reality: &'a mut dyn Reality,
+}
+
+/// What one step did.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Evaluated a generation; it is the last of the history.
+    Generation,
+    /// Carried out a real test; it is the last of the ledger.
+    Tested,
+    /// Closed an iteration; it is the last of the history.
+    Iteration,
+    /// Nothing to do before somebody has carried out the test described here.
+    Waiting(String),
+    /// The run is over.
+    Stopped(StopReason),
+}
+
+/// A plan that cannot be carried out.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// Controllers to search, but no search for them.
+    #[error("there are {0} controller parameters to search, but the plan has no [coevolve.controllers]")]
+    NoControllerSearch(usize),
+    /// Simulations to search, but no search for them.
+    #[error("there are {0} simulation parameters to search, but the plan has no [coevolve.simulators]")]
+    NoSimulatorSearch(usize),
+    /// A method that searches controllers, on a fixed drive.
+    #[error("this method searches controllers, but the experiment's drive has no parameters")]
+    NothingToControl,
+    /// No iteration at all.
+    #[error("`iterations` must be at least 1")]
+    NoIterations,
+}
+
+/// Labels of the random streams, one per consumer.
+#[derive(Clone, Copy)]
+enum Stream {
+    InitialSimulation = 1,
+    Controllers = 2,
+    Simulators = 3,
+    Neighbours = 4,
+    FirstRivals = 5,
+}
+
+/// Where in an iteration the run is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Phase {
+    /// About to begin the iteration.
+    Begin,
+    /// Step 1.
+    Controllers { search: AnySearch, archive: Vec<Scored>, generation: usize },
+    /// Step 2. `testing` is there when reality itself is the environment of the controller search.
+    Transfer { queue: Vec<Scored>, next: usize, testing: Option<AnySearch> },
+    /// Step 3. `tried` begins with s_{i−1}.
+    Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    /// About to close the iteration.
+    End,
+    /// Over.
+    Stopped(StopReason),
+}
+
+/// A run in progress: a plan, and how far it has come.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coevolution {
+    plan: Plan,
+    state: State,
+}
+
+/// How far a run has come: all that has to be written down to go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    seed: u64,
+    /// s_0.
+    start: Vec<f64>,
+    iteration: usize,
+    phase: Phase,
+    /// s_{i−1}, then s_i.
+    simulation: Vec<f64>,
+    /// c_{i−1}, then c_i, on the unit cube.
+    controller: Option<Unit>,
+    rivals: Vec<Vec<f64>>,
+    correction: LinearCorrection,
+    ledger: Ledger,
+    history: History,
+    cost: Cost,
+    /// phi of the starting simulation on the first transfers: the yardstick of disengagement.
+    phi_start: Option<f64>,
+    /// phi of s_{i−1} on this iteration's transfers.
+    phi_predicted: Option<f64>,
+    /// phi of s_i on the tests that count.
+    phi: Option<f64>,
+}
+
+impl Coevolution {
+    /// A run that has not begun.
+    ///
+    /// # Errors
+    /// A plan that does not fit what is to be searched.
+    pub fn new(plan: Plan, seed: u64, simulator: &dyn Simulator) -> Result<Self, PlanError> {
+        check(&plan, simulator)?;
+        let space = simulator.simulations();
+        let simulation = match plan.initial_simulation {
+            Initial::Nominal => space.nominal(),
+            Initial::Random => {
+                space.from_unit(&uniform(space.len(), &mut stream(seed, Stream::InitialSimulation, 0, 0)))
+            }
+        };
+        let nominal = simulator.controllers().dims().iter().all(|d| d.nominal.is_some());
+        let controller = nominal.then(|| simulator.controllers().to_unit(&simulator.controllers().nominal()));
+        let state = State {
+            seed,
+            start: simulation.clone(),
+            iteration: 1,
+            phase: Phase::Begin,
+            simulation,
+            controller,
+            rivals: Vec::new(),
+            correction: LinearCorrection::default(),
+            ledger: Ledger::default(),
+            history: History::default(),
+            cost: Cost::default(),
+            phi_start: None,
+            phi_predicted: None,
+            phi: None,
+        };
+        Ok(Coevolution { plan, state })
+    }
+
+    /// Takes up a run where its state was written down; [`recall`](Self::recall) comes next.
+    pub fn resumed(plan: Plan, state: State) -> Self {
+        Coevolution { plan, state }
+    }
+
+    /// What has to be written down to go on later.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Does the next unit of work.
+    pub fn step(&mut self, on: &mut On<'_>) -> Step {
+        match std::mem::replace(&mut self.state.phase, Phase::Begin) {
+            Phase::Begin => self.begin(on),
+            Phase::Controllers { search, archive, generation } => self.controllers(on, search, archive, generation),
+            Phase::Transfer { queue, next, testing } => self.transfer(on, queue, next, testing),
+            Phase::Simulators { search, tests, tried, generation } => {
+                self.simulators(on, search, tests, tried, generation)
+            }
+            Phase::End => self.end(on),
+            Phase::Stopped(reason) => self.stop(reason),
+        }
+    }
+
+    /// Fetches the logs of the ledger again; needed once after a run came out of a checkpoint.
+    ///
+    /// # Errors
+    /// A real test whose log is gone.
+    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
+        self.state.ledger.recall(reality)
+    }
+
+    /// Everything that happened so far.
+    pub fn history(&self) -> &History {
+        &self.state.history
+    }
+
+    /// Every real test so far.
+    pub fn ledger(&self) -> &Ledger {
+        &self.state.ledger
+    }
+
+    /// The best simulation so far, in the units of S.
+    pub fn simulation(&self) -> &[f64] {
+        &self.state.simulation
+    }
+
+    /// The simulation the run began with, in the units of S.
+    pub fn start(&self) -> &[f64] {
+        &self.state.start
+    }
+
+    /// The iteration being worked on, from 1.
+    pub fn iteration(&self) -> usize {
+        self.state.iteration
+    }
+
+    /// What the simulations have cost so far.
+    pub fn cost(&self) -> Cost {
+        self.state.cost
+    }
+
+    /// The plan the run follows.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The linear estimate of the fitness discrepancy, where the method makes one.
+    pub fn correction(&self) -> &LinearCorrection {
+        &self.state.correction
+    }
+
+    /// The test with the best real fitness: what the run recommends to use.
+    pub fn best_tested(&self) -> Option<&Entry> {
+        let tested = self.state.ledger.entries().iter().filter(|e| e.fitness().is_some_and(f64::is_finite));
+        tested.max_by(|a, b| a.fitness().unwrap_or(f64::NAN).total_cmp(&b.fitness().unwrap_or(f64::NAN)))
+    }
+
+    fn begin(&mut self, on: &mut On<'_>) -> Step {
+        if self.tests_left() == 0 {
+            return self.stop(StopReason::RealTestsSpent);
+        }
+        let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
+        match &self.plan.controllers {
+            Some(phase) if !on.simulator.controllers().is_empty() => {
+                let search = phase.search.start(on.simulator.controllers().len(), self.state.controller.as_deref());
+                if self.plan.method == Method::RealityOnly {
+                    return self.next_real_generation(on, search);
+                }
+                self.state.phase = Phase::Controllers { search, archive: Vec::new(), generation: 1 };
+            }
+            _ => {
+                let queue = if self.state.iteration == 1 { vec![fixed_drive] } else { Vec::new() };
+                self.state.phase = Phase::Transfer { queue, next: 0, testing: None };
+            }
+        }
+        self.step(on)
+    }
+
+    fn end(&mut self, on: &mut On<'_>) -> Step {
+        let record = self.record(on);
+        self.state.history.iterations.push(record);
+        let goal = self.plan.fitness_goal;
+        let best = self.best_tested().and_then(Entry::fitness);
+        self.state.phase = if goal.zip(best).is_some_and(|(goal, best)| best >= goal) {
+            Phase::Stopped(StopReason::GoalReached)
+        } else if self.state.iteration >= self.plan.iterations {
+            Phase::Stopped(StopReason::IterationsDone)
+        } else if self.plan.disengagement.stop && self.disengaged() {
+            Phase::Stopped(StopReason::Disengaged)
+        } else {
+            self.state.iteration += 1;
+            Phase::Begin
+        };
+        Step::Iteration
+    }
+
+    /// Whether the evidence so far amounts to disengagement.
+    pub fn disengaged(&self) -> bool {
+        disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement)
+    }
+
+    fn stop(&mut self, reason: StopReason) -> Step {
+        self.state.phase = Phase::Stopped(reason.clone());
+        Step::Stopped(reason)
+    }
+
+    fn tests_left(&self) -> usize {
+        self.plan.real_tests.map_or(usize::MAX, |budget| budget.saturating_sub(self.state.ledger.spent()))
+    }
+
+    fn stream(&self, what: Stream, generation: usize) -> Rng {
+        stream(self.state.seed, what, self.state.iteration as u64, generation as u64)
+    }
+}
+
+fn check(plan: &Plan, simulator: &dyn Simulator) -> Result<(), PlanError> {
+    let (c, s) = (simulator.controllers().len(), simulator.simulations().len());
+    let needs_simulators = matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
+    match () {
+        () if plan.iterations == 0 => Err(PlanError::NoIterations),
+        () if c > 0 && plan.controllers.is_none() => Err(PlanError::NoControllerSearch(c)),
+        () if s > 0 && needs_simulators && plan.simulators.is_none() => Err(PlanError::NoSimulatorSearch(s)),
+        () if c == 0 && plan.method != Method::BackToReality => Err(PlanError::NothingToControl),
+        () => Ok(()),
+    }
+}
+
+fn stream(seed: u64, what: Stream, iteration: u64, generation: u64) -> Rng {
+    random::stream(seed, &[what as u64, iteration, generation])
+}
+
+fn uniform(dims: usize, rng: &mut Rng) -> Unit {
+    (0..dims).map(|_| rng.random::<f64>()).collect()
+}
+
+/// The index of the smallest cost, the first one among equals. Populations are never empty.
+fn best_index(costs: &[f64]) -> usize {
+    (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0)
+}

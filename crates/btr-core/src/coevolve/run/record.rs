@@ -1,0 +1,73 @@
+//! The end of an iteration: what it found, and what speaks for or against disengagement.
+
+use super::{Coevolution, On};
+use crate::coevolve::disengage::Evidence;
+use crate::coevolve::evaluate;
+use crate::coevolve::history::{Generation, Iteration, Side};
+use crate::coevolve::ledger::Entry;
+use crate::search::Unit;
+use crate::stats;
+
+impl Coevolution {
+    pub(super) fn record(&mut self, on: &On<'_>) -> Iteration {
+        let evidence = self.evidence(on);
+        let mine = self.state.ledger.of_iteration(self.state.iteration);
+        let first = mine.iter().min_by_key(|e| e.trial.number);
+        let space = on.simulator.simulations();
+        let controller = self.state.controller.as_ref().map(|u| on.simulator.controllers().from_unit(u));
+        Iteration {
+            i: self.state.iteration,
+            fitness_sim: first.and_then(|e| e.promised),
+            fitness_real: first.and_then(|e| e.fitness()),
+            best_real: self.best_tested().and_then(Entry::fitness),
+            phi_predicted: self.state.phi_predicted.take(),
+            phi: self.state.phi,
+            parameters: space
+                .dims()
+                .iter()
+                .map(|d| d.name.clone())
+                .zip(self.state.simulation.iter().copied())
+                .collect(),
+            controller: controller.unwrap_or_default(),
+            real_tests: self.state.ledger.spent(),
+            simulated_evaluations: self.state.cost.evaluations,
+            evidence,
+        }
+    }
+
+    pub(super) fn evidence(&mut self, on: &On<'_>) -> Evidence {
+        let share =
+            |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
+        let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
+        let pairs: Vec<(Unit, f64, f64)> = self
+            .state
+            .ledger
+            .of_iteration(self.state.iteration)
+            .iter()
+            .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.promised?, e.fitness()?)))
+            .collect();
+        let promised: Vec<f64> = pairs.iter().map(|p| p.1).collect();
+        let real: Vec<f64> = pairs.iter().map(|p| p.2).collect();
+        let units: Vec<Unit> = pairs.into_iter().map(|p| p.0).collect();
+        let renewed = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+        Evidence {
+            phi_share,
+            predicted_share,
+            rank_agreement: stats::kendall_tau_b(&promised, &real),
+            pressure_on_simulations: self.pressure_on_simulations(),
+            pressure_on_controllers: stats::kendall_tau_b(&promised, &renewed).map(|tau| (1.0 - tau) / 2.0),
+            at_bound: self.at_bound(on),
+        }
+    }
+
+    pub(super) fn pressure_on_simulations(&self) -> Option<f64> {
+        let mine = |g: &&Generation| g.iteration == self.state.iteration && g.side == Side::Simulators;
+        let first = self.state.history.generations.iter().find(mine)?;
+        Some((first.mean - first.best) / first.mean.max(f64::MIN_POSITIVE)).filter(|p| p.is_finite())
+    }
+
+    pub(super) fn at_bound(&self, on: &On<'_>) -> Vec<String> {
+        let dims = on.simulator.simulations().dims().iter().zip(&self.state.simulation);
+        dims.filter(|(d, x)| !(1e-6..=1.0 - 1e-6).contains(&d.to_unit(**x))).map(|(d, _)| d.name.clone()).collect()
+    }
+}

@@ -1,0 +1,77 @@
+//! Step 3: the search for the simulation that explains the real tests best.
+
+use super::{Coevolution, On, Phase, State, Step, Stream, best_index};
+use crate::coevolve::evaluate;
+use crate::coevolve::history::{Generation, Side};
+use crate::coevolve::ledger::{Entry, Ledger};
+use crate::coevolve::plan::{Initial, SearchPhase};
+use crate::coevolve::transfer;
+use crate::search::{AnySearch, Search, Unit};
+
+impl Coevolution {
+    pub(super) fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
+        let now = self.distances_now(on);
+        let State { ledger, iteration, .. } = &self.state;
+        let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
+        let tests: Vec<usize> = indices(ledger, &ledger.counting(*iteration, self.plan.memory, &now)).collect();
+        let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
+        self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
+        self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
+        self.state.phi = Some(incumbent);
+        if self.plan.phi_goal.is_some_and(|goal| incumbent <= goal) {
+            return Phase::End;
+        }
+        let space = on.simulator.simulations();
+        let first = self.state.iteration == 1 && self.plan.initial_simulation == Initial::Random;
+        let here = space.to_unit(&self.state.simulation);
+        let search = phase.search.start(space.len(), (!first).then_some(here.as_slice()));
+        Phase::Simulators { search, tests, tried: vec![(here, incumbent)], generation: 1 }
+    }
+
+    /// How far the present simulation is from every test of the ledger; infinite where a test failed.
+    pub(super) fn distances_now(&mut self, on: &On<'_>) -> Vec<f64> {
+        let State { ledger, simulation, cost, .. } = &mut self.state;
+        let all: Vec<&Entry> = ledger.entries().iter().collect();
+        evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost).remove(0)
+    }
+
+    pub(super) fn simulators(
+        &mut self,
+        on: &mut On<'_>,
+        mut search: AnySearch,
+        tests: Vec<usize>,
+        mut tried: Vec<(Unit, f64)>,
+        generation: usize,
+    ) -> Step {
+        let units = search.ask(&mut self.stream(Stream::Simulators, generation));
+        let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
+        let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
+        let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
+        let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
+        search.tell(&units, &scores);
+        self.state.history.generations.push(Generation::new(
+            (self.state.iteration, generation, Side::Simulators),
+            points,
+            &scores,
+        ));
+        tried.extend(units.into_iter().zip(scores));
+        let best = &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())];
+        let found = self.plan.phi_goal.is_some_and(|goal| best.1 <= goal);
+        let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
+        if generation < generations && !found {
+            self.state.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
+        } else {
+            let space = on.simulator.simulations();
+            (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
+            let rivals = transfer::rivals(&tried, self.plan.transfer.rivals);
+            self.state.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
+            self.state.phase = Phase::End;
+        }
+        Step::Generation
+    }
+}
+
+/// The positions in the ledger of some of its entries.
+fn indices<'a>(ledger: &'a Ledger, entries: &'a [&Entry]) -> impl Iterator<Item = usize> + 'a {
+    entries.iter().filter_map(|e| ledger.entries().iter().position(|other| std::ptr::eq(*e, other)))
+}

@@ -1,0 +1,67 @@
+//! Step 2: the chosen controllers are tried in reality.
+
+use super::{Coevolution, On, Phase, Step};
+use crate::coevolve::correction::LinearCorrection;
+use crate::coevolve::history::StopReason;
+use crate::coevolve::plan::Method;
+use crate::coevolve::transfer::Scored;
+use crate::search::AnySearch;
+use crate::world::Trial;
+
+impl Coevolution {
+    pub(super) fn transfer(
+        &mut self,
+        on: &mut On<'_>,
+        queue: Vec<Scored>,
+        next: usize,
+        testing: Option<AnySearch>,
+    ) -> Step {
+        let trials = self.trials(on, &queue, next);
+        let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
+        let promised = queue[next / on.simulator.scenarios()].fitness;
+        let result = on.reality.announce(&trials).and_then(|()| {
+            let promised = promised.is_finite().then_some(promised);
+            self.state.ledger.carry_out(trial, promised, on.reality)
+        });
+        self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
+        match result {
+            Ok(()) => Step::Tested,
+            Err(what) => Step::Waiting(what),
+        }
+    }
+
+    /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
+    pub(super) fn trials(&self, on: &On<'_>, queue: &[Scored], next: usize) -> Vec<Trial> {
+        let scenarios = on.simulator.scenarios();
+        let left = (next..queue.len() * scenarios).take(self.tests_left());
+        left.map(|k| Trial {
+            number: self.state.ledger.spent() + k - next,
+            iteration: self.state.iteration,
+            controller: on.simulator.controllers().from_unit(&queue[k / scenarios].unit),
+            scenario: k % scenarios,
+        })
+        .collect()
+    }
+
+    /// All tests of the iteration are done: tell the search that waited for them, or go on to step 3.
+    pub(super) fn transferred(&mut self, on: &mut On<'_>, queue: &[Scored], testing: Option<AnySearch>) -> Step {
+        if let Some(search) = testing {
+            return self.told(on, queue, search);
+        }
+        if self.state.ledger.entries().iter().all(|e| e.fitness().is_none()) {
+            return self.stop(StopReason::NoRealData);
+        }
+        match (&self.plan.simulators, self.plan.method) {
+            (_, Method::LinearCorrection) => {
+                let space = on.simulator.controllers();
+                self.state.correction = LinearCorrection::fit(self.state.ledger.entries(), |c| space.to_unit(c));
+                self.state.phase = Phase::End;
+            }
+            (Some(phase), _) if !on.simulator.simulations().is_empty() => {
+                self.state.phase = self.begin_simulators(on, &phase.clone());
+            }
+            _ => self.state.phase = Phase::End,
+        }
+        self.step(on)
+    }
+}
