@@ -65,7 +65,7 @@ impl Progress {
     /// After an iteration.
     pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
         let parameters: Vec<String> = it.parameters.iter().map(|(name, x)| format!("{name}={}", number(*x))).collect();
-        let shown = if parameters.len() > 6 { String::new() } else { format!(" · {}", parameters.join(" ")) };
+        let shown = if it.phi.is_none() || parameters.len() > 6 { String::new() } else { format!(" · {}", parameters.join(" ")) };
         self.say(&format!(
             "iteration {}/{of} · fitness {} in simulation, {} in reality · phi {} → {}{shown} · {} real tests",
             it.i,

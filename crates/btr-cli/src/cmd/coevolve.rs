@@ -213,7 +213,7 @@ fn show(report: &Report) {
     if let Some(best) = &report.recommended {
         println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
     }
-    if let Some(revealed) = &report.revealed {
+    if let Some(revealed) = report.revealed.as_ref().filter(|_| report.iterations.iter().any(|it| it.phi.is_some())) {
         show_revealed(report, revealed);
     }
     show_logs(report);
