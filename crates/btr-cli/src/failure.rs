@@ -19,12 +19,12 @@ pub(crate) struct Failure {
 
 impl Failure {
     /// A failure of some kind, with what to do about it.
-    pub(crate) fn new(code: &'static str, message: impl ToString, help: Option<String>) -> Self {
-        Failure { code, message: message.to_string(), help }
+    pub(crate) fn new(code: &'static str, message: impl Into<String>, help: Option<String>) -> Self {
+        Failure { code, message: message.into(), help }
     }
 
     /// A command line that makes no sense.
-    pub(crate) fn usage(message: impl ToString) -> Self {
+    pub(crate) fn usage(message: impl Into<String>) -> Self {
         Failure::new("usage", message, None)
     }
 
@@ -45,24 +45,24 @@ impl Failure {
 
 impl From<btr_physics::experiment::FileError> for Failure {
     fn from(error: btr_physics::experiment::FileError) -> Self {
-        Failure::new("file", &error, error.help.clone())
+        Failure::new("file", error.to_string(), error.help.clone())
     }
 }
 
 impl From<btr_physics::run::RunError> for Failure {
     fn from(error: btr_physics::run::RunError) -> Self {
-        Failure::new("run", &error, error.help())
+        Failure::new("run", error.to_string(), error.help())
     }
 }
 
 impl From<btr_physics::io::IoError> for Failure {
     fn from(error: btr_physics::io::IoError) -> Self {
-        Failure::new("log", &error, Some(error.help()))
+        Failure::new("log", error.to_string(), Some(error.help()))
     }
 }
 
 impl From<btr_core::world::WorldError> for Failure {
     fn from(error: btr_core::world::WorldError) -> Self {
-        Failure::new("simulation", &error, None)
+        Failure::new("simulation", error.to_string(), None)
     }
 }

@@ -46,7 +46,7 @@ fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
     Ok(Meta {
         base_link: robot.links.first().map(|link| link.name.clone()),
         urdf: Some(urdf::to_urdf(&robot)),
-        model_toml: Some(adapted.map_err(|e| Failure::new("output", e, None))?),
+        model_toml: Some(adapted.map_err(|e| Failure::new("output", e.to_string(), None))?),
         notes: [("seed".to_owned(), experiment.seed.to_string())].into(),
     })
 }

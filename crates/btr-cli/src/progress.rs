@@ -65,9 +65,8 @@ impl Progress {
     /// After an iteration.
     pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
         let parameters: Vec<String> = it.parameters.iter().map(|(name, x)| format!("{name}={}", number(*x))).collect();
-        let shown = if it.phi.is_none() || parameters.len() > 6 { String::new() } else { format!(" · {}", parameters.join(" ")) };
         self.say(&format!(
-            "iteration {}/{of} · fitness {} in simulation, {} in reality · phi {} → {}{shown} · {} real tests",
+            "iteration {}/{of} · fitness {} in simulation, {} in reality · phi {} → {} · {} real tests",
             it.i,
             maybe(it.fitness_sim),
             maybe(it.fitness_real),
@@ -75,6 +74,9 @@ impl Progress {
             maybe(it.phi),
             it.real_tests
         ));
+        if it.phi.is_some() {
+            self.say(&format!("  {}", parameters.join(" ")));
+        }
     }
 
     /// A line that stays.

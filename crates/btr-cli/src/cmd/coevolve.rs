@@ -92,7 +92,7 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
         }
         eprintln!("\nfinishing the step in flight; press again to stop at once");
     })
-    .map_err(|e| Failure::new("signal", e, None))?;
+    .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)
 }
 
@@ -161,7 +161,7 @@ fn finish(
     let report = report::report(experiment, run.state(), reason, others)?;
     let files = write_files(experiment, run, &report)?;
     if global.json {
-        let mut document = serde_json::to_value(&report).map_err(|e| Failure::new("output", e, None))?;
+        let mut document = serde_json::to_value(&report).map_err(|e| Failure::new("output", e.to_string(), None))?;
         document["files"] = files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
         document["waiting_for"] = waiting.into();
         println!("{document}");
@@ -188,11 +188,11 @@ fn exit_code(run: &Run, report: &Report) -> ExitCode {
 }
 
 fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
-    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e, None))?;
+    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
     let mut files = vec![run.write("history.json", text.as_bytes())?];
     let space = experiment.model.simulations();
     let adapted = adapt::adapted(experiment.source(), space, run.state().simulation());
-    let adapted = adapted.map_err(|e| Failure::new("output", e, None))?;
+    let adapted = adapted.map_err(|e| Failure::new("output", e.to_string(), None))?;
     files.push(run.write("adapted.toml", adapted.as_bytes())?);
     files.extend(figures::write(experiment, run, report)?);
     Ok(files)

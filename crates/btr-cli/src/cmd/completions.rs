@@ -13,6 +13,6 @@ pub(crate) fn run(shell: Shell) -> Result<ExitCode, Failure> {
 
 pub(crate) fn man() -> Result<ExitCode, Failure> {
     let page = clap_mangen::Man::new(Args::command());
-    page.render(&mut std::io::stdout()).map_err(|e| Failure::new("output", e, None))?;
+    page.render(&mut std::io::stdout()).map_err(|e| Failure::new("output", e.to_string(), None))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 pub(crate) fn run() -> Result<ExitCode, Failure> {
     let schema = schemars::schema_for!(File);
-    let text = serde_json::to_string_pretty(&schema).map_err(|e| Failure::new("schema", e, None))?;
+    let text = serde_json::to_string_pretty(&schema).map_err(|e| Failure::new("schema", e.to_string(), None))?;
     println!("{text}");
     Ok(ExitCode::SUCCESS)
 }

@@ -102,8 +102,8 @@ impl Builder<'_> {
     pub(super) fn model(&self, situations: Situations) -> Result<Model, FileError> {
         let robot = self.robot()?;
         let setup = self.setup(&robot)?;
-        let mut effects = self.effects(&self.file.effects, "effects", &robot)?;
-        let (targets, simulations) = self.parameters(&robot, &mut effects, &setup)?;
+        let effects = self.effects(&self.file.effects, "effects", &robot)?;
+        let (targets, simulations) = self.parameters(&robot, &effects, &setup)?;
         let drive = self.drive(&robot)?;
         Ok(Model {
             fitness: self.fitness(&robot)?,
@@ -189,11 +189,11 @@ impl Builder<'_> {
     fn setup(&self, robot: &Robot) -> Result<Setup, FileError> {
         let s = &self.file.simulation;
         let positive = [("control_s", s.control_s), ("duration_s", s.duration_s)];
-        for (key, value) in positive.iter().filter(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+        if let Some((key, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             return Err(self.error(&["simulation", key], format!("{key} = {value} must be positive"), None));
         }
         let counts = [("steps_per_control", s.steps_per_control), ("sample_every", s.sample_every)];
-        for (key, _) in counts.iter().filter(|(_, count)| *count == 0) {
+        if let Some((key, _)) = counts.iter().find(|(_, count)| *count == 0) {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
         }
         let dt_s = s.control_s / f64::from(s.steps_per_control);
@@ -246,7 +246,7 @@ impl Builder<'_> {
     fn parameters(
         &self,
         robot: &Robot,
-        effects: &mut Vec<Placed>,
+        effects: &[Placed],
         setup: &Setup,
     ) -> Result<(Vec<Target>, Space), FileError> {
         let (mut targets, mut dims) = (Vec::new(), Vec::new());
