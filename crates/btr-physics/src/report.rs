@@ -18,6 +18,8 @@ pub struct Report {
     pub name: String,
     /// Its seed.
     pub seed: u64,
+    /// What fitness is made of: weights by term; empty when controllers are not judged.
+    pub fitness: IndexMap<String, f64>,
     /// One record per iteration.
     pub iterations: Vec<Iteration>,
     /// Why the run ended; `None` while it waits for real tests.
@@ -126,6 +128,7 @@ pub fn report(
         ok: true,
         name: experiment.name.clone(),
         seed: experiment.seed,
+        fitness: experiment.model.fitness.weights(),
         iterations: state.history().iterations.clone(),
         stop_reason,
         disengaged: state.disengaged(),

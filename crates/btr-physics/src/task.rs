@@ -95,6 +95,11 @@ impl Fitness {
         Ok(Fitness { weights })
     }
 
+    /// The terms by name, with their weights; empty when nothing is judged.
+    pub fn weights(&self) -> IndexMap<String, f64> {
+        self.weights.iter().map(|&(i, w)| (TERMS[i].name.to_owned(), w)).collect()
+    }
+
     /// f(B). A behaviour without any term scores 0.
     ///
     /// # Errors

@@ -210,7 +210,7 @@ fn show(report: &Report) {
     if report.disengaged {
         show_disengagement(report);
     }
-    if let Some(best) = &report.recommended {
+    if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
         println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
     }
     if let Some(revealed) = report.revealed.as_ref().filter(|_| report.iterations.iter().any(|it| it.phi.is_some())) {
@@ -231,19 +231,16 @@ fn reason_text(reason: &StopReason) -> &'static str {
 }
 
 fn iterations(report: &Report) -> Table {
-    let header = ["iteration", "f simulated", "f real", "best real", "phi predicted", "phi", "rank agreement", "tests"];
-    let mut table = Table::new(&header);
+    let judged = !report.fitness.is_empty();
+    let fitness: &[&str] = if judged { &["f simulated", "f real", "best real", "rank agreement"] } else { &[] };
+    let mut table = Table::new(&[&["iteration", "tests", "phi predicted", "phi"], fitness].concat());
     for it in &report.iterations {
-        table.row(vec![
-            it.i.to_string(),
-            maybe(it.fitness_sim),
-            maybe(it.fitness_real),
-            maybe(it.best_real),
-            maybe(it.phi_predicted),
-            maybe(it.phi),
-            maybe(it.evidence.rank_agreement),
-            it.real_tests.to_string(),
-        ]);
+        let mut row = vec![it.i.to_string(), it.real_tests.to_string(), maybe(it.phi_predicted), maybe(it.phi)];
+        if judged {
+            let cells = [it.fitness_sim, it.fitness_real, it.best_real, it.evidence.rank_agreement];
+            row.extend(cells.map(maybe));
+        }
+        table.row(row);
     }
     table
 }
