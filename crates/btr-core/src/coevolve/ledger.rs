@@ -66,6 +66,11 @@ impl Ledger {
         self.entries.len()
     }
 
+    /// Whether reality has been asked for this controller before.
+    pub(super) fn has_tried(&self, controller: &[f64]) -> bool {
+        self.entries.iter().any(|e| e.trial.controller == controller)
+    }
+
     /// Carries out a trial and writes it down. What is still pending stays out of the ledger and is returned.
     pub(super) fn carry_out(
         &mut self,
@@ -115,8 +120,9 @@ impl Ledger {
             Memory::All => self.entries.iter().filter(usable).collect(),
             Memory::None => self.entries.iter().filter(usable).filter(|e| !is_old(e)).collect(),
             Memory::Worst(count) => {
-                let mut old: Vec<usize> =
-                    (0..self.entries.len()).filter(|&k| is_old(&self.entries[k]) && usable(&&self.entries[k])).collect();
+                let mut old: Vec<usize> = (0..self.entries.len())
+                    .filter(|&k| is_old(&self.entries[k]) && usable(&&self.entries[k]))
+                    .collect();
                 old.sort_by(|&a, &b| distance_now[b].total_cmp(&distance_now[a]).then(b.cmp(&a)));
                 old.truncate(count);
                 old.sort_unstable();

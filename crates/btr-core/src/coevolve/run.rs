@@ -57,6 +57,9 @@ pub enum PlanError {
     NoIterations,
 }
 
+/// A parameter this close to a bound, as a share of its range, lies on it: no search gets there exactly.
+const AT_BOUND: f64 = 1e-3;
+
 /// Labels of the random streams, one per consumer.
 #[derive(Clone, Copy)]
 enum Stream {
@@ -126,7 +129,9 @@ impl Coevolution {
         let space = simulator.simulations();
         let simulation = match plan.initial_simulation {
             Initial::Nominal => space.nominal(),
-            Initial::Random => space.from_unit(&uniform(space.len(), &mut stream(seed, Stream::InitialSimulation, 0, 0))),
+            Initial::Random => {
+                space.from_unit(&uniform(space.len(), &mut stream(seed, Stream::InitialSimulation, 0, 0)))
+            }
         };
         let nominal = simulator.controllers().dims().iter().all(|d| d.nominal.is_some());
         let controller = nominal.then(|| simulator.controllers().to_unit(&simulator.controllers().nominal()));
@@ -291,7 +296,10 @@ impl Coevolution {
     }
 
     fn choose(&mut self, on: &On<'_>, archive: &[Scored]) -> Phase {
-        let m = self.plan.transfers(on.simulator.controllers().len()).min(self.tests_left().div_ceil(on.simulator.scenarios()));
+        let m = self
+            .plan
+            .transfers(on.simulator.controllers().len())
+            .min(self.tests_left().div_ceil(on.simulator.scenarios()));
         let candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
         let rivals = self.rivals(on);
         let choice = Choice {
@@ -299,6 +307,7 @@ impl Coevolution {
             simulator: on.simulator,
             distance: on.distance,
             simulation: &self.state.simulation,
+            ledger: &self.state.ledger,
             rivals: &rivals,
             candidates,
         };
@@ -364,8 +373,7 @@ impl Coevolution {
         }
         match (&self.plan.simulators, self.plan.method) {
             (_, Method::LinearCorrection) => {
-                let space = on.simulator.controllers();
-                self.state.correction = LinearCorrection::fit(self.state.ledger.entries(), |c| space.to_unit(c));
+                self.correct(on);
                 self.state.phase = Phase::End;
             }
             (Some(phase), _) if !on.simulator.simulations().is_empty() => {
@@ -374,6 +382,19 @@ impl Coevolution {
             _ => self.state.phase = Phase::End,
         }
         self.step(on)
+    }
+
+    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: what was promised when a test was asked
+    /// for has the estimate of that time in it.
+    fn correct(&mut self, on: &On<'_>) {
+        let entries = self.state.ledger.entries().iter();
+        let tested: Vec<(Unit, f64)> = entries
+            .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.fitness()?)))
+            .collect();
+        let units: Vec<Unit> = tested.iter().map(|(unit, _)| unit.clone()).collect();
+        let simulated = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+        let gaps = tested.into_iter().zip(simulated).map(|((unit, real), sim)| (unit, real - sim));
+        self.state.correction = LinearCorrection::fit(&gaps.collect::<Vec<_>>());
     }
 
     fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
@@ -416,7 +437,11 @@ impl Coevolution {
         let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
         let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
         search.tell(&units, &scores);
-        self.state.history.generations.push(Generation::new((self.state.iteration, generation, Side::Simulators), points, &scores));
+        self.state.history.generations.push(Generation::new(
+            (self.state.iteration, generation, Side::Simulators),
+            points,
+            &scores,
+        ));
         tried.extend(units.into_iter().zip(scores));
         let best = &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())];
         let found = self.plan.phi_goal.is_some_and(|goal| best.1 <= goal);
@@ -469,7 +494,12 @@ impl Coevolution {
             best_real: self.best_tested().and_then(Entry::fitness),
             phi_predicted: self.state.phi_predicted.take(),
             phi: self.state.phi,
-            parameters: space.dims().iter().map(|d| d.name.clone()).zip(self.state.simulation.iter().copied()).collect(),
+            parameters: space
+                .dims()
+                .iter()
+                .map(|d| d.name.clone())
+                .zip(self.state.simulation.iter().copied())
+                .collect(),
             controller: controller.unwrap_or_default(),
             real_tests: self.state.ledger.spent(),
             simulated_evaluations: self.state.cost.evaluations,
@@ -478,7 +508,8 @@ impl Coevolution {
     }
 
     fn evidence(&mut self, on: &On<'_>) -> Evidence {
-        let share = |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
+        let share =
+            |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
         let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
         let pairs: Vec<(Unit, f64, f64)> = self
             .state
@@ -509,7 +540,9 @@ impl Coevolution {
 
     fn at_bound(&self, on: &On<'_>) -> Vec<String> {
         let dims = on.simulator.simulations().dims().iter().zip(&self.state.simulation);
-        dims.filter(|(d, x)| !(1e-6..=1.0 - 1e-6).contains(&d.to_unit(**x))).map(|(d, _)| d.name.clone()).collect()
+        dims.filter(|(d, x)| !(AT_BOUND..=1.0 - AT_BOUND).contains(&d.to_unit(**x)))
+            .map(|(d, _)| d.name.clone())
+            .collect()
     }
 
     /// Reality as the environment of the controller search: the next population goes to the robot.
