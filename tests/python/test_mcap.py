@@ -16,7 +16,7 @@ typesys = pytest.importorskip("rosbags.typesys")
 
 BUILT = Path(__file__).parents[2] / "target" / "release" / "btr"
 BTR = os.environ.get("BTR") or shutil.which("btr") or (str(BUILT) if BUILT.exists() else None)
-NAMES = ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_ax", "imu_ay", "imu_az", "foot_Left-1"]
+NAMES = ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_acc_x", "imu_acc_y", "imu_acc_z", "foot_Left-1"]
 
 
 @pytest.fixture(scope="module")
@@ -64,5 +64,5 @@ def test_rosbags_reads_the_standard_topics_and_writes_the_same_bytes(log):
             if connection.topic == "/joint_commands":
                 assert list(message.position) == [row["cmd_hip"], row["cmd_knee"]]
             if connection.topic == "/imu":
-                assert message.linear_acceleration.x == row["imu_ax"]
+                assert message.linear_acceleration.x == row["imu_acc_x"]
     assert counts == {"/joint_states": 500, "/joint_commands": 500, "/imu": 500}

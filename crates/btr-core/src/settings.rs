@@ -22,6 +22,11 @@ pub(crate) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D
     checked(deserializer, |x| *x > 0.0 && *x <= 1.0, "a share above 0 and up to 1")
 }
 
+/// A count of one or more.
+pub(crate) fn at_least_one<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
+    checked(deserializer, |n| *n >= 1, "a count of 1 or more")
+}
+
 /// A count of two or more.
 pub(crate) fn at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
     checked(deserializer, |n| *n >= 2, "a count of 2 or more")

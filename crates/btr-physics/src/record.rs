@@ -89,7 +89,7 @@ impl Recorder {
             velocities: joint("dq", sensors.velocities, Joint::velocity_unit, Role::Measured).noise(velocity),
             torques: joint("tau", sensors.torques, Joint::torque_unit, Role::Measured).noise(torque),
             gyro: axes("imu_gyro", &xyz, "rad/s", sensors.imu, Role::Measured).noise(gyro_rad_s),
-            accelerometer: axes("imu_acc", &xyz, "m/s^2", sensors.imu, Role::Measured).noise(accelerometer_m_s2),
+            accelerometer: axes("imu_acc", &xyz, "m/s²", sensors.imu, Role::Measured).noise(accelerometer_m_s2),
             feet: axes("foot", &feet, "N", sensors.feet, Role::Measured).noise(foot_n),
             base,
             ball: axes("ball", &xyz, "m", setup.ball.is_some(), Role::Truth),

@@ -3,7 +3,7 @@
 //! A baseline after Hemker, Stelzer, von Stryk and Sakamoto's interleaving of simulated and real fitness, as the paper
 //! describes it (section 2.1.1): f_r(c) ≈ f_s(c) + w·(1, c), fitted to all real tests.
 
-use super::ledger::Entry;
+use crate::search::Unit;
 use nalgebra::{DMatrix, DVector};
 
 /// Weight of the penalty that keeps the estimate at zero where no test speaks, in squared unit-cube lengths.
@@ -16,13 +16,10 @@ pub struct LinearCorrection {
 }
 
 impl LinearCorrection {
-    /// Ridge regression of f_r − f_s on the controllers of the ledger.
-    pub(super) fn fit(entries: &[Entry], to_unit: impl Fn(&[f64]) -> Vec<f64>) -> Self {
-        let data: Vec<(Vec<f64>, f64)> = entries
-            .iter()
-            .filter_map(|e| Some((features(&to_unit(&e.trial.controller)), e.fitness()? - e.promised?)))
-            .filter(|(_, gap)| gap.is_finite())
-            .collect();
+    /// Ridge regression of the gaps f_r − f_s on the controllers, given on the unit cube.
+    pub(super) fn fit(gaps: &[(Unit, f64)]) -> Self {
+        let finite = gaps.iter().filter(|(_, gap)| gap.is_finite());
+        let data: Vec<(Vec<f64>, f64)> = finite.map(|(unit, gap)| (features(unit), *gap)).collect();
         let Some(dims) = data.first().map(|(x, _)| x.len()) else { return LinearCorrection::default() };
         let x = DMatrix::from_fn(data.len(), dims, |i, j| data[i].0[j]);
         let y = DVector::from_iterator(data.len(), data.iter().map(|(_, gap)| *gap));

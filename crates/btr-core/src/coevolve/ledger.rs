@@ -66,6 +66,11 @@ impl Ledger {
         self.entries.len()
     }
 
+    /// Whether reality has been asked for this controller before.
+    pub(super) fn has_tried(&self, controller: &[f64]) -> bool {
+        self.entries.iter().any(|e| e.trial.controller == controller)
+    }
+
     /// Carries out a trial and writes it down. What is still pending stays out of the ledger and is returned.
     pub(super) fn carry_out(
         &mut self,

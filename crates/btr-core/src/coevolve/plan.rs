@@ -2,6 +2,7 @@
 
 use crate::distance::DistanceSpec;
 use crate::search::SearchSpec;
+use crate::settings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -37,9 +38,14 @@ pub enum Initial {
 #[serde(deny_unknown_fields)]
 pub struct SearchPhase {
     /// Generations per iteration.
+    #[serde(deserialize_with = "settings::at_least_one")]
     pub generations: usize,
     /// The algorithm and its settings.
     pub search: SearchSpec,
+    /// Whether the simulator search goes on where the last iteration left it (with its whole distribution or population),
+    /// instead of starting anew from s_{i−1}. The real tests that count may have changed meanwhile.
+    #[serde(default)]
+    pub carry_over: bool,
 }
 
 /// Which controllers are tried in reality (step 2).
@@ -62,10 +68,12 @@ pub struct Transfer {
     /// The rule.
     pub rule: Rule,
     /// m as a share of the controller population M; the paper takes 0.6 with phi_1.
+    #[serde(deserialize_with = "settings::positive")]
     pub share: f64,
     /// m itself, instead of a share; the paper takes 1 or 2 with phi_2.
     pub count: Option<usize>,
     /// p'_m of the neighbourhood rule, per bit.
+    #[serde(deserialize_with = "settings::probability")]
     pub mutation: f64,
     /// How many rival simulations the disagreement rule asks.
     pub rivals: usize,
@@ -97,6 +105,7 @@ pub enum Memory {
 #[serde(deny_unknown_fields, default)]
 pub struct DisengagementRule {
     /// Iterations without progress before the verdict.
+    #[serde(deserialize_with = "settings::at_least_one")]
     pub patience: usize,
     /// Progress is a fall of phi by at least this share.
     pub progress: f64,

@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 
 /// Bits per parameter when the neighbourhood rule mutates a controller.
 const NEIGHBOUR_BITS: u32 = 16;
+/// How often mutants are drawn again where too many fail, were tried before or did not change.
+const NEIGHBOUR_ROUNDS: usize = 20;
 
 /// A controller with the score its generation gave it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,8 +31,7 @@ pub(super) fn transferable(archive: &[Scored], ledger: &Ledger, simulator: &dyn 
     let mut chosen: Vec<Scored> = Vec::new();
     for candidate in order {
         let point = simulator.controllers().from_unit(&candidate.unit);
-        let seen = ledger.entries().iter().any(|e| e.trial.controller == point);
-        if !seen && chosen.iter().all(|c| c.unit != candidate.unit) {
+        if !ledger.has_tried(&point) && chosen.iter().all(|c| c.unit != candidate.unit) {
             chosen.push(candidate.clone());
         }
     }
@@ -44,6 +45,8 @@ pub(super) struct Choice<'a> {
     pub distance: &'a dyn Distance,
     /// s_{i−1}.
     pub simulation: &'a [f64],
+    /// What was tried before.
+    pub ledger: &'a Ledger,
     /// Simulations that explain the past about as well as s_{i−1}.
     pub rivals: &'a [Vec<f64>],
     /// See [`transferable`].
@@ -65,11 +68,24 @@ impl Choice<'_> {
 
     fn neighbourhood(self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Vec<Scored> {
         let Some(best) = self.candidates.into_iter().next() else { return Vec::new() };
-        let units = neighbours(&best.unit, m - 1, self.plan.transfer.mutation, NEIGHBOUR_BITS, rng);
-        let fitness = evaluate::fitness(self.simulator, self.simulation, &units, cost);
-        let generation = best.generation;
-        let mutants = units.into_iter().zip(fitness).map(|(unit, fitness)| Scored { unit, fitness, generation });
-        std::iter::once(best).chain(mutants.filter(|c| c.fitness.is_finite())).collect()
+        let mut chosen = vec![best.clone()];
+        for _ in 0..NEIGHBOUR_ROUNDS {
+            let units = neighbours(&best.unit, m - chosen.len(), self.plan.transfer.mutation, NEIGHBOUR_BITS, rng);
+            let fitness = evaluate::fitness(self.simulator, self.simulation, &units, cost);
+            let generation = best.generation;
+            let mutants = units.into_iter().zip(fitness).map(|(unit, fitness)| Scored { unit, fitness, generation });
+            for mutant in mutants.filter(|mutant| mutant.fitness.is_finite()) {
+                let point = self.simulator.controllers().from_unit(&mutant.unit);
+                let is_like = |c: &Scored| self.simulator.controllers().from_unit(&c.unit) == point;
+                if !self.ledger.has_tried(&point) && !chosen.iter().any(is_like) {
+                    chosen.push(mutant);
+                }
+            }
+            if chosen.len() >= m {
+                break;
+            }
+        }
+        chosen
     }
 
     fn disagreeing(self, m: usize, cost: &mut Cost) -> Vec<Scored> {

@@ -243,12 +243,7 @@ impl Builder<'_> {
         Ok(placed)
     }
 
-    fn parameters(
-        &self,
-        robot: &Robot,
-        effects: &[Placed],
-        setup: &Setup,
-    ) -> Result<(Vec<Target>, Space), FileError> {
+    fn parameters(&self, robot: &Robot, effects: &[Placed], setup: &Setup) -> Result<(Vec<Target>, Space), FileError> {
         let (mut targets, mut dims) = (Vec::new(), Vec::new());
         for (name, section) in &self.file.parameters {
             let keys = ["parameters", name.as_str()];

@@ -150,15 +150,15 @@ impl IoError {
             IoError::Empty { .. } | IoError::NoSamples { .. } => {
                 "the recording never started; record again, or leave this file out".into()
             }
-            IoError::NoTime { .. } => "name the time column in the model's [log] table: time = \"...\"".into(),
+            IoError::NoTime { .. } => "name the time column in the model's [channels] table: time = \"...\"".into(),
             IoError::Clock { .. } => "sort the file by time and remove repeated samples, then try again".into(),
             IoError::NotANumber { .. } => "leave the cell empty (or write nan) where a sample is missing".into(),
             IoError::Cells { .. } => "repair or remove that line; missing samples are empty cells".into(),
             IoError::Csv { .. } => "save it as UTF-8, with commas between the cells".into(),
-            IoError::Twice { .. } => "drop one of the two, or map only one of them in the [log] table".into(),
+            IoError::Twice { .. } => "drop one of the two, or map only one of them in the [channels] table".into(),
             IoError::NotMcap { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
             IoError::NoStates { .. } => {
-                "name the topic in the model's [log.topics] table: states = \"/...\" (sensor_msgs/msg/JointState)"
+                "name the topic in the model's [channels.topics] table: states = \"/...\" (sensor_msgs/msg/JointState)"
                     .into()
             }
             IoError::Unwritable { .. } => "write .mcap, which keeps every name as it is".into(),

@@ -4,7 +4,7 @@ use btr_core::log::Role;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// Where a log's channels are: the `[log]` table of a model or experiment file.
+/// Where a log's channels are: the `[channels]` table of a model or experiment file.
 ///
 /// btr's own names (`t`, `cmd_<joint>`, `q_<joint>`, ...) are always understood; the mapping adds foreign ones.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -179,8 +179,8 @@ fn role(name: &str) -> Role {
     }
 }
 
-/// The SI unit of a name when nothing else is said: angles for joints, and by the letter after the prefix for bodies
-/// (`imu_ax` is an acceleration, `base_vx` a velocity, `base_wx` a rate of turn, `base_qw` a number).
+/// The SI unit of a name when nothing else is said: angles for joints, and by what follows the prefix for bodies
+/// (`imu_acc_x` is an acceleration, `imu_gyro_x` and `base_wx` are rates of turn, `base_vx` a velocity, `base_qw` a number).
 fn usual_unit(name: &str) -> &'static str {
     if let Some((_, units)) = FAMILIES.iter().find(|(prefix, _)| name.starts_with(prefix)) {
         return units[0];
@@ -193,8 +193,8 @@ fn usual_unit(name: &str) -> &'static str {
         "roll" | "pitch" | "yaw" => "rad",
         "x" | "y" | "z" => "m",
         "vx" | "vy" | "vz" => "m/s",
-        "wx" | "wy" | "wz" => "rad/s",
-        "ax" | "ay" | "az" => "m/s²",
+        "wx" | "wy" | "wz" | "gyro_x" | "gyro_y" | "gyro_z" => "rad/s",
+        "ax" | "ay" | "az" | "acc_x" | "acc_y" | "acc_z" => "m/s²",
         _ => "1",
     }
 }

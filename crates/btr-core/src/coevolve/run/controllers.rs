@@ -62,6 +62,7 @@ impl Coevolution {
             simulator: on.simulator,
             distance: on.distance,
             simulation: &self.state.simulation,
+            ledger: &self.state.ledger,
             rivals: &rivals,
             candidates,
         };

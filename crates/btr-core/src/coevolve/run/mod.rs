@@ -108,6 +108,8 @@ pub struct State {
     simulation: Vec<f64>,
     /// c_{i−1}, then c_i, on the unit cube.
     controller: Option<Unit>,
+    /// The simulator search as the last iteration left it.
+    carried: Option<AnySearch>,
     rivals: Vec<Vec<f64>>,
     correction: LinearCorrection,
     ledger: Ledger,
@@ -144,6 +146,7 @@ impl Coevolution {
             phase: Phase::Begin,
             simulation,
             controller,
+            carried: None,
             rivals: Vec::new(),
             correction: LinearCorrection::default(),
             ledger: Ledger::default(),

@@ -8,6 +8,9 @@ use crate::coevolve::ledger::Entry;
 use crate::search::Unit;
 use crate::stats;
 
+/// A parameter this close to a bound, as a share of its range, lies on it: no search gets there exactly.
+const AT_BOUND: f64 = 1e-3;
+
 impl Coevolution {
     pub(super) fn record(&mut self, on: &On<'_>) -> Iteration {
         let evidence = self.evidence(on);
@@ -68,6 +71,8 @@ impl Coevolution {
 
     pub(super) fn at_bound(&self, on: &On<'_>) -> Vec<String> {
         let dims = on.simulator.simulations().dims().iter().zip(&self.state.simulation);
-        dims.filter(|(d, x)| !(1e-6..=1.0 - 1e-6).contains(&d.to_unit(**x))).map(|(d, _)| d.name.clone()).collect()
+        dims.filter(|(d, x)| !(AT_BOUND..=1.0 - AT_BOUND).contains(&d.to_unit(**x)))
+            .map(|(d, _)| d.name.clone())
+            .collect()
     }
 }

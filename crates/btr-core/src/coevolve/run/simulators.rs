@@ -24,7 +24,8 @@ impl Coevolution {
         let space = on.simulator.simulations();
         let first = self.state.iteration == 1 && self.plan.initial_simulation == Initial::Random;
         let here = space.to_unit(&self.state.simulation);
-        let search = phase.search.start(space.len(), (!first).then_some(here.as_slice()));
+        let carried = self.state.carried.take().filter(|_| phase.carry_over);
+        let search = carried.unwrap_or_else(|| phase.search.start(space.len(), (!first).then_some(here.as_slice())));
         Phase::Simulators { search, tests, tried: vec![(here, incumbent)], generation: 1 }
     }
 
@@ -63,6 +64,7 @@ impl Coevolution {
         } else {
             let space = on.simulator.simulations();
             (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
+            self.state.carried = Some(search);
             let rivals = transfer::rivals(&tried, self.plan.transfer.rivals);
             self.state.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
             self.state.phase = Phase::End;

@@ -2,10 +2,11 @@
 
 use super::{Coevolution, On, Phase, Step};
 use crate::coevolve::correction::LinearCorrection;
+use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
 use crate::coevolve::plan::Method;
 use crate::coevolve::transfer::Scored;
-use crate::search::AnySearch;
+use crate::search::{AnySearch, Unit};
 use crate::world::Trial;
 
 impl Coevolution {
@@ -53,8 +54,7 @@ impl Coevolution {
         }
         match (&self.plan.simulators, self.plan.method) {
             (_, Method::LinearCorrection) => {
-                let space = on.simulator.controllers();
-                self.state.correction = LinearCorrection::fit(self.state.ledger.entries(), |c| space.to_unit(c));
+                self.correct(on);
                 self.state.phase = Phase::End;
             }
             (Some(phase), _) if !on.simulator.simulations().is_empty() => {
@@ -63,5 +63,18 @@ impl Coevolution {
             _ => self.state.phase = Phase::End,
         }
         self.step(on)
+    }
+
+    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: what was promised when a test was asked
+    /// for has the estimate of that time in it.
+    fn correct(&mut self, on: &On<'_>) {
+        let entries = self.state.ledger.entries().iter();
+        let tested: Vec<(Unit, f64)> = entries
+            .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.fitness()?)))
+            .collect();
+        let units: Vec<Unit> = tested.iter().map(|(unit, _)| unit.clone()).collect();
+        let simulated = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+        let gaps = tested.into_iter().zip(simulated).map(|((unit, real), sim)| (unit, real - sim));
+        self.state.correction = LinearCorrection::fit(&gaps.collect::<Vec<_>>());
     }
 }

@@ -141,8 +141,8 @@ fn imu(m: &Imu) -> Vec<(String, f64)> {
     // -1 first in a covariance says that the quantity is not there.
     let there = |covariance: &[f64; 9]| covariance[0] >= 0.0;
     let (a, w, q) = (&m.linear_acceleration, &m.angular_velocity, &m.orientation);
-    add(there(&m.linear_acceleration_covariance), &[("ax", a.x), ("ay", a.y), ("az", a.z)]);
-    add(there(&m.angular_velocity_covariance), &[("wx", w.x), ("wy", w.y), ("wz", w.z)]);
+    add(there(&m.linear_acceleration_covariance), &[("acc_x", a.x), ("acc_y", a.y), ("acc_z", a.z)]);
+    add(there(&m.angular_velocity_covariance), &[("gyro_x", w.x), ("gyro_y", w.y), ("gyro_z", w.z)]);
     add(there(&m.orientation_covariance), &[("qx", q.x), ("qy", q.y), ("qz", q.z), ("qw", q.w)]);
     values
 }

@@ -91,7 +91,7 @@ fn vector(columns: Option<[&[f64]; 3]>, tick: usize) -> Vector3 {
     columns.map_or(Vector3::default(), |[x, y, z]| Vector3 { x: x[tick], y: y[tick], z: z[tick] })
 }
 
-/// The channels `imu_ax..`, `imu_wx..` and `imu_qx..` as `sensor_msgs/msg/Imu`.
+/// The channels `imu_acc_x..`, `imu_gyro_x..` and `imu_qx..` as `sensor_msgs/msg/Imu`.
 pub(crate) struct ImuView<'a> {
     acceleration: Option<[&'a [f64]; 3]>,
     turning: Option<[&'a [f64]; 3]>,
@@ -101,8 +101,8 @@ pub(crate) struct ImuView<'a> {
 impl<'a> ImuView<'a> {
     /// `None` when there is neither acceleration nor rate of turn.
     pub(crate) fn new(log: &'a Log) -> Option<Self> {
-        let acceleration = axes(log, "imu_", ["ax", "ay", "az"]);
-        let turning = axes(log, "imu_", ["wx", "wy", "wz"]);
+        let acceleration = axes(log, "imu_", ["acc_x", "acc_y", "acc_z"]);
+        let turning = axes(log, "imu_", ["gyro_x", "gyro_y", "gyro_z"]);
         let orientation = axes(log, "imu_", ROTATION);
         (acceleration.is_some() || turning.is_some()).then_some(ImuView { acceleration, turning, orientation })
     }

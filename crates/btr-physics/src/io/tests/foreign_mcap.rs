@@ -165,7 +165,9 @@ fn the_standard_topics_of_btr_hold_what_the_log_holds() {
     let (read, warnings) = bag.read("").unwrap();
     assert_eq!(warnings, []);
     assert!(read.clock_s().iter().zip(log.clock_s()).all(|(a, b)| (a - b).abs() <= 0.5e-9));
-    for name in ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_ax", "imu_ay", "imu_az"] {
+    for name in
+        ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_acc_x", "imu_acc_z", "imu_gyro_x", "imu_gyro_z"]
+    {
         assert_eq!(read.values(name).unwrap(), log.values(name).unwrap(), "{name}");
     }
 }

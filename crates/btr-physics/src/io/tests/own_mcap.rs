@@ -8,7 +8,19 @@ use ::mcap::read::{LinearReader, metadata};
 pub(super) fn walk(ticks: usize) -> Log {
     let mut log = Log::new((0..ticks).map(|i| 0.01 * i as f64).collect()).unwrap();
     let wave = |phase: f64| (0..ticks).map(|i| (0.1 * i as f64 + phase).sin()).collect::<Vec<f64>>();
-    let names = ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_ax", "imu_ay", "imu_az"];
+    let names = [
+        "cmd_hip",
+        "cmd_knee",
+        "q_hip",
+        "q_knee",
+        "dq_knee",
+        "imu_acc_x",
+        "imu_acc_y",
+        "imu_acc_z",
+        "imu_gyro_x",
+        "imu_gyro_y",
+        "imu_gyro_z",
+    ];
     let base = ["base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw", "foot_l"];
     for (i, name) in names.into_iter().chain(base).enumerate() {
         let role = if name.starts_with("cmd_") { Role::Command } else { Role::Measured };
