@@ -1,0 +1,129 @@
+"""btr beside MuJoCo: the same robots, servos, commands and time steps, one core each, in alternation.
+
+    python3 -m venv venv && venv/bin/pip install mujoco
+    venv/bin/python benches/beside_mujoco.py [--rounds 20]
+
+btr writes the robot as MJCF (masses, inertias, joints, rotor inertia, servos with their limits, shapes, floor) together
+with the log of its own run; MuJoCo starts where that log starts and gets the log's commands, step by step, inside
+`mujoco.rollout`, so no Python runs between its steps. Its integrator is `implicitfast`, all other settings are its
+defaults. btr's figure holds a whole rollout: world, controller, sensors, log. Processor time is counted, and both take
+turns, so other work on the machine falls on both; trust the ratio of medians rather than either figure alone.
+
+Before any timing, the table's last columns say whether both did the same: how far the base moved along x in 2 s, and its
+height at the end over that at the start. Contacts are soft in one engine and hard in the other, so only roughly.
+"""
+
+import argparse
+import csv
+import json
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+DURATION_S = 2.0
+SCENES = [("nao", 0.055 / 7), ("nao", 0.001), ("ant", 0.055 / 7)]
+ROLLOUTS_PER_ROUND = 5
+# Bases may end this far apart (m); a base below this share of its height has fallen.
+APART_M, FALLEN = 0.1, 0.7
+
+
+def example(name, *arguments):
+    """Runs one of btr's examples, built beforehand, and gives back what it printed."""
+    command = [ROOT / "target/release/examples" / name, *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+class Scene:
+    """A robot in both engines."""
+
+    def __init__(self, name, dt_s, folder):
+        self.name, self.dt_s = name, dt_s
+        example("export_mjcf", name, dt_s, DURATION_S, folder)
+        self.model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+        self.data = mujoco.MjData(self.model)
+        with open(folder / "log.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.log = {column: np.array([float(row[column]) for row in rows]) for column in rows[0]}
+        self.start, self.commands = self.start_state(), self.all_commands()
+        self.us = {"btr": [], "MuJoCo": []}
+
+    def start_state(self):
+        """The log's first row as MuJoCo's full physics state."""
+        axes = ["x", "y", "z", "qw", "qx", "qy", "qz"]
+        self.data.qpos[:7] = [self.log[f"base_{axis}"][0] for axis in axes]
+        for joint in self.joints():
+            self.data.joint(joint).qpos = self.log[f"q_{joint}"][0]
+        spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        state = np.empty(mujoco.mj_stateSize(self.model, spec))
+        mujoco.mj_getState(self.model, self.data, state, spec)
+        return state
+
+    def joints(self):
+        """The driven joints in the order of the actuators."""
+        return [self.model.joint(joint).name for joint, _ in self.model.actuator_trnid]
+
+    def all_commands(self):
+        """A row per step; the log's last row is the state after the last one."""
+        return np.stack([self.log[f"cmd_{joint}"][:-1] for joint in self.joints()], axis=1)
+
+    def mujoco_rollout(self):
+        """All states, a row per step: time, positions, velocities."""
+        return mujoco.rollout.rollout(self.model, self.data, self.start, self.commands)[0][0]
+
+    def time_btr(self):
+        printed = example("step_speed", self.name, self.dt_s, DURATION_S, ROLLOUTS_PER_ROUND)
+        self.us["btr"] += [json.loads(line)["us_per_step"] for line in printed.splitlines()]
+
+    def time_mujoco(self):
+        for _ in range(ROLLOUTS_PER_ROUND):
+            begin = time.thread_time()
+            self.mujoco_rollout()
+            self.us["MuJoCo"].append((time.thread_time() - begin) * 1e6 / len(self.commands))
+
+    def agreement(self):
+        """How both moved, and whether that is the same."""
+        last = self.mujoco_rollout()[-1]
+        x, _, z = last[1:4]
+        start = {axis: self.log[f"base_{axis}"][0] for axis in "xyz"}
+        end = {axis: self.log[f"base_{axis}"][-1] for axis in "xyz"}
+        apart = np.linalg.norm(last[1:3] - [end["x"], end["y"]])
+        heights = end["z"] / start["z"], z / start["z"]
+        same = apart < APART_M and min(heights) > FALLEN
+        moved = f"{end['x'] - start['x']:6.3f}/{x - start['x']:6.3f}"
+        return f"{moved}  {heights[0]:.2f}/{heights[1]:.2f}  {'same' if same else 'DIFFERENT'}"
+
+    def row(self):
+        cell = {engine: f"{min(us):7.1f} /{statistics.median(us):7.1f}" for engine, us in self.us.items()}
+        ratio = statistics.median(self.us["btr"]) / statistics.median(self.us["MuJoCo"])
+        label = f"{self.name} {self.dt_s * 1e3:.3f} ms"
+        return f"{label:14}{cell['btr']:>18}{cell['MuJoCo']:>18}{ratio:8.2f}   {self.agreement()}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=20, help="rounds of 5 rollouts each (default: 20)")
+    rounds = parser.parse_args().rounds
+    build = ["cargo", "build", "--release", "--quiet", "-p", "btr-physics", "--examples"]
+    subprocess.run(build, cwd=ROOT, check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = [Scene(name, dt_s, Path(folder)) for name, dt_s in SCENES]
+    for _ in range(rounds):
+        for scene in scenes:
+            scene.time_btr()
+            scene.time_mujoco()
+    print(f"µs of processor time per step, minimum / median of {rounds * ROLLOUTS_PER_ROUND} rollouts of {DURATION_S:g} s; "
+          f"MuJoCo {mujoco.__version__}; base: btr/MuJoCo")
+    print(f"{'':14}{'btr':>18}{'MuJoCo':>18}{'ratio':>8}   moved along x, m  height  agreement")
+    for scene in scenes:
+        print(scene.row())
+
+
+if __name__ == "__main__":
+    main()
