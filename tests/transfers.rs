@@ -44,7 +44,7 @@ fn the_fittest_share_of_the_last_generation_is_tried_fittest_first() {
     let (run, _) = run("iterations = 1", 1, &world, &mut honest());
     let (promised, expected) = promised_and_expected(&run, 12);
     assert_eq!(promised, expected, "60 % of 20");
-    let last = run.history().generations.iter().filter(|g| g.side == Side::Controllers).next_back().unwrap();
+    let last = run.history().generations.iter().rfind(|g| g.side == Side::Controllers).unwrap();
     assert!(promised.iter().all(|f| last.scores.contains(&Some(*f))), "no need for earlier generations");
 }
 
@@ -58,7 +58,7 @@ fn earlier_generations_fill_up_where_too_few_can_be_transferred() {
     let (run, _) = run(search, 1, &world, &mut honest());
     let (promised, expected) = promised_and_expected(&run, 12);
     assert_eq!((promised.len(), &promised), (12, &expected));
-    let last = run.history().generations.iter().filter(|g| g.side == Side::Controllers).next_back().unwrap();
+    let last = run.history().generations.iter().rfind(|g| g.side == Side::Controllers).unwrap();
     assert!(last.failed > 8, "only {} of the last generation failed", last.failed);
     assert!(promised.windows(2).any(|pair| pair[0] < pair[1]), "a generation follows another");
 }
@@ -73,8 +73,8 @@ fn every_rule_begins_with_the_fittest_and_tries_nobody_twice() {
         assert_eq!(tried.len(), 24, "{rule}");
         let twice = tried.iter().enumerate().find(|(k, a)| tried[..*k].iter().any(|b| a.controller == b.controller));
         assert_eq!(twice, None, "{rule}");
-        let last = run.history().generations.iter().filter(|g| g.side == Side::Controllers && g.iteration == 1);
-        let best = last.last().unwrap().best;
+        let mut generations = run.history().generations.iter();
+        let best = generations.rfind(|g| g.side == Side::Controllers && g.iteration == 1).unwrap().best;
         assert_eq!(run.ledger().entries()[0].promised, Some(best), "{rule}");
     }
 }

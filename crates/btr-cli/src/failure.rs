@@ -63,6 +63,12 @@ impl From<btr_physics::io::IoError> for Failure {
 
 impl From<btr_core::world::WorldError> for Failure {
     fn from(error: btr_core::world::WorldError) -> Self {
-        Failure::new("simulation", error.to_string(), None)
+        let help = match &error {
+            btr_core::world::WorldError::BlewUp { .. } => {
+                Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
+            }
+            _ => None,
+        };
+        Failure::new("simulation", error.to_string(), help)
     }
 }

@@ -35,12 +35,15 @@ pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<ExitCode, Failure>
     if args.dry_run {
         return dry_run(&experiment, &folder, global);
     }
+    let interrupted = watch_for_interrupts()?;
+    if !global.quiet {
+        experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    }
     let plan = experiment.plan.clone();
     let mut run = match args.resume {
         true => Run::resume(&mut experiment, plan, &folder)?,
         false => Run::begin(&experiment, plan, &folder)?,
     };
-    let interrupted = watch_for_interrupts()?;
     let progress = Progress::new(experiment.model.clone(), run.state(), global);
     let left = turn(&mut run, &mut experiment, &progress, &interrupted)?;
     let by_distance = match &left {

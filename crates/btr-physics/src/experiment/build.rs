@@ -7,7 +7,7 @@ use super::file::{
 use super::parse::{FileError, Source, nearest};
 use super::scenarios::{self, Situations};
 use crate::drive::{DRIVES, DriveError, DriveKind, DrivePlan, Replay};
-use crate::effect::{self, Placed};
+use crate::effect::{self, Placed, SiteKind};
 use crate::model::Model;
 use crate::parameter::Target;
 use crate::reality::{Command, Logs, Manual, Revealing, Store, Twin};
@@ -16,11 +16,11 @@ use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
 use crate::{ant, nao, pendulum, site, urdf};
-use btr_core::coevolve::Plan;
+use btr_core::coevolve::{Coevolution, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
-use btr_core::log::Log;
+use btr_core::log::{Log, Role};
 use btr_core::random;
-use btr_core::space::{Dim, Space};
+use btr_core::space::{Dim, Space, SpaceError};
 use indexmap::IndexMap;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
@@ -44,6 +44,8 @@ pub struct Experiment {
     pub recorded: Vec<Log>,
     /// Distances to identify with once more.
     pub distances: Vec<DistanceSpec>,
+    /// What the readers of the recorded logs noticed and could live with.
+    pub warnings: Vec<String>,
     source: Source,
 }
 
@@ -66,11 +68,12 @@ impl Experiment {
             RealitySection::Logs(logs) => scenarios::from_logs(logs, &file, &source, &builder.robot()?)?,
             _ => Situations::single(file.simulation.duration_s),
         };
-        let recorded = situations.logs.clone();
+        let (recorded, warnings) = (situations.logs.clone(), situations.warnings.clone());
         let model = Arc::new(builder.model(situations)?);
+        builder.check_plan(&plan, &reality, &model, &recorded)?;
         let reality = builder.reality(&reality, &model, &recorded, seed, folder)?;
         let (name, distances) = (file.name.clone(), file.distances.clone());
-        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, source })
+        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, source })
     }
 
     /// What identifies the experiment: its text with all settings, and its seed.
@@ -82,6 +85,28 @@ impl Experiment {
     pub fn source(&self) -> &Source {
         &self.source
     }
+}
+
+fn bounds_help(error: &SpaceError) -> Option<String> {
+    match error {
+        SpaceError::Outside { .. } => Some("widen the bounds, or give value = a number between them".to_owned()),
+        SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".to_owned()),
+        _ => None,
+    }
+}
+
+fn remedy(error: &PlanError) -> String {
+    match error {
+        PlanError::NoControllerSearch(_) => {
+            "controllers = { generations = 10, search = { algorithm = \"ga\", population = 20 } }; or set them in [drive]"
+        }
+        PlanError::NoSimulatorSearch(_) => {
+            "simulators = { generations = 20, search = { algorithm = \"cma_es\", population = 12 } }; or empty [parameters]"
+        }
+        PlanError::NothingToControl => "give [drive] a search, or take method = \"back_to_reality\"",
+        PlanError::NoIterations => "iterations = 10",
+    }
+    .to_owned()
 }
 
 fn needs(section: &str) -> String {
@@ -117,6 +142,48 @@ impl Builder<'_> {
             learn: situations.learn,
             rollouts: AtomicU64::new(0),
         })
+    }
+
+    /// Whether plan, model and reality fit together: better said now than after hours.
+    fn check_plan(
+        &self,
+        plan: &Plan,
+        reality: &RealitySection,
+        model: &Model,
+        recorded: &[Log],
+    ) -> Result<(), FileError> {
+        if matches!(reality, RealitySection::Logs(_)) && !model.drive.space().is_empty() {
+            let help = "take search out of [drive]; whatever it says, the logs' own commands are replayed".to_owned();
+            return Err(self.error(&["drive", "search"], "recorded logs leave no controllers to search", Some(help)));
+        }
+        Coevolution::new(plan.clone(), 0, model).map_err(|e| self.error(&["coevolve"], &e, Some(remedy(&e))))?;
+        let distances = [(&["coevolve", "distance"][..], &plan.distance)];
+        for (keys, distance) in distances.into_iter().chain(self.file.distances.iter().map(|d| (&["distances"][..], d)))
+        {
+            self.check_channels(keys, distance, model, recorded)?;
+        }
+        Ok(())
+    }
+
+    /// A distance restricted to channels that nobody has would call everything infinitely far apart.
+    fn check_channels(
+        &self,
+        keys: &[&str],
+        distance: &DistanceSpec,
+        model: &Model,
+        recorded: &[Log],
+    ) -> Result<(), FileError> {
+        let Some(channels) = distance.channels() else { return Ok(()) };
+        let nominal = (model.simulations.nominal(), model.drive.space().nominal());
+        // A model that blows up here says so in the run, where failures are counted.
+        let Ok(log) = model.simulate(&nominal.0, &nominal.1, 0, None) else { return Ok(()) };
+        let known: Vec<&str> = log.channels().filter(|(_, c)| c.role != Role::Truth).map(|(name, _)| name).collect();
+        for log in std::iter::once(&log).chain(recorded) {
+            if let Some(wrong) = channels.unmatched(log).first() {
+                return Err(self.unknown(keys, "channel", wrong, known));
+            }
+        }
+        Ok(())
     }
 
     fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<String>) -> FileError {
@@ -230,16 +297,25 @@ impl Builder<'_> {
         let keys: Vec<&str> = at.0.split('.').chain([index.as_str()]).collect();
         let Some(effect) = effect::find(&section.effect) else {
             let known = effect::EFFECTS.iter().map(|e| e.card().name);
-            return Err(self.unknown(&keys, "effect", &section.effect, known));
+            return Err(self.unknown(&[&keys[..], &["effect"]].concat(), "effect", &section.effect, known));
         };
         let params = effect.card().params;
         if let Some(wrong) = section.values.keys().find(|name| params.iter().all(|p| p.name != name.as_str())) {
             let what = format!("parameter of {}", section.effect);
-            return Err(self.unknown(&keys, &what, wrong, params.iter().map(|p| p.name)));
+            return Err(self.unknown(
+                &[&keys[..], &[wrong.as_str()]].concat(),
+                &what,
+                wrong,
+                params.iter().map(|p| p.name),
+            ));
         }
         let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
         let placed = Placed { effect, site: section.site.clone(), values };
-        placed.check_site(robot).map_err(|e| self.error(&keys, e, None))?;
+        if placed.check_site(robot).is_err() {
+            let (what, known) = sites(effect.card().site, robot);
+            return Err(self.unknown(&[&keys[..], &["site"]].concat(), what, &placed.site, known));
+        }
+        placed.check().map_err(|e| self.error(&keys, e, None))?;
         Ok(placed)
     }
 
@@ -249,7 +325,9 @@ impl Builder<'_> {
             let keys = ["parameters", name.as_str()];
             let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
             let own = target.nominal(robot, effects, setup);
-            dims.push(dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?);
+            let dim = dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?;
+            Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
+            dims.push(dim);
             targets.push(target);
         }
         let space = Space::new(dims).map_err(|e| self.error(&["parameters"], e, None))?;
@@ -274,13 +352,12 @@ impl Builder<'_> {
             SearchedSection::Bounds(bounds) => bounds.iter().map(|(name, b)| (name.clone(), Some(*b))).collect(),
         };
         DrivePlan::new(kind, robot, &section.set, &searched, section.start_from_nominal).map_err(|e| match &e {
-            DriveError::Unknown { name, known } => self.unknown(
-                &["drive", "search", name],
-                "parameter of this drive",
-                name,
-                known.iter().map(String::as_str),
-            ),
-            other => self.error(&["drive"], other, None),
+            DriveError::Unknown { name, known } => {
+                let table = if section.set.contains_key(name) { "set" } else { "search" };
+                self.unknown(&["drive", table, name], "drive parameter", name, known.iter().map(String::as_str))
+            }
+            DriveError::Space(e) => self.error(&["drive", "search"], e, None),
+            DriveError::World(e) => self.error(&["drive", "kind"], e, None),
         })
     }
 
@@ -298,7 +375,7 @@ impl Builder<'_> {
                     section.log.as_ref().ok_or_else(|| self.error(&["drive"], "replay needs log = PATH", None))?;
                 let path = self.source.folder().join(path);
                 let (log, _) = crate::io::read_log(&path, &self.file.channels)
-                    .map_err(|e| self.error(&["drive", "log"], e, None))?;
+                    .map_err(|e| self.error(&["drive", "log"], &e, Some(e.help())))?;
                 Ok(DriveKind::Replay(Arc::new(Replay::new(&log, robot))))
             }
             other => Err(self.unknown(&["drive", "kind"], "drive", other, DRIVES.iter().map(|d| d.0))),
@@ -383,7 +460,7 @@ impl Builder<'_> {
                 for (name, value) in values {
                     let Some(k) = space.index_of(name) else {
                         let known = space.dims().iter().map(|d| d.name.as_str());
-                        return Err(self.unknown(&["reality", "parameters", name], "parameter in S", name, known));
+                        return Err(self.unknown(&["reality", "parameters", name], "parameter of S", name, known));
                     };
                     point[k] = *value;
                 }
@@ -391,6 +468,10 @@ impl Builder<'_> {
         }
         space.check(&point).map_err(|e| {
             let help = "a twin lives in S: widen the bounds in [parameters] or move the twin".to_owned();
+            let keys = match &e {
+                SpaceError::Outside { name, .. } => vec!["reality", "parameters", name.as_str()],
+                _ => keys.to_vec(),
+            };
             self.error(&keys, format!("the hidden twin lies outside S: {e}"), Some(help))
         })?;
         Ok(point)
@@ -406,6 +487,14 @@ fn actuator(section: &ActuatorSection) -> Actuator {
             Actuator::Voltage { kt, resistance, servo: gain.map(|gain| DutyLoop { gain, max_duty, supply }) }
         }
         ActuatorSection::Prescribed => Actuator::Prescribed,
+    }
+}
+
+/// Where an effect of this kind can sit on a robot, and what such a place is called.
+fn sites(kind: SiteKind, robot: &Robot) -> (&'static str, Vec<&str>) {
+    match kind {
+        SiteKind::Joint => ("joint", robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()),
+        SiteKind::Link | SiteKind::Ground => ("link", robot.links.iter().map(|link| link.name.as_str()).collect()),
     }
 }
 

@@ -283,7 +283,7 @@ pub struct DriveSection {
 
 /// Which parameters of a drive make up C.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected \"all\", \"none\", a list of names, or bounds by name: { NAME = [min, max] }")]
 pub enum SearchedSection {
     /// `all` or `none`.
     Word(String),
@@ -331,7 +331,7 @@ pub struct TwinSection {
 
 /// How the twin's parameters are chosen.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected \"nominal\", \"random\", or values by name: { NAME = value }")]
 pub enum TwinParameters {
     /// `nominal` or `random`.
     Word(String),
@@ -370,7 +370,7 @@ pub struct LogsSection {
 
 /// One value or several.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a text, a number, or a list of either")]
 pub enum Choice {
     /// A text.
     Text(String),

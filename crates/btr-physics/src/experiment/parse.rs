@@ -79,11 +79,13 @@ impl Source {
     /// # Errors
     /// Syntax, unknown keys (with a suggestion), wrong types: at their line.
     pub fn parse(&self) -> Result<File, FileError> {
-        toml::from_str(&self.text).map_err(|e| {
-            let mut error = self.at_span(e.span(), e.message());
-            error.help = did_you_mean(e.message());
-            error
-        })
+        toml::from_str(&self.text).map_err(|e| self.refused(&e))
+    }
+
+    /// What serde says about the text, at its place and with a suggestion.
+    pub(super) fn refused(&self, error: &toml::de::Error) -> FileError {
+        let message = in_plain_words(error.message());
+        FileError { help: did_you_mean(error.message()), ..self.at_span(error.span(), &message) }
     }
 
     /// An error about the value at a path of keys.
@@ -141,6 +143,18 @@ fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result
     let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: the key runs into a value"))?;
     table.insert(last.get(), toml_edit::value(value));
     Ok(())
+}
+
+/// serde names Rust's types; people write numbers.
+fn in_plain_words(message: &str) -> String {
+    let types = [
+        ("expected f64", "expected a number"),
+        ("expected u64", "expected a whole number"),
+        ("expected u32", "expected a whole number"),
+        ("expected usize", "expected a whole number"),
+        ("expected an array of length 2", "expected two numbers"),
+    ];
+    types.iter().fold(message.to_owned(), |text, (theirs, plain)| text.replace(theirs, plain))
 }
 
 /// serde says "unknown field `x`, expected one of `a`, `b`": find the nearest of those that would have been right.

@@ -17,13 +17,15 @@ pub(super) struct Situations {
     pub scenarios: Vec<Scenario>,
     pub learn: usize,
     pub logs: Vec<Log>,
+    /// What their readers noticed and could live with.
+    pub warnings: Vec<String>,
 }
 
 impl Situations {
     /// The usual case: one situation, whatever the controller.
     pub(super) fn single(duration_s: f64) -> Self {
         let scenario = Scenario { name: "default".to_owned(), duration_s, ..Scenario::default() };
-        Situations { scenarios: vec![scenario], learn: 1, logs: Vec::new() }
+        Situations { scenarios: vec![scenario], learn: 1, logs: Vec::new(), warnings: Vec::new() }
     }
 }
 
@@ -50,13 +52,14 @@ pub(super) fn from_logs(
         let help = "name files, or an index with learn = { column = value }".to_owned();
         return Err(source.error(&["reality"], "no log to learn from", Some(help)));
     }
-    let (mut scenarios, mut logs) = (Vec::new(), Vec::new());
+    let (mut scenarios, mut logs, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for one in &wanted {
-        let (log, _) = io::read_log(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
+        let (log, noticed) = io::read_log(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
+        warnings.extend(noticed.iter().map(|warning| format!("{}: {warning}", one.path.display())));
         scenarios.push(scenario(one, &log, section, source, robot)?);
         logs.push(log);
     }
-    Ok(Situations { scenarios, learn, logs })
+    Ok(Situations { scenarios, learn, logs, warnings })
 }
 
 pub(super) fn unreadable(source: &Source, error: &io::IoError) -> FileError {
@@ -168,7 +171,7 @@ pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) 
             }
             _ => None,
         };
-        source.error(&["channels"], &format!("{}: {e}", path.display()), available)
+        source.error(&["reality"], &format!("{}: {e}", path.display()), available)
     };
     Ok(Scenario {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),

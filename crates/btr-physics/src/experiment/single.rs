@@ -27,8 +27,10 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
         drive: DriveSection,
     }
     let mut file = source.parse()?;
-    let OnlyDrive { drive: section } =
-        toml::from_str(&drive.text).map_err(|e| drive.error(&["drive"], e.message(), None))?;
+    let OnlyDrive { drive: mut section } = toml::from_str(&drive.text).map_err(|e| drive.refused(&e))?;
+    // A log is named from the file that names it.
+    let folder = std::path::absolute(drive.folder()).unwrap_or_else(|_| drive.folder().to_owned());
+    section.log = section.log.map(|log| folder.join(log));
     file.drive = Some(section);
     Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
 }
@@ -42,5 +44,5 @@ pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> 
     let builder = Builder { file: &file, source };
     let (log_read, _) = io::read_log(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
     let scenario = scenarios::replaying(log, &log_read, &builder.robot()?, source)?;
-    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read] })
+    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read], warnings: Vec::new() })
 }

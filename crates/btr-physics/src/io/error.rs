@@ -186,6 +186,13 @@ fn list(names: &[String]) -> String {
     shown.join(", ") + &more
 }
 
+impl Warning {
+    /// Whether the end of the log is missing.
+    pub fn is_half(&self) -> bool {
+        matches!(self, Warning::LastLineCut { .. } | Warning::Truncated { .. })
+    }
+}
+
 /// What a reader noticed and could live with.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Warning {

@@ -203,7 +203,7 @@ impl Dynamics for Rapier {
         let wild = |x: f64| !x.is_finite() || x.abs() > ABSURD_SPEED;
         for (i, slot) in self.joints.iter().enumerate() {
             if wild(self.velocities[i]) || !self.positions[i].is_finite() {
-                return Some(format!("joint `{}` moves at {} per second", slot.name, self.velocities[i]));
+                return Some(format!("joint `{}` moves at {:.1e} per second", slot.name, self.velocities[i]));
             }
         }
         let (velocity, angular) = self.root_velocity();

@@ -27,6 +27,14 @@ pub enum StoreError {
     /// A log that cannot be read or written.
     #[error(transparent)]
     Log(#[from] io::IoError),
+    /// A log that breaks off: it may still be on its way.
+    #[error("{}: {why}", path.display())]
+    Half {
+        /// The log.
+        path: PathBuf,
+        /// What is missing.
+        why: String,
+    },
     /// A folder with a result for another question.
     #[error("{} holds the result of another trial; start with an empty --out", path.display())]
     OtherTrial {
@@ -93,9 +101,15 @@ impl Store {
     /// Reads a log and judges it. A log that lacks what the fitness needs is a failed test, not an error.
     ///
     /// # Errors
-    /// A log that cannot be read.
+    /// A log that cannot be read, or only half of one.
     pub fn judge(&self, path: &Path) -> Result<Outcome, StoreError> {
-        let (log, _) = io::read_log(path, &self.mapping)?;
+        let (log, warnings) = io::read_log(path, &self.mapping)?;
+        if let Some(why) = warnings.iter().find(|warning| warning.is_half()) {
+            return Err(StoreError::Half { path: path.to_owned(), why: why.to_string() });
+        }
+        if is_open_ended(path) {
+            return Err(StoreError::Half { path: path.to_owned(), why: "the last line is cut short".to_owned() });
+        }
         Ok(match self.fitness.of(&log) {
             Ok(fitness) => Outcome::Done(Behaviour { log, fitness }),
             Err(why) => Outcome::Failed { why: format!("{}: {why}", path.display()) },
@@ -143,6 +157,12 @@ pub(super) fn or_pending(result: Result<Outcome, StoreError>) -> Outcome {
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), StoreError> {
     io::write_whole(path, |file| file.write_all(text.as_bytes()))
         .map_err(|source| StoreError::Io { path: path.to_owned(), source })
+}
+
+/// Whether a CSV file ends within a line: a number that was cut is a number all the same.
+fn is_open_ended(path: &Path) -> bool {
+    let is_csv = path.extension().is_some_and(|ending| ending == "csv");
+    is_csv && std::fs::read(path).is_ok_and(|bytes| bytes.last() != Some(&b'\n'))
 }
 
 /// The command channels of a log.

@@ -1,0 +1,9 @@
+//! The built `btr`, as its users meet it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod bad_input;
+mod determinism;
+mod lab;
+mod realities;
+mod runs;
+mod verbs;
