@@ -11,7 +11,9 @@ use indexmap::IndexMap;
 use rayon::prelude::*;
 
 /// Steps by which a parameter is moved until phi tells, in percent of its value.
-const MOVES_PERCENT: [f64; 8] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 35.0, 50.0];
+const MOVES_PERCENT: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 25.0];
+/// A step too small to mean anything: what it does to phi is the roughness of the landscape.
+const NUDGE_PERCENT: f64 = 0.1;
 /// phi tells when it rises by more than this share of itself: less is lost in what else changes phi.
 const TELLING_RISE: f64 = 0.02;
 
@@ -47,15 +49,19 @@ pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
     let truth = experiment.reality.reveal();
     let distance = state.plan().distance.build();
     let dims = model.simulations().dims();
-    let here = phi(experiment, state, distance.as_ref(), s);
+    let phi = |s: &[f64]| phi(experiment, state, distance.as_ref(), s);
+    let here = phi(s);
+    let nudges: Vec<f64> = (0..2 * dims.len())
+        .into_par_iter()
+        .filter_map(|i| moved(s, i / 2, &dims[i / 2], sign(i) * NUDGE_PERCENT))
+        .map(|nudged| phi(&nudged))
+        .collect();
+    let telling = telling(here, nudges);
     let resolution: Vec<Option<f64>> = (0..dims.len())
         .into_par_iter()
         .map(|k| {
-            MOVES_PERCENT.into_iter().find(|percent| {
-                let moved = |sign: f64| moved(s, k, &dims[k], 1.0 + sign * percent / 100.0);
-                let phi = |sign: f64| phi(experiment, state, distance.as_ref(), &moved(sign));
-                phi(1.0).min(phi(-1.0)) > here * (1.0 + TELLING_RISE)
-            })
+            let moves = |percent: f64| [0, 1].into_iter().filter_map(move |i| moved(s, k, &dims[k], sign(i) * percent));
+            resolution(telling, |percent| moves(percent).map(|s| phi(&s)).collect())
         })
         .collect();
     let iteration = state.history().iterations.last();
@@ -68,10 +74,40 @@ pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
     }
 }
 
-fn moved(s: &[f64], k: usize, dim: &Dim, factor: f64) -> Vec<f64> {
+fn sign(i: usize) -> f64 {
+    if i.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
+
+/// The phi above which a move has been told: above what nine in ten nudges make of it, and a share of itself.
+///
+/// Touchdowns that come a step earlier or later make phi rough. A rise that a meaningless nudge causes as well says nothing
+/// about the parameter that was moved.
+fn telling(here: f64, mut nudges: Vec<f64>) -> f64 {
+    nudges.sort_by(f64::total_cmp);
+    let rough = nudges.get(nudges.len() * 9 / 10).copied().unwrap_or(here);
+    here.max(rough) * (1.0 + TELLING_RISE)
+}
+
+/// The smallest move from which on phi tells every larger one too, in both directions, in percent; `None` when it overlooks
+/// even the largest. `phis` gives phi after a move up and down, as far as the bounds of S leave room for it.
+fn resolution(telling: f64, phis: impl Fn(f64) -> Vec<f64>) -> Option<f64> {
+    let mut told = None;
+    for percent in MOVES_PERCENT.into_iter().rev() {
+        let phis = phis(percent);
+        if phis.iter().any(|phi| *phi <= telling) {
+            break;
+        }
+        told = if phis.is_empty() { told } else { Some(percent) };
+    }
+    told
+}
+
+/// The point with one parameter moved; `None` where that leaves its bounds.
+fn moved(s: &[f64], k: usize, dim: &Dim, percent: f64) -> Option<Vec<f64>> {
+    let value = s[k] * (1.0 + percent / 100.0);
     let mut moved = s.to_vec();
-    moved[k] = (moved[k] * factor).clamp(dim.min, dim.max);
-    moved
+    moved[k] = value;
+    (value.to_bits() != s[k].to_bits() && (dim.min..=dim.max).contains(&value)).then_some(moved)
 }
 
 /// Mean distance over all real tests; infinite where a simulation fails.
@@ -83,4 +119,45 @@ fn phi(experiment: &Experiment, state: &Coevolution, distance: &dyn Distance, s:
         Some(distance.distance(real, &simulated))
     };
     tests.iter().map(|e| of(e).unwrap_or(f64::INFINITY)).sum::<f64>() / tests.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A valley with its floor at a move of `offset` percent.
+    fn valley(offset: f64) -> impl Fn(f64) -> Vec<f64> {
+        move |percent| vec![(percent - offset).abs(), (-percent - offset).abs()]
+    }
+
+    #[test]
+    fn a_clean_valley_is_seen_at_the_first_move() {
+        assert_eq!(resolution(telling(0.0, vec![0.1; 16]), valley(0.0)), Some(1.0));
+    }
+
+    #[test]
+    fn what_a_nudge_does_as_well_tells_nothing() {
+        assert_eq!(resolution(telling(0.0, vec![4.0; 16]), valley(0.0)), Some(5.0));
+        assert_eq!(resolution(telling(0.0, vec![30.0; 16]), valley(0.0)), None);
+        // One bad nudge in ten is an accident.
+        let mut nudges = vec![0.1; 20];
+        nudges[3] = 30.0;
+        assert_eq!(resolution(telling(0.0, nudges), valley(0.0)), Some(1.0));
+    }
+
+    #[test]
+    fn a_lower_floor_elsewhere_is_not_seen_past() {
+        assert_eq!(resolution(telling(3.0, vec![3.0]), valley(3.0)), Some(10.0));
+    }
+
+    #[test]
+    fn a_flat_line_is_unseen_and_so_is_a_parameter_without_room() {
+        assert_eq!(resolution(telling(1.0, vec![1.0]), |_| vec![1.0, 1.0]), None);
+        assert_eq!(resolution(telling(1.0, vec![1.0]), |_| Vec::new()), None);
+    }
+
+    #[test]
+    fn one_sided_room_is_enough() {
+        assert_eq!(resolution(telling(0.0, Vec::new()), |percent| vec![percent]), Some(1.0));
+    }
 }

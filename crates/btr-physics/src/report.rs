@@ -110,7 +110,8 @@ pub struct ByDistance {
     pub parameters: IndexMap<String, f64>,
     /// Error in percent of the truth, where the truth is known.
     pub error_percent: IndexMap<String, f64>,
-    /// How far a parameter has to move before phi tells: in percent of its value; `None` when half of its bounds do not.
+    /// How far a parameter has to move, alone, before phi tells: in percent of its value. `None` when it overlooks a quarter;
+    /// the estimate then says nothing.
     pub resolution_percent: IndexMap<String, Option<f64>>,
 }
 
