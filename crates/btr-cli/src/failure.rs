@@ -45,7 +45,7 @@ impl Failure {
 
 impl From<btr_physics::experiment::FileError> for Failure {
     fn from(error: btr_physics::experiment::FileError) -> Self {
-        Failure::new("file", error.to_string(), error.help.clone())
+        Failure::new("file", error.to_string(), error.help)
     }
 }
 
