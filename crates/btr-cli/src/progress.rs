@@ -19,6 +19,8 @@ pub(crate) struct Progress {
     bar: ProgressBar,
     verbose: bool,
     quiet: bool,
+    /// Whether controllers are judged at all.
+    judged: bool,
     /// Work done when this process began: a resumed run has a head start that says nothing about speed.
     from: f64,
     began: Instant,
@@ -29,7 +31,7 @@ impl Progress {
         let live = std::io::stderr().is_terminal() && !global.quiet;
         let target = if live { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target);
-        let began = Instant::now();
+        let (began, judged) = (Instant::now(), !model.fitness.weights().is_empty());
         let speed = move |_: &ProgressState, line: &mut dyn Write| {
             let rollouts = model.rollouts.load(Ordering::Relaxed) as f64;
             let _ = write!(line, "{:.0} evaluations/s", rollouts / began.elapsed().as_secs_f64().max(1e-9));
@@ -40,7 +42,7 @@ impl Progress {
         if live {
             bar.enable_steady_tick(TICK);
         }
-        Progress { bar, verbose: global.verbose, quiet: global.quiet, from: done(state), began }
+        Progress { bar, verbose: global.verbose, quiet: global.quiet, judged, from: done(state), began }
     }
 
     /// After a generation or a real test.
@@ -65,15 +67,14 @@ impl Progress {
     /// After an iteration.
     pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
         let parameters: Vec<String> = it.parameters.iter().map(|(name, x)| format!("{name}={}", number(*x))).collect();
-        self.say(&format!(
-            "iteration {}/{of} · fitness {} in simulation, {} in reality · phi {} → {} · {} real tests",
-            it.i,
-            maybe(it.fitness_sim),
-            maybe(it.fitness_real),
-            maybe(it.phi_predicted),
-            maybe(it.phi),
-            it.real_tests
-        ));
+        let (promised, real) = (maybe(it.fitness_sim), maybe(it.fitness_real));
+        let fitness = if self.judged {
+            format!("fitness {promised} in simulation, {real} in reality · ")
+        } else {
+            String::new()
+        };
+        let (before, after) = (maybe(it.phi_predicted), maybe(it.phi));
+        self.say(&format!("iteration {}/{of} · {fitness}phi {before} → {after} · {} real tests", it.i, it.real_tests));
         if it.phi.is_some() {
             self.say(&format!("  {}", parameters.join(" ")));
         }

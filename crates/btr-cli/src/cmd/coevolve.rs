@@ -315,7 +315,9 @@ fn show_logs(report: &Report) {
 
 fn show_by_distance(report: &Report) {
     let Some(first) = report.by_distance.first() else { return };
-    println!("\nerror % of each parameter by distance; in brackets how far it must move alone before the distance tells");
+    println!(
+        "\nerror % of each parameter by distance; in brackets how far it must move alone before the distance tells"
+    );
     let names: Vec<&str> = first.parameters.keys().map(String::as_str).collect();
     let mut table = Table::new(&[&["distance", "phi before", "phi after"], names.as_slice()].concat());
     for by in &report.by_distance {
