@@ -42,6 +42,25 @@ fn fitness_alone_finds_the_hidden_parameters() {
 }
 
 #[test]
+fn least_squares_finish_what_a_short_search_began() {
+    let short = |refine: usize, distance: &str| {
+        let search = "search = { algorithm = 'cma_es', population = 4 }";
+        let changes = format!(
+            "iterations = 1\ndistance = '{distance}'\ntransfer = {{ count = 1 }}\n\
+            simulators = {{ generations = 2, refine = {refine}, {search} }}"
+        );
+        run(&changes, &mut honest()).0
+    };
+    let (rough, fine) = (short(0, "rmse"), short(8, "rmse"));
+    assert!(error(rough.simulation()) > 0.02, "{:?}", rough.simulation());
+    assert!(error(fine.simulation()) < 1e-6, "{:?}", fine.simulation());
+    let phis = |run: &Coevolution| run.history().iterations[0].phi.unwrap();
+    assert!(phis(&fine) < 1e-6 * phis(&rough));
+    // A distance that is no sum of squares goes without.
+    assert_eq!(short(8, "spectrum").history().generations.len(), short(0, "spectrum").history().generations.len());
+}
+
+#[test]
 fn disagreement_finds_them_from_one_time_series_each() {
     let changes = "distance = 'rmse'\ntransfer = { rule = 'disagreement', count = 1, rivals = 4, candidates = 6 }";
     let (run, _) = run(changes, &mut honest());

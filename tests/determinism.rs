@@ -4,18 +4,20 @@
 use btr_core::coevolve::{Coevolution, On, Plan, State, Step};
 use btr_tests::{Hidden, Oscillator, finish, plan};
 
-const METHODS: [&str; 4] = [
+const METHODS: [&str; 5] = [
     "transfer = { rule = 'neighbourhood', count = 4 }\nmemory = { worst = 2 }\ninitial_simulation = 'random'",
     "transfer = { rule = 'disagreement', count = 2 }\ndistance = 'information'",
     "method = 'estimation_exploration'\ndistance = 'dtw'\ntransfer = { count = 1 }",
     "method = 'reality_only'\nreal_tests = 50",
+    "distance = 'rmse'\nsimulators = { generations = 2, refine = 12, search = { algorithm = 'cma_es', population = 6 } }",
 ];
 
 fn small(changes: &str) -> Plan {
     let sizes = "iterations = 3\n\
-        controllers = { generations = 3, search = { algorithm = 'ga', population = 8 } }\n\
-        simulators = { generations = 4, search = { algorithm = 'cma_es', population = 6 } }\n";
-    plan(&format!("{sizes}{changes}")).unwrap()
+        controllers = { generations = 3, search = { algorithm = 'ga', population = 8 } }\n";
+    let simulators = "simulators = { generations = 4, search = { algorithm = 'cma_es', population = 6 } }\n";
+    let simulators = if changes.contains("simulators") { "" } else { simulators };
+    plan(&format!("{sizes}{simulators}{changes}")).unwrap()
 }
 
 fn world() -> Oscillator {

@@ -2,7 +2,7 @@
 
 use crate::args::Global;
 use crate::table::{maybe, number};
-use btr_core::coevolve::{Coevolution, Generation, Iteration, Side};
+use btr_core::coevolve::{Coevolution, Generation, Iteration, Plan, Side};
 use btr_physics::model::Model;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
@@ -97,11 +97,11 @@ impl Progress {
         let mut line = format!("iteration {}/{}", state.iteration(), plan.iterations);
         let last = state.history().generations.last().filter(|g| g.iteration == state.iteration());
         if let Some(g) = last {
-            let (step, phase) = match g.side {
-                Side::Controllers => ("controllers", plan.controllers.as_ref()),
-                Side::Simulators => ("simulators", plan.simulators.as_ref()),
+            let step = match g.side {
+                Side::Controllers => "controllers",
+                Side::Simulators => "simulators",
             };
-            let of = phase.map_or(1, |p| p.generations);
+            let of = generations(plan, g.side);
             let what = if g.side == Side::Controllers { "fitness" } else { "phi" };
             let _ = write!(line, " · {step} {}/{of} · {what} {}", g.generation, number(g.best));
         }
@@ -128,11 +128,14 @@ fn done(state: &Coevolution) -> f64 {
     let plan = state.plan();
     let closed = state.history().iterations.len();
     let mine = state.history().generations.iter().filter(|g| g.iteration > closed);
-    let within: f64 = mine
-        .map(|g| {
-            let phase = if g.side == Side::Controllers { &plan.controllers } else { &plan.simulators };
-            0.5 / phase.as_ref().map_or(1, |p| p.generations).max(1) as f64
-        })
-        .sum();
+    let within: f64 = mine.map(|g| 0.5 / generations(plan, g.side).max(1) as f64).sum();
     ((closed as f64 + within) / plan.iterations as f64).min(1.0)
+}
+
+/// Generations per iteration of one of the searches.
+fn generations(plan: &Plan, side: Side) -> usize {
+    match side {
+        Side::Controllers => plan.controllers.as_ref().map_or(1, |phase| phase.generations),
+        Side::Simulators => plan.simulator_generations(),
+    }
 }

@@ -1,8 +1,8 @@
 //! Evaluating populations: in parallel, in order, the same bits for any number of threads.
 
 use super::ledger::Entry;
-use crate::distance::Distance;
-use crate::search::Unit;
+use crate::distance::{Distance, SumOfSquares};
+use crate::search::{Residuals, Unit};
 use crate::world::{Behaviour, Simulator, WorldError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,32 @@ pub(super) fn distances(
         .chunks(tests.len())
         .map(|row| row.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |d| worst_if_nan(*d))).collect())
         .collect()
+}
+
+/// How far each simulation is from the real tests, as phi and as residuals; ∞ and `None` where it failed on any of them.
+pub(super) fn residuals(
+    simulator: &dyn Simulator,
+    (distance, squares): (&dyn Distance, &dyn SumOfSquares),
+    simulations: &[Vec<f64>],
+    tests: &[&Entry],
+    cost: &mut Cost,
+) -> Vec<(f64, Option<Residuals>)> {
+    let one = |s: &[f64], test: &Entry| {
+        let Some(real) = test.behaviour() else { return Ok((f64::INFINITY, None)) };
+        let simulated = simulator.run(s, &test.trial.controller, test.trial.scenario)?;
+        Ok((distance.distance(real, &simulated), Some(squares.residuals(real, &simulated))))
+    };
+    let results: Vec<Result<(f64, Option<Residuals>), WorldError>> = (0..simulations.len() * tests.len())
+        .into_par_iter()
+        .map(|k| one(&simulations[k / tests.len()], tests[k % tests.len()]))
+        .collect();
+    cost.count(&results);
+    let mut results = results.into_iter().map(|r| r.unwrap_or((f64::INFINITY, None)));
+    let one_simulation = |_: &Vec<f64>| {
+        let (distances, blocks): (Vec<f64>, Vec<Option<Residuals>>) = results.by_ref().take(tests.len()).unzip();
+        (phi(&distances), blocks.into_iter().collect::<Option<Vec<_>>>().map(|tests| tests.concat()))
+    };
+    simulations.iter().map(one_simulation).collect()
 }
 
 fn distance_to(sim: &dyn Simulator, distance: &dyn Distance, s: &[f64], test: &Entry) -> Result<f64, WorldError> {

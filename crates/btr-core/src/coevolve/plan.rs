@@ -46,6 +46,11 @@ pub struct SearchPhase {
     /// instead of starting anew from s_{i−1}. The real tests that count may have changed meanwhile.
     #[serde(default)]
     pub carry_over: bool,
+    /// Turns of least squares that follow the simulator search, from its best point and, once that is exhausted, from new
+    /// starts near the best one. Each costs 2·dims + 5 simulations per real test. Only with a distance that is a sum of
+    /// squares (`rmse`); others go without.
+    #[serde(default)]
+    pub refine: usize,
 }
 
 /// Which controllers are tried in reality (step 2).
@@ -167,5 +172,12 @@ impl Plan {
         let population = self.controllers.as_ref().map_or(1, |phase| phase.search.population(dims));
         let m = self.transfer.count.unwrap_or_else(|| (self.transfer.share * population as f64).round() as usize);
         m.max(1)
+    }
+
+    /// Generations of the simulator search per iteration, with the turns of least squares that follow where the distance
+    /// allows for them.
+    pub fn simulator_generations(&self) -> usize {
+        let refines = self.distance.build().as_squares().is_some();
+        self.simulators.as_ref().map_or(0, |phase| phase.generations + if refines { phase.refine } else { 0 })
     }
 }

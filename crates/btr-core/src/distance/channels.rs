@@ -52,6 +52,19 @@ impl Channels {
         let errors = pairs.iter().zip(scales(&pairs));
         errors.filter_map(|(pair, scale)| error(pair.real, &pair.sim).map(|e| e / scale)).collect()
     }
+
+    /// The errors of every sample of every measured channel, scaled so that the sum of their squares is the mean over the
+    /// channels of the squared error, each as a share of its channel's [scale](scales). NaN where a sample is missing.
+    pub(super) fn scaled_residuals(&self, real: &Log, sim: &Log) -> Vec<Vec<f64>> {
+        let pairs: Vec<Pair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
+        let counts: Vec<f64> = pairs.iter().map(|pair| sum_pairs(pair.real, &pair.sim, |a, b| a - b).1).collect();
+        let channels = counts.iter().filter(|count| **count > 0.0).count() as f64;
+        let block = |((pair, scale), count): ((&Pair, f64), &f64)| {
+            let share = (scale * (count * channels).sqrt()).recip();
+            pair.real.iter().zip(pair.sim.iter()).map(|(real, sim)| (sim - real) * share).collect()
+        };
+        pairs.iter().zip(scales(&pairs)).zip(&counts).map(block).collect()
+    }
 }
 
 /// One channel of both logs on the same clock.

@@ -55,6 +55,22 @@ proptest! {
     }
 
     #[test]
+    fn residuals_add_up_to_the_square(which in 0..DISTANCES.len(), draw in 0u64..1000, missing in 0.0..1.0f64) {
+        let distance = named(DISTANCES[which].0);
+        let Some(squares) = distance.as_squares() else { return Ok(()) };
+        let mut rng = stream(draw, &[2]);
+        let (real, sim) = (behaviour(draw, 90, 3), behaviour(draw + 1000, 70, 3));
+        let real = changed(&real, |name, values| {
+            let share = if name == "q_1" { 1.0 } else { missing };
+            values.into_iter().map(|v| if rng.random::<f64>() < share { f64::NAN } else { v }).collect()
+        });
+        let residuals = squares.residuals(&real, &sim);
+        let sum: f64 = residuals.iter().flatten().filter(|r| !r.is_nan()).map(|r| r * r).sum();
+        let square = distance.distance(&real, &sim).powi(2);
+        prop_assert!(!square.is_finite() || (sum - square).abs() <= 1e-12 * square, "{} {}", sum, square);
+    }
+
+    #[test]
     fn never_nan_whatever_is_missing(which in 0..DISTANCES.len(), draw in 0u64..1000, missing in 0.0..1.2f64) {
         let distance = named(DISTANCES[which].0);
         let mut rng = stream(draw, &[1]);

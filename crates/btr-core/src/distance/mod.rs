@@ -25,6 +25,7 @@ pub use rmse::{Rmse, rmse};
 pub use spec::{DISTANCES, DistanceSpec};
 pub use spectrum::{Spectrum, spectral_difference};
 
+use crate::search::Residuals;
 use crate::world::Behaviour;
 
 /// A distance between what really happened and what a simulation says.
@@ -33,6 +34,17 @@ pub trait Distance: Send + Sync {
     fn name(&self) -> &'static str;
     /// 0 for equal behaviours; NaN never, `f64::INFINITY` where they cannot be compared.
     fn distance(&self, real: &Behaviour, sim: &Behaviour) -> f64;
+    /// The same as a sum of squares, where it is one.
+    fn as_squares(&self) -> Option<&dyn SumOfSquares> {
+        None
+    }
+}
+
+/// A distance whose square is a sum of squares: what a least-squares search can go by.
+pub trait SumOfSquares: Send + Sync {
+    /// The signed errors, simulated minus real, whose squares add up to the square of the distance; a block per channel,
+    /// NaN where a sample is missing.
+    fn residuals(&self, real: &Behaviour, sim: &Behaviour) -> Residuals;
 }
 
 /// NaN is no distance: where the numbers allow none, the behaviours cannot be compared.

@@ -1,7 +1,8 @@
 //! Root mean square of the difference, sample by sample.
 
 use super::channels::{root_mean_square, sum_pairs};
-use super::{Channels, Distance, comparable};
+use super::{Channels, Distance, SumOfSquares, comparable};
+use crate::search::Residuals;
 use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,16 @@ impl Distance for Rmse {
 
     fn distance(&self, real: &Behaviour, sim: &Behaviour) -> f64 {
         comparable(root_mean_square(&self.channels.scaled_errors(&real.log, &sim.log, rmse)))
+    }
+
+    fn as_squares(&self) -> Option<&dyn SumOfSquares> {
+        Some(self)
+    }
+}
+
+impl SumOfSquares for Rmse {
+    fn residuals(&self, real: &Behaviour, sim: &Behaviour) -> Residuals {
+        self.channels.scaled_residuals(&real.log, &sim.log)
     }
 }
 

@@ -11,11 +11,13 @@ pub mod ga;
 pub mod gray;
 #[cfg(test)]
 mod laws;
+mod least_squares;
 mod pool;
 pub mod real_ga;
 mod sample;
 pub mod spec;
 
+pub use least_squares::{LeastSquares, Linear, Residuals};
 pub use spec::{AnySearch, SEARCHES, SearchSpec};
 
 use crate::random::Rng;

@@ -15,7 +15,7 @@ use super::plan::{Initial, Method, Plan};
 use super::transfer::Scored;
 use crate::distance::Distance;
 use crate::random::{self, Rng};
-use crate::search::{AnySearch, Unit};
+use crate::search::{AnySearch, LeastSquares, Unit};
 use crate::world::{Reality, Simulator};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -83,6 +83,8 @@ enum Phase {
     Transfer { queue: Vec<Scored>, next: usize, testing: Option<AnySearch> },
     /// Step 3. `tried` begins with s_{i−1}.
     Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    /// Step 3, continued by least squares from the best that was tried.
+    Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
     /// About to close the iteration.
     End,
     /// Over.
@@ -178,6 +180,7 @@ impl Coevolution {
             Phase::Simulators { search, tests, tried, generation } => {
                 self.simulators(on, search, tests, tried, generation)
             }
+            Phase::Refine { search, tests, tried, generation } => self.refine(on, search, tests, tried, generation),
             Phase::End => self.end(on),
             Phase::Stopped(reason) => self.stop(reason),
         }

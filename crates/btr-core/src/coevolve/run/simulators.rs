@@ -6,7 +6,7 @@ use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
 use crate::coevolve::plan::{Initial, SearchPhase};
 use crate::coevolve::transfer;
-use crate::search::{AnySearch, Search, Unit};
+use crate::search::{AnySearch, LeastSquares, Residuals, Search, Unit};
 
 impl Coevolution {
     pub(super) fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
@@ -50,27 +50,97 @@ impl Coevolution {
         let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
         let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
         search.tell(&units, &scores);
-        self.state.history.generations.push(Generation::new(
-            (self.state.iteration, generation, Side::Simulators),
-            points,
-            &scores,
-        ));
+        self.write_down(generation, points, &scores);
         tried.extend(units.into_iter().zip(scores));
-        let best = &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())];
-        let found = self.plan.phi_goal.is_some_and(|goal| best.1 <= goal);
         let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
-        if generation < generations && !found {
+        if generation < generations && !self.found(&tried) {
             self.state.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
+            return Step::Generation;
+        }
+        self.state.carried = Some(search);
+        let refines = generation < self.plan.simulator_generations() && !self.found(&tried);
+        if refines {
+            let search = LeastSquares::new(best(&tried).0.clone());
+            self.state.phase = Phase::Refine { search, tests, tried, generation: generation + 1 };
         } else {
-            let space = on.simulator.simulations();
-            (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
-            self.state.carried = Some(search);
-            let rivals = transfer::rivals(&tried, self.plan.transfer.rivals);
-            self.state.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
-            self.state.phase = Phase::End;
+            self.settle_simulation(on, &tried);
         }
         Step::Generation
     }
+
+    /// One turn of least squares, or a new start where the last turn got nowhere.
+    pub(super) fn refine(
+        &mut self,
+        on: &mut On<'_>,
+        mut search: LeastSquares,
+        tests: Vec<usize>,
+        mut tried: Vec<(Unit, f64)>,
+        generation: usize,
+    ) -> Step {
+        if search.done() {
+            search = LeastSquares::near(&best(&tried).0, &mut self.stream(Stream::Simulators, generation));
+        }
+        let from = tried.len();
+        let probes = search.probes();
+        let residuals = self.residuals(on, &tests, &probes, &mut tried);
+        if let Some(linear) = search.linearise(&probes, &residuals) {
+            let steps = search.tries(&linear);
+            let residuals = self.residuals(on, &tests, &steps, &mut tried);
+            search.settle(&linear, &steps, &residuals);
+        }
+        let space = on.simulator.simulations();
+        let (points, scores): (Vec<_>, Vec<_>) =
+            tried[from..].iter().map(|(u, phi)| (space.from_unit(u), *phi)).unzip();
+        self.write_down(generation, points, &scores);
+        if generation < self.plan.simulator_generations() && !self.found(&tried) {
+            self.state.phase = Phase::Refine { search, tests, tried, generation: generation + 1 };
+        } else {
+            self.settle_simulation(on, &tried);
+        }
+        Step::Generation
+    }
+
+    /// The residuals of some points on some tests; each point joins what was tried.
+    fn residuals(
+        &mut self,
+        on: &On<'_>,
+        tests: &[usize],
+        units: &[Unit],
+        tried: &mut Vec<(Unit, f64)>,
+    ) -> Vec<Option<Residuals>> {
+        let Some(squares) = on.distance.as_squares() else { return vec![None; units.len()] };
+        let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
+        let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
+        let both = (on.distance, squares);
+        let (phis, residuals): (Vec<f64>, Vec<_>) =
+            evaluate::residuals(on.simulator, both, &points, &entries, &mut self.state.cost).into_iter().unzip();
+        tried.extend(units.iter().cloned().zip(phis));
+        residuals
+    }
+
+    fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
+        let which = (self.state.iteration, generation, Side::Simulators);
+        self.state.history.generations.push(Generation::new(which, points, scores));
+    }
+
+    /// Whether what was tried is good enough.
+    fn found(&self, tried: &[(Unit, f64)]) -> bool {
+        self.plan.phi_goal.is_some_and(|goal| best(tried).1 <= goal)
+    }
+
+    /// Ends step 3 with the best that was tried.
+    fn settle_simulation(&mut self, on: &On<'_>, tried: &[(Unit, f64)]) {
+        let (space, best) = (on.simulator.simulations(), best(tried));
+        (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
+        let rivals = transfer::rivals(tried, self.plan.transfer.rivals);
+        self.state.rivals = rivals.iter().map(|u| space.from_unit(u)).collect();
+        self.state.phase = Phase::End;
+    }
+}
+
+/// The best that was tried, which is never nothing.
+fn best(tried: &[(Unit, f64)]) -> &(Unit, f64) {
+    &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())]
 }
 
 /// The positions in the ledger of some of its entries.
