@@ -318,18 +318,21 @@ fn show_by_distance(report: &Report) {
     println!(
         "\nerror % of each parameter by distance; in brackets how far it must move alone before the distance tells"
     );
-    let names: Vec<&str> = first.parameters.keys().map(String::as_str).collect();
-    let mut table = Table::new(&[&["distance", "phi before", "phi after"], names.as_slice()].concat());
-    for by in &report.by_distance {
-        let cell = |name: &&str| {
-            let error = maybe(by.error_percent.get(*name).copied());
-            match by.resolution_percent.get(*name).copied().flatten() {
+    let distances: Vec<&str> = report.by_distance.iter().map(|by| by.distance.as_str()).collect();
+    let mut table = Table::new(&[&["parameter"], distances.as_slice()].concat());
+    for (k, name) in ["phi before", "phi after"].into_iter().enumerate() {
+        let phis = report.by_distance.iter().map(|by| number(by.phi[k]));
+        table.row(std::iter::once(name.to_owned()).chain(phis).collect());
+    }
+    for name in first.parameters.keys() {
+        let cell = |by: &ByDistance| {
+            let error = maybe(by.error_percent.get(name).copied());
+            match by.resolution_percent.get(name).copied().flatten() {
                 Some(resolution) => format!("{error} [{}%]", number(resolution)),
                 None => format!("{error} [unseen]"),
             }
         };
-        let head = [by.distance.clone(), number(by.phi[0]), number(by.phi[1])];
-        table.row(head.into_iter().chain(names.iter().map(cell)).collect());
+        table.row(std::iter::once(name.clone()).chain(report.by_distance.iter().map(cell)).collect());
     }
     println!("{}", table.render());
 }

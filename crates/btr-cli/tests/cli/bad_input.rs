@@ -98,6 +98,7 @@ fn effects() {
         "effect = \"coulomb_friction\"\nsite = \"hing\"\ntorque = 0.1",
         "effect = \"coulomb_friction\"\ntorque = \"much\"",
         "effect = \"coulomb_friction\"\ntorque = nan",
+        "effect = \"payload\"\nmass = -3.0",
         "torque = 0.1",
     ];
     let wrong: Vec<String> = wrong.iter().map(|effect| placed(effect)).collect();

@@ -88,6 +88,9 @@ fn the_schema_is_json_and_knows_every_section() {
         assert!(schema["properties"][section].is_object(), "{section}");
     }
     assert_eq!(schema["additionalProperties"], false);
+    let kept = std::fs::read_to_string(robots().join("../btr.schema.json")).unwrap();
+    let kept: serde_json::Value = serde_json::from_str(&kept).unwrap();
+    assert!(kept == schema, "btr.schema.json is not what `btr schema` says: write it anew");
 }
 
 #[test]

@@ -129,16 +129,22 @@ impl Placed {
         Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.hint).collect() }
     }
 
-    /// Whether there is one value for each parameter, and each is a number or the parameter's off.
+    /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the parameter's
+    /// off.
     pub(crate) fn check(&self) -> Result<(), WorldError> {
         let card = self.effect.card();
         if self.values.len() != card.params.len() {
             let (name, wanted, got) = (card.name, card.params.len(), self.values.len());
             return Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")));
         }
-        let is_value = |value: f64, param: &Param| value.is_finite() || value.to_bits() == param.off.to_bits();
-        match self.values.iter().zip(card.params).find(|(value, param)| !is_value(**value, param)) {
-            Some((value, param)) => Err(setup_error(format!("`{}.{}` cannot be {value}", card.name, param.name))),
+        let fits = |value: f64, param: &Param| {
+            value.to_bits() == param.off.to_bits() || (value.is_finite() && value >= param.bounds.0.min(0.0))
+        };
+        match self.values.iter().zip(card.params).find(|(value, param)| !fits(**value, param)) {
+            Some((value, param)) => {
+                let (name, unit) = (param.name, param.unit);
+                Err(setup_error(format!("`{}.{name}` cannot be {value} {unit}", card.name)))
+            }
             None => Ok(()),
         }
     }

@@ -1,6 +1,9 @@
 //! Experiments: a file becomes a model, a plan and a reality.
 
 mod build;
+mod build_drive;
+mod build_model;
+mod build_reality;
 mod file;
 mod parse;
 mod scenarios;

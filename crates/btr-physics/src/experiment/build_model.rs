@@ -1,0 +1,235 @@
+//! Robot, actuators, set-up, effects, parameters and fitness of a model.
+
+use super::build::Builder;
+use super::file::{ActuatorSection, EffectSection, NoiseSection, ParameterSection};
+use super::parse::FileError;
+use crate::effect::{self, Placed, SiteKind};
+use crate::parameter::Target;
+use crate::robot::{Actuator, Base, DutyLoop, Robot};
+use crate::sensor::Noise;
+use crate::sim::{Ball, Ground, Sensors, Setup};
+use crate::task::{Fitness, TERMS};
+use crate::{ant, nao, pendulum, site, urdf};
+use btr_core::space::{Dim, Space, SpaceError};
+use nalgebra::{Point3, Vector3};
+
+impl Builder<'_> {
+    pub(super) fn robot(&self) -> Result<Robot, FileError> {
+        let section = &self.file.robot;
+        let mut robot = match (&section.builtin, &section.urdf) {
+            (Some(name), None) => self.builtin(name)?,
+            (None, Some(path)) => {
+                let base = section.base.unwrap_or(Base::Fixed);
+                let path = self.source.folder().join(path);
+                let (robot, _) = urdf::load_urdf(&path, base).map_err(|e| self.error(&["robot", "urdf"], e, None))?;
+                robot
+            }
+            _ => {
+                let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";
+                return Err(self.error(&["robot"], "give either builtin or urdf", Some(help.to_owned())));
+            }
+        };
+        if let Some(height) = section.height_m {
+            robot.start.translation.z = height;
+        }
+        self.actuators(&mut robot)?;
+        Ok(robot)
+    }
+
+    fn builtin(&self, name: &str) -> Result<Robot, FileError> {
+        let section = &self.file.robot;
+        match name {
+            "ant" => Ok(ant::ant()),
+            "nao" => Ok(nao::nao()),
+            "pendulum" => {
+                let (mass_kg, length_m) = (section.mass_kg.unwrap_or(1.0), section.length_m.unwrap_or(1.0));
+                Ok(pendulum::pendulum(mass_kg, length_m, Actuator::Passive))
+            }
+            _ => Err(self.unknown(&["robot", "builtin"], "built-in robot", name, ["ant", "nao", "pendulum"])),
+        }
+    }
+
+    fn actuators(&self, robot: &mut Robot) -> Result<(), FileError> {
+        let names: Vec<String> = robot.movable().map(|(_, link)| link.joint.name.clone()).collect();
+        for (pattern, section) in &self.file.actuators {
+            if !names.iter().any(|name| site::matches(pattern, name)) {
+                return Err(self.unknown(&["actuators", pattern], "joint", pattern, names.iter().map(String::as_str)));
+            }
+            for link in robot.links.iter_mut().skip(1).filter(|link| site::matches(pattern, &link.joint.name)) {
+                link.joint.actuator = actuator(section);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn setup(&self, robot: &Robot) -> Result<Setup, FileError> {
+        let s = &self.file.simulation;
+        let positive = [("control_s", s.control_s), ("duration_s", s.duration_s)];
+        if let Some((key, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+            return Err(self.error(&["simulation", key], format!("{key} = {value} must be positive"), None));
+        }
+        let counts = [("steps_per_control", s.steps_per_control), ("sample_every", s.sample_every)];
+        if let Some((key, _)) = counts.iter().find(|(_, count)| *count == 0) {
+            return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
+        }
+        let dt_s = s.control_s / f64::from(s.steps_per_control);
+        let floating = robot.base == Base::Floating;
+        Ok(Setup {
+            dt_s,
+            substeps: 1,
+            duration_s: s.duration_s,
+            control_s: s.control_s,
+            interpolate: s.interpolate,
+            sample_s: Some(dt_s * f64::from(s.sample_every)),
+            sensors: Sensors { velocities: true, torques: true, imu: floating, feet: floating },
+            ground: floating.then_some(Ground { friction: s.ground_friction }),
+            ball: s.ball.as_ref().map(|b| Ball {
+                radius_m: b.radius_m,
+                mass_kg: b.mass_kg,
+                start_m: Point3::new(b.position_m[0], b.position_m[1], b.radius_m),
+                friction: b.friction,
+                restitution: b.restitution,
+                rolling_damping_per_s: b.rolling_damping_per_s,
+            }),
+            noise: noise(&self.file.noise),
+            gravity_m_s2: Vector3::new(0.0, 0.0, s.gravity),
+            start_velocities: Vec::new(),
+        })
+    }
+
+    pub(super) fn effects(
+        &self,
+        sections: &[EffectSection],
+        table: &str,
+        robot: &Robot,
+    ) -> Result<Vec<Placed>, FileError> {
+        sections.iter().enumerate().map(|(k, section)| self.effect(section, (table, k), robot)).collect()
+    }
+
+    fn effect(&self, section: &EffectSection, at: (&str, usize), robot: &Robot) -> Result<Placed, FileError> {
+        let index = at.1.to_string();
+        let keys: Vec<&str> = at.0.split('.').chain([index.as_str()]).collect();
+        let Some(effect) = effect::find(&section.effect) else {
+            let known = effect::EFFECTS.iter().map(|e| e.card().name);
+            return Err(self.unknown(&[&keys[..], &["effect"]].concat(), "effect", &section.effect, known));
+        };
+        let params = effect.card().params;
+        if let Some(wrong) = section.values.keys().find(|name| params.iter().all(|p| p.name != name.as_str())) {
+            let what = format!("parameter of {}", section.effect);
+            return Err(self.unknown(
+                &[&keys[..], &[wrong.as_str()]].concat(),
+                &what,
+                wrong,
+                params.iter().map(|p| p.name),
+            ));
+        }
+        let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
+        let placed = Placed { effect, site: section.site.clone(), values };
+        if placed.check_site(robot).is_err() {
+            let (what, known) = sites(effect.card().site, robot);
+            return Err(self.unknown(&[&keys[..], &["site"]].concat(), what, &placed.site, known));
+        }
+        placed.check().map_err(|e| {
+            let help = format!("`btr effects {}` tells which values make sense", section.effect);
+            self.error(&keys, e, Some(help))
+        })?;
+        Ok(placed)
+    }
+
+    pub(super) fn parameters(
+        &self,
+        robot: &Robot,
+        effects: &[Placed],
+        setup: &Setup,
+    ) -> Result<(Vec<Target>, Space), FileError> {
+        let (mut targets, mut dims) = (Vec::new(), Vec::new());
+        for (name, section) in &self.file.parameters {
+            let keys = ["parameters", name.as_str()];
+            let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
+            let own = target.nominal(robot, effects, setup);
+            let dim = dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?;
+            Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
+            dims.push(dim);
+            targets.push(target);
+        }
+        let space = Space::new(dims).map_err(|e| self.error(&["parameters"], e, None))?;
+        Ok((targets, space))
+    }
+
+    pub(super) fn fitness(&self, robot: &Robot) -> Result<Fitness, FileError> {
+        let fitness = Fitness::new(&self.file.fitness)
+            .map_err(|e| self.unknown(&["fitness", &e.name], "fitness term", &e.name, TERMS.iter().map(|t| t.name)))?;
+        for term in TERMS.iter().filter(|t| self.file.fitness.contains_key(t.name)) {
+            let lacks = |channel: &&&str| match channel.split_once('_') {
+                Some(("base", _)) => robot.base == Base::Fixed,
+                Some(("ball", _)) => self.file.simulation.ball.is_none(),
+                _ => false,
+            };
+            if let Some(channel) = term.needs.iter().find(lacks) {
+                let message = format!("`{}` needs the channel {channel}, which this model does not have", term.name);
+                let help = "a free base gives base_*, a [simulation.ball] gives ball_*".to_owned();
+                return Err(self.error(&["fitness", term.name], message, Some(help)));
+            }
+        }
+        Ok(fitness)
+    }
+}
+
+fn bounds_help(error: &SpaceError) -> Option<String> {
+    match error {
+        SpaceError::Outside { .. } => Some("widen the bounds, or give value = a number between them".to_owned()),
+        SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".to_owned()),
+        _ => None,
+    }
+}
+
+fn actuator(section: &ActuatorSection) -> Actuator {
+    match *section {
+        ActuatorSection::Passive => Actuator::Passive,
+        ActuatorSection::Position { kp, ki, kd, max_torque } => Actuator::Position { kp, ki, kd, max_torque },
+        ActuatorSection::Torque { max_torque } => Actuator::Torque { max_torque },
+        ActuatorSection::Voltage { kt, resistance, gain, max_duty, supply } => {
+            Actuator::Voltage { kt, resistance, servo: gain.map(|gain| DutyLoop { gain, max_duty, supply }) }
+        }
+        ActuatorSection::Prescribed => Actuator::Prescribed,
+    }
+}
+
+/// Where an effect of this kind can sit on a robot, and what such a place is called.
+fn sites(kind: SiteKind, robot: &Robot) -> (&'static str, Vec<&str>) {
+    match kind {
+        SiteKind::Joint => ("joint", robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()),
+        SiteKind::Link | SiteKind::Ground => ("link", robot.links.iter().map(|link| link.name.as_str()).collect()),
+    }
+}
+
+/// A dimension of S; `own` is the robot's own value, if its sites share one.
+fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<Dim, String> {
+    let name = target.name();
+    let known = own.filter(|x| x.is_finite());
+    let [min, max] = match (section.bounds, section.relative, known) {
+        (Some(bounds), None, _) => bounds,
+        (None, Some([a, b]), Some(own)) => [a * own, b * own],
+        (None, Some(_), None) => {
+            return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
+        }
+        _ => return Err(format!("parameter `{name}`: give either bounds = [min, max] or relative = [factor, factor]")),
+    };
+    let dim = Dim::new(name, target.unit(), min, max).scale(section.scale.into());
+    Ok(match section.value.or(known) {
+        Some(value) => dim.nominal(value),
+        None => dim,
+    })
+}
+
+pub(super) fn noise(section: &NoiseSection) -> Noise {
+    Noise {
+        position: section.position_rad,
+        velocity: section.velocity_rad_s,
+        torque: section.torque_n_m,
+        gyro_rad_s: section.gyro_rad_s,
+        accelerometer_m_s2: section.acceleration_m_s2,
+        foot_n: section.force_n,
+        position_quantum: section.position_quantum_rad,
+    }
+}

@@ -1,0 +1,97 @@
+//! Where the truth comes from.
+
+use super::build::Builder;
+use super::build_model::noise;
+use super::file::{RealitySection, TwinParameters, TwinSection};
+use super::parse::FileError;
+use super::scenarios::Situations;
+use crate::model::Model;
+use crate::reality::{Command, Logs, Manual, Revealing, Store, Twin};
+use btr_core::log::Log;
+use btr_core::random;
+use btr_core::space::{Space, SpaceError};
+use rand::RngExt;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Label of the random stream that draws a hidden twin.
+const TWIN_STREAM: u64 = 100;
+
+impl Builder<'_> {
+    pub(super) fn reality(
+        &self,
+        section: &RealitySection,
+        model: &Arc<Model>,
+        recorded: &[Log],
+        seed: u64,
+        folder: &Path,
+    ) -> Result<Box<dyn Revealing>, FileError> {
+        let controllers = model.drive.space().clone();
+        let fitness = model.fitness.clone();
+        let store = Store::new(folder.join("transfers"), controllers, fitness.clone(), self.file.channels.clone());
+        Ok(match section {
+            RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
+            RealitySection::Logs(_) => Box::new(Logs::new(recorded[..model.learn].to_vec(), fitness)),
+            RealitySection::Command(command) => {
+                if command.run.is_empty() || command.timeout_s.is_nan() || command.timeout_s <= 0.0 {
+                    let message = "a command needs run = [program, ...] and a positive timeout_s";
+                    return Err(self.error(&["reality"], message, None));
+                }
+                Box::new(Command::new(command.clone(), model.clone(), store))
+            }
+            RealitySection::Manual {} => Box::new(Manual::new(model.clone(), store)),
+        })
+    }
+
+    fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {
+        let point = self.twin_point(twin, &model.simulations, seed)?;
+        let mut hidden = self.model(Situations::single(self.file.simulation.duration_s))?;
+        hidden.effects.extend(self.effects(&twin.effects, "reality.effects", &hidden.robot)?);
+        hidden.setup.noise = noise(&twin.noise);
+        if let Some(steps) = twin.steps_per_control {
+            if steps == 0 {
+                return Err(self.error(
+                    &["reality", "steps_per_control"],
+                    "steps_per_control must be at least 1",
+                    None,
+                ));
+            }
+            hidden.setup.dt_s = hidden.setup.control_s / f64::from(steps);
+        }
+        let names = twin.effects.iter().map(|e| format!("{}@{}", e.effect, e.site)).collect();
+        Ok(Twin::new(hidden, point, names, random::derive(seed, &[TWIN_STREAM, 1]), store))
+    }
+
+    fn twin_point(&self, twin: &TwinSection, space: &Space, seed: u64) -> Result<Vec<f64>, FileError> {
+        let keys = ["reality", "parameters"];
+        let mut point = space.nominal();
+        match &twin.parameters {
+            TwinParameters::Word(word) if word == "nominal" => {}
+            TwinParameters::Word(word) if word == "random" => {
+                let spread = twin.spread.unwrap_or(1.0);
+                let mut rng = random::stream(seed, &[TWIN_STREAM, 0]);
+                let unit: Vec<f64> = (0..space.len()).map(|_| 0.5 + spread * (rng.random::<f64>() - 0.5)).collect();
+                point = space.from_unit(&unit);
+            }
+            TwinParameters::Word(word) => return Err(self.unknown(&keys, "choice", word, ["nominal", "random"])),
+            TwinParameters::Values(values) => {
+                for (name, value) in values {
+                    let Some(k) = space.index_of(name) else {
+                        let known = space.dims().iter().map(|d| d.name.as_str());
+                        return Err(self.unknown(&["reality", "parameters", name], "parameter of S", name, known));
+                    };
+                    point[k] = *value;
+                }
+            }
+        }
+        space.check(&point).map_err(|e| {
+            let help = "a twin lives in S: widen the bounds in [parameters] or move the twin".to_owned();
+            let keys = match &e {
+                SpaceError::Outside { name, .. } => vec!["reality", "parameters", name.as_str()],
+                _ => keys.to_vec(),
+            };
+            self.error(&keys, format!("the hidden twin lies outside S: {e}"), Some(help))
+        })?;
+        Ok(point)
+    }
+}
