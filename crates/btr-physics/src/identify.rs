@@ -20,18 +20,20 @@ const TELLING_RISE: f64 = 1e-4;
 /// And by more than so many times what a nudge does.
 const TELLING_NUDGES: f64 = 2.0;
 
-/// Repeats the search for the simulation with another distance, in a folder of its own below the run's.
+/// Repeats the search for the simulation with another distance, the experiment's `number`th, in a folder of its own below
+/// the run's. Sound for fixed drives only: elsewhere other controllers would be tried.
 ///
 /// # Errors
 /// When the disk refuses, or a real test is gone.
 pub fn with_distance(
     experiment: &mut Experiment,
     run: &Run,
-    spec: &DistanceSpec,
+    (number, spec): (usize, &DistanceSpec),
     mut watch: impl FnMut(&Coevolution) -> bool,
 ) -> Result<Option<ByDistance>, RunError> {
-    let plan = Plan { distance: spec.clone(), ..run.state().plan().clone() };
-    let folder = run.folder().join("by_distance").join(spec.name());
+    // A goal for phi is in the unit of the plan's own distance.
+    let plan = Plan { distance: spec.clone(), phi_goal: None, ..run.state().plan().clone() };
+    let folder = run.folder().join("by_distance").join(format!("{number}_{}", spec.name()));
     let mut other = Run::begin_or_resume(experiment, plan, &folder)?;
     loop {
         match other.step(experiment)? {
@@ -121,7 +123,7 @@ fn phi(experiment: &Experiment, state: &Coevolution, distance: &dyn Distance, s:
         let simulated = experiment.model.run(s, &e.trial.controller, e.trial.scenario).ok()?;
         Some(distance.distance(real, &simulated))
     };
-    tests.iter().map(|e| of(e).unwrap_or(f64::INFINITY)).sum::<f64>() / tests.len().max(1) as f64
+    tests.iter().map(|e| of(e).unwrap_or(f64::INFINITY)).sum::<f64>() / tests.len() as f64
 }
 
 #[cfg(test)]

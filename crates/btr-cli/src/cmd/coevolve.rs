@@ -120,13 +120,13 @@ fn by_distance(
         return Ok(Some(Vec::new()));
     }
     let mut found = vec![identify::found(experiment, run.state())];
-    for spec in others {
+    for (number, spec) in others.into_iter().enumerate() {
         progress.say(&format!("identifying by {}", spec.name()));
         let watch = |state: &_| {
             progress.update(state);
             !interrupted.load(Ordering::Relaxed)
         };
-        match identify::with_distance(experiment, run, &spec, watch)? {
+        match identify::with_distance(experiment, run, (number, &spec), watch)? {
             Some(other) => found.push(other),
             None => return Ok(None),
         }

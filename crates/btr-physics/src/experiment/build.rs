@@ -129,6 +129,11 @@ impl Builder<'_> {
             let help = "take search out of [drive]; whatever it says, the logs' own commands are replayed".to_owned();
             return Err(self.error(&["drive", "search"], "recorded logs leave no controllers to search", Some(help)));
         }
+        if !self.file.distances.is_empty() && !model.drive.space().is_empty() {
+            let help = "take search out of [drive], or distances out of the file".to_owned();
+            let message = "other distances need a fixed drive: with each of them other controllers would be tried";
+            return Err(self.error(&["distances"], message, Some(help)));
+        }
         Coevolution::new(plan.clone(), 0, model).map_err(|e| self.error(&["coevolve"], &e, Some(remedy(&e))))?;
         let distances = [(&["coevolve", "distance"][..], &plan.distance)];
         for (keys, distance) in distances.into_iter().chain(self.file.distances.iter().map(|d| (&["distances"][..], d)))
