@@ -14,11 +14,24 @@ use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    end_quietly_on_a_closed_pipe();
     let args = Args::parse();
     match run(&args) {
         Ok(code) => code,
         Err(failure) => failure.report(args.global.json),
     }
+}
+
+/// `btr info LOG | head -1`: a reader that has enough is no error, but `println!` panics on it.
+fn end_quietly_on_a_closed_pipe() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        let text = info.payload().downcast_ref::<String>();
+        if text.is_some_and(|text| text.starts_with("failed printing to stdout") && text.contains("Broken pipe")) {
+            std::process::exit(0);
+        }
+        report(info);
+    }));
 }
 
 fn run(args: &Args) -> Result<ExitCode, Failure> {

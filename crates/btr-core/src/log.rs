@@ -126,6 +126,22 @@ impl Log {
         }
     }
 
+    /// The same log with its first sample at time zero, as simulations have it; recorders count from any epoch.
+    #[must_use]
+    pub fn from_zero(mut self) -> Self {
+        if let Some(start) = self.clock_s.first().copied() {
+            self.clock_s.iter_mut().for_each(|t| *t -= start);
+        }
+        self
+    }
+
+    /// The median time between two samples, in seconds; `None` with fewer than two.
+    pub fn usual_step_s(&self) -> Option<f64> {
+        let mut steps: Vec<f64> = self.clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = steps.len() / 2;
+        (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
     /// The channels with their names, in the order in which they were added.
     pub fn channels(&self) -> impl ExactSizeIterator<Item = (&str, &Channel)> {
         self.channels.iter().map(|(name, channel)| (name.as_str(), channel))

@@ -15,6 +15,13 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64]) -> Result<String, toml
     for section in NOT_MODEL {
         document.remove(section);
     }
+    // The file will lie elsewhere.
+    let urdf = document.get_mut("robot").and_then(|robot| robot.get_mut("urdf"));
+    if let Some((urdf, path)) = urdf.and_then(|urdf| urdf.as_str().map(str::to_owned).map(|path| (urdf, path))) {
+        let path = source.folder().join(path);
+        let path = std::path::absolute(&path).unwrap_or(path);
+        *urdf = toml_edit::value(path.to_string_lossy().into_owned());
+    }
     for (dim, value) in space.dims().iter().zip(s) {
         if let Some(parameter) = document["parameters"].get_mut(&dim.name).and_then(|item| item.as_table_like_mut()) {
             parameter.insert("value", toml_edit::value(*value));

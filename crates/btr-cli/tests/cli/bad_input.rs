@@ -160,7 +160,10 @@ fn realities() {
         "kind = \"twin\"\nparameters = \"randm\"",
         "kind = \"command\"\nrun = []\ntimeout_s = 1.0",
         "kind = \"command\"\nrun = [\"./robot\"]",
+        "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = inf",
+        "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = 9.0\nlog = \"bag\"",
         "kind = \"logs\"",
+        "kind = \"logs\"\nfiles = [\"a.csv\"]\nheld_out = [\"a.csv\"]",
         "kind = \"logs\"\nindex = \"index.csv\"",
         "kind = \"logs\"\nfiles = [\"no.csv\"]",
     ];

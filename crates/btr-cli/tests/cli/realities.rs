@@ -120,6 +120,50 @@ fn a_failed_try_is_repeated_and_its_traces_are_kept() {
     }
 }
 
+/// The clock of a log, changed line by line.
+fn stamped(csv: &str, stamp: impl Fn(usize, f64) -> f64) -> String {
+    let mut lines = csv.lines();
+    let head = lines.next().unwrap().to_owned();
+    let rows = lines.enumerate().map(|(k, line)| {
+        let (t, rest) = line.split_once(',').unwrap();
+        format!("\n{},{rest}", stamp(k, t.parse().unwrap()))
+    });
+    std::iter::once(head).chain(rows).collect::<String>() + "\n"
+}
+
+#[test]
+fn recorders_may_count_from_any_epoch_and_stamp_a_little_late() {
+    let logs = "kind = \"logs\"\nfiles = [\"log.csv\"]";
+    let changes = [(TWIN, logs), ("search = \"all\"", "set = { \"amplitude@hinge\" = 0.5 }")];
+    let phi = |stamp: &dyn Fn(usize, f64) -> f64| {
+        let lab = Lab::with(&changes);
+        lab.ok(&format!("simulate small.toml -q {ROBOT} -o clean.csv"));
+        lab.write("log.csv", &stamped(&lab.read("clean.csv"), stamp));
+        let document = lab.json("coevolve small.toml --out run --set coevolve.iterations=1");
+        document["iterations"][0]["phi"].as_f64().unwrap()
+    };
+    let (clean, epoch) = (phi(&|_, t| t), phi(&|_, t| t + 1.7e9));
+    assert!((epoch - clean).abs() < 1e-3, "{clean} {epoch}");
+    let late = phi(&|k, t| t + if k % 3 == 1 { 4e-4 } else { 0.0 });
+    assert!((late - clean).abs() < 0.02, "{clean} {late}");
+}
+
+#[test]
+fn without_a_tick_of_its_own_the_model_takes_that_of_the_logs() {
+    let logs = "kind = \"logs\"\nfiles = [\"log.csv\"]";
+    let lab = Lab::with(&[(TWIN, logs), ("search = \"all\"", "set = { \"amplitude@hinge\" = 0.5 }")]);
+    lab.ok(&format!("simulate small.toml -q {ROBOT} -o log.csv"));
+    let experiment = lab.read("small.toml");
+    assert!(experiment.contains("control_s = 0.01"), "{experiment}");
+    let iterations = |text: &str, out: &str| {
+        lab.write("small.toml", text);
+        lab.json(&format!("coevolve small.toml --out {out} --set coevolve.iterations=1"))["iterations"].clone()
+    };
+    let (told, found) =
+        (iterations(&experiment, "told"), iterations(&experiment.replace("control_s = 0.01", ""), "found"));
+    assert_eq!(told, found);
+}
+
 #[test]
 fn a_program_that_is_not_there_ends_the_run_without_data() {
     let lab = lab("kind = \"command\"\nrun = [\"no-such-robot\"]\ntimeout_s = 1.0");

@@ -96,7 +96,7 @@ impl Ledger {
             if matches!(entry.verdict, Verdict::Failed { .. }) || entry.behaviour.is_some() {
                 continue;
             }
-            entry.behaviour = match reality.test(&entry.trial) {
+            entry.behaviour = match reality.recall(&entry.trial) {
                 Outcome::Done(behaviour) => Some(behaviour),
                 Outcome::Failed { why } | Outcome::Pending { what: why } => {
                     return Err(format!("real test {} is in the ledger but its log is not: {why}", entry.trial.number));

@@ -4,6 +4,9 @@ use super::Drive;
 use crate::robot::Robot;
 use btr_core::log::Log;
 
+/// How much of the usual time between samples a stamp may be late.
+const LATE: f64 = 0.1;
+
 /// The commands of a log, each held until the next one.
 ///
 /// A missing command (NaN) switches the torque off, as does a channel `torque_on` that is below one half or missing. A joint
@@ -11,6 +14,8 @@ use btr_core::log::Log;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,
+    /// How much later than it was due a command may have been stamped, in s.
+    late_s: f64,
     commands: Vec<Option<Vec<f64>>>,
     torque_on: Option<Vec<f64>>,
 }
@@ -22,6 +27,7 @@ impl Replay {
         let start_s = log.clock_s().first().copied().unwrap_or(0.0);
         Replay {
             clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
+            late_s: LATE * log.usual_step_s().unwrap_or(0.0),
             commands: robot.movable().map(|(_, link)| values(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
         }
@@ -30,8 +36,8 @@ impl Replay {
 
 impl Drive for Replay {
     fn command(&self, time_s: f64, command: &mut [f64]) {
-        // A reference that is due now counts, although its time was rounded.
-        let due = self.clock_s.partition_point(|&t| t <= time_s + 1e-9).saturating_sub(1);
+        // A command that is due now counts, although its stamp was rounded or a little late.
+        let due = self.clock_s.partition_point(|&t| t <= time_s + self.late_s).saturating_sub(1);
         let on = self.torque_on.as_ref().is_none_or(|on| on.get(due).is_some_and(|&on| on >= 0.5));
         for (command, told) in command.iter_mut().zip(&self.commands) {
             let told = told.as_ref().and_then(|values| values.get(due)).copied();

@@ -99,7 +99,7 @@ pub(super) struct Builder<'a> {
 impl Builder<'_> {
     pub(super) fn model(&self, situations: Situations) -> Result<Model, FileError> {
         let robot = self.robot()?;
-        let setup = self.setup(&robot)?;
+        let setup = self.setup(&robot, &situations.logs)?;
         let effects = self.effects(&self.file.effects, "effects", &robot)?;
         let (targets, simulations) = self.parameters(&robot, &effects, &setup)?;
         let drive = self.drive(&robot)?;

@@ -10,8 +10,12 @@ use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
 use crate::{ant, nao, pendulum, site, urdf};
+use btr_core::log::Log;
 use btr_core::space::{Dim, Space, SpaceError};
 use nalgebra::{Point3, Vector3};
+
+/// The paper's time between two references.
+const PAPERS_CONTROL_S: f64 = 0.055;
 
 impl Builder<'_> {
     pub(super) fn robot(&self) -> Result<Robot, FileError> {
@@ -62,9 +66,10 @@ impl Builder<'_> {
         Ok(())
     }
 
-    pub(super) fn setup(&self, robot: &Robot) -> Result<Setup, FileError> {
+    pub(super) fn setup(&self, robot: &Robot, recorded: &[Log]) -> Result<Setup, FileError> {
         let s = &self.file.simulation;
-        let positive = [("control_s", s.control_s), ("duration_s", s.duration_s)];
+        let control_s = s.control_s.or_else(|| tick_of(recorded)).unwrap_or(PAPERS_CONTROL_S);
+        let positive = [("control_s", control_s), ("duration_s", s.duration_s)];
         if let Some((key, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             return Err(self.error(&["simulation", key], format!("{key} = {value} must be positive"), None));
         }
@@ -72,13 +77,13 @@ impl Builder<'_> {
         if let Some((key, _)) = counts.iter().find(|(_, count)| *count == 0) {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
         }
-        let dt_s = s.control_s / f64::from(s.steps_per_control);
+        let dt_s = control_s / f64::from(s.steps_per_control);
         let floating = robot.base == Base::Floating;
         Ok(Setup {
             dt_s,
             substeps: 1,
             duration_s: s.duration_s,
-            control_s: s.control_s,
+            control_s,
             interpolate: s.interpolate,
             sample_s: Some(dt_s * f64::from(s.sample_every)),
             sensors: Sensors { velocities: true, torques: true, imu: floating, feet: floating },
@@ -193,6 +198,13 @@ fn actuator(section: &ActuatorSection) -> Actuator {
         }
         ActuatorSection::Prescribed => Actuator::Prescribed,
     }
+}
+
+/// The time between two samples of the fastest log, freed of jitter.
+fn tick_of(recorded: &[Log]) -> Option<f64> {
+    const GRAIN: f64 = 1e5;
+    let fastest = recorded.iter().filter_map(Log::usual_step_s).min_by(f64::total_cmp)?;
+    Some((fastest * GRAIN).round() / GRAIN).filter(|tick| *tick > 0.0)
 }
 
 /// Where an effect of this kind can sit on a robot, and what such a place is called.

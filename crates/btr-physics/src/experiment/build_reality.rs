@@ -16,6 +16,8 @@ use std::sync::Arc;
 
 /// Label of the random stream that draws a hidden twin.
 const TWIN_STREAM: u64 = 100;
+/// A week.
+const LONGEST_TEST_S: f64 = 604_800.0;
 
 impl Builder<'_> {
     pub(super) fn reality(
@@ -33,9 +35,13 @@ impl Builder<'_> {
             RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
             RealitySection::Logs(_) => Box::new(Logs::new(recorded[..model.learn].to_vec(), fitness)),
             RealitySection::Command(command) => {
-                if command.run.is_empty() || command.timeout_s.is_nan() || command.timeout_s <= 0.0 {
-                    let message = "a command needs run = [program, ...] and a positive timeout_s";
+                let timely = command.timeout_s > 0.0 && command.timeout_s <= LONGEST_TEST_S;
+                if command.run.is_empty() || !timely {
+                    let message = "a command needs run = [program, ...] and a timeout_s above 0, a week at most";
                     return Err(self.error(&["reality"], message, None));
+                }
+                if !["csv", "mcap"].contains(&command.log.as_str()) {
+                    return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
                 }
                 Box::new(Command::new(command.clone(), model.clone(), store))
             }

@@ -134,8 +134,9 @@ fn half() -> f64 {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulationSection {
-    /// Time between two references, in s.
-    pub control_s: f64,
+    /// Time between two references, in s. Unless given: the time between two samples of the recorded logs; without logs the
+    /// paper's 0.055 s.
+    pub control_s: Option<f64>,
     /// Physics steps between two references; the step is `control_s / steps_per_control`.
     pub steps_per_control: u32,
     /// Whether references are interpolated between control ticks; else they are held.
@@ -155,7 +156,7 @@ pub struct SimulationSection {
 impl Default for SimulationSection {
     fn default() -> Self {
         SimulationSection {
-            control_s: 0.055,
+            control_s: None,
             steps_per_control: 7,
             interpolate: false,
             duration_s: 2.0,

@@ -47,6 +47,10 @@ pub(super) fn from_logs(
         wanted.extend(indexed(section, &source.folder().join(index), source)?);
     }
     wanted.sort_by_key(|w| w.held_out);
+    if let Some(both) = wanted.iter().find(|w| w.held_out && wanted.iter().any(|o| !o.held_out && o.path == w.path)) {
+        let message = format!("{} is to be learnt from and held out at once", both.path.display());
+        return Err(source.error(&["reality"], &message, None));
+    }
     let learn = wanted.iter().filter(|w| !w.held_out).count();
     if learn == 0 {
         let help = "name files, or an index with learn = { column = value }".to_owned();
@@ -54,12 +58,36 @@ pub(super) fn from_logs(
     }
     let (mut scenarios, mut logs, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for one in &wanted {
-        let (log, noticed) = io::read_log(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
-        warnings.extend(noticed.iter().map(|warning| format!("{}: {warning}", one.path.display())));
+        let (log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
+        let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
+        warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
         scenarios.push(scenario(one, &log, section, source, robot)?);
         logs.push(log);
     }
     Ok(Situations { scenarios, learn, logs, warnings })
+}
+
+/// What is odd about a log, though it can be used.
+fn doubts(log: &Log, file: &File) -> Vec<String> {
+    const LONG_STEP_S: f64 = 0.5;
+    const GAP: f64 = 10.0;
+    let mut doubts = Vec::new();
+    let silent = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));
+    doubts.extend(silent.map(|(name, _)| format!("`{name}` has no value at all")));
+    let Some(step) = log.usual_step_s() else { return doubts };
+    let widest = log.clock_s().windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    if widest > GAP * step {
+        doubts.push(format!("a gap of {widest:.3} s between samples that are usually {step:.4} s apart"));
+    }
+    if step > LONG_STEP_S {
+        doubts.push(format!("{step:.3} s between samples: is its time in seconds?"));
+    }
+    if let Some(control_s) = file.simulation.control_s.filter(|control_s| *control_s > 1.5 * step) {
+        doubts.push(format!(
+            "a command every {step:.4} s, but the model takes one every {control_s} s (simulation.control_s)"
+        ));
+    }
+    doubts
 }
 
 pub(super) fn unreadable(source: &Source, error: &io::IoError) -> FileError {
@@ -173,6 +201,10 @@ pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) 
         };
         source.error(&["reality"], &format!("{}: {e}", path.display()), available)
     };
+    if log.len() < 2 {
+        let message = format!("{}: a log needs at least two samples", path.display());
+        return Err(source.error(&["reality"], &message, None));
+    }
     Ok(Scenario {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         replay: Some(Arc::new(Replay::new(log, robot))),

@@ -42,7 +42,7 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> {
     let file = source.parse()?;
     let builder = Builder { file: &file, source };
-    let (log_read, _) = io::read_log(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+    let (log_read, _) = io::read_recorded(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
     let scenario = scenarios::replaying(log, &log_read, &builder.robot()?, source)?;
     builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read], warnings: Vec::new() })
 }

@@ -53,6 +53,14 @@ pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), I
     }
 }
 
+/// The same for logs that are compared with simulations: their first sample is at time zero.
+///
+/// # Errors
+/// See [`read_log`].
+pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
+}
+
 /// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP only.
 ///
 /// # Errors

@@ -106,4 +106,9 @@ impl Reality for Command {
     fn test(&mut self, trial: &Trial) -> Outcome {
         or_pending(self.perform(trial))
     }
+
+    fn recall(&mut self, trial: &Trial) -> Outcome {
+        let lost = || Outcome::Pending { what: format!("no log in {}", self.store.folder_of(trial).display()) };
+        or_pending(self.store.recall(trial).map(|found| found.unwrap_or_else(lost)))
+    }
 }

@@ -87,15 +87,19 @@ impl Store {
     /// A log that is there but cannot be used.
     pub fn recall(&self, trial: &Trial) -> Result<Option<Outcome>, StoreError> {
         let folder = self.folder_of(trial);
-        if let Ok(why) = std::fs::read_to_string(folder.join("failed.txt")) {
-            return Ok(Some(Outcome::Failed { why: why.trim().to_owned() }));
+        let failure = std::fs::read_to_string(folder.join("failed.txt")).ok();
+        let log = LOG_ENDINGS.iter().map(|end| folder.join(format!("log.{end}"))).find(|path| path.is_file());
+        if failure.is_none() && log.is_none() {
+            return Ok(None);
         }
-        let found = LOG_ENDINGS.iter().map(|end| folder.join(format!("log.{end}"))).find(|path| path.is_file());
-        let Some(path) = found else { return Ok(None) };
         if std::fs::read_to_string(folder.join("trial.toml")).is_ok_and(|text| text != self.describe(trial)) {
             return Err(StoreError::OtherTrial { path: folder });
         }
-        Ok(Some(self.judge(&path)?))
+        Ok(match (failure, log) {
+            (Some(why), _) => Some(Outcome::Failed { why: why.trim().to_owned() }),
+            (None, Some(path)) => Some(self.judge(&path)?),
+            (None, None) => None,
+        })
     }
 
     /// Reads a log and judges it. A log that lacks what the fitness needs is a failed test, not an error.
@@ -103,7 +107,7 @@ impl Store {
     /// # Errors
     /// A log that cannot be read, or only half of one.
     pub fn judge(&self, path: &Path) -> Result<Outcome, StoreError> {
-        let (log, warnings) = io::read_log(path, &self.mapping)?;
+        let (log, warnings) = io::read_recorded(path, &self.mapping)?;
         if let Some(why) = warnings.iter().find(|warning| warning.is_half()) {
             return Err(StoreError::Half { path: path.to_owned(), why: why.to_string() });
         }

@@ -14,6 +14,10 @@ impl Coevolution {
         let State { ledger, iteration, .. } = &self.state;
         let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
         let tests: Vec<usize> = indices(ledger, &ledger.counting(*iteration, self.plan.memory, &now)).collect();
+        if tests.is_empty() {
+            self.state.phi = None;
+            return Phase::End;
+        }
         let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
         self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
