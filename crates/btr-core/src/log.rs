@@ -135,11 +135,20 @@ impl Log {
         self
     }
 
-    /// The median time between two samples, in seconds; `None` with fewer than two.
+    /// The usual time between two samples, in seconds: the mean, in which jitter cancels, over all steps that are no gaps
+    /// (longer than one and a half medians). `None` with fewer than two samples.
     pub fn usual_step_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let middle = steps.len() / 2;
-        (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+        if steps.is_empty() {
+            return None;
+        }
+        let longest = 1.5 * *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let (sum, count) = steps
+            .iter()
+            .filter(|step| **step <= longest)
+            .fold((0.0, 0.0), |(sum, count), step| (sum + step, count + 1.0));
+        Some(sum / count)
     }
 
     /// The channels with their names, in the order in which they were added.
@@ -211,4 +220,22 @@ fn sweep(x: &[f64], y: &[f64], at: &[f64], between: impl Fn(usize, f64) -> f64) 
             if i == last || t < x[0] { y[i] } else { between(i, t) }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn the_usual_step_is_free_of_jitter_and_gaps() {
+        // A hundredth with jitter of a tenth of it, and one hole, counted from an epoch.
+        let jitter = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
+        let clock = (0..1000).map(|i| 1.7e9 + 0.01 * f64::from(i) + jitter(i) + if i > 500 { 3.0 } else { 0.0 });
+        let log = Log::new(clock.collect()).unwrap();
+        assert!((log.usual_step_s().unwrap() - 0.01).abs() < 5e-6, "{:?}", log.usual_step_s());
+        let moved = log.clone().from_zero();
+        assert!(moved.clock_s()[0].to_bits() == 0 && (moved.duration_s() - log.duration_s()).abs() < 1e-9);
+        assert!(Log::new(vec![4.0]).unwrap().usual_step_s().is_none());
+    }
 }

@@ -210,8 +210,11 @@ fn show(report: &Report) {
         report.simulated_evaluations,
         report.failed_evaluations
     );
+    let at_bound = report.iterations.last().map_or(&[][..], |last| &last.evidence.at_bound);
     if report.disengaged {
         show_disengagement(report);
+    } else if !at_bound.is_empty() {
+        println!("at a bound of S, the truth may lie beyond: {}", at_bound.join(", "));
     }
     if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
         println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
@@ -309,6 +312,9 @@ fn show_logs(report: &Report) {
         if !scores.is_empty() {
             let (before, after) = (mean(&|s| s.before.mean_abs), mean(&|s| s.after.mean_abs));
             println!("{title}: mean |error| {} before, {} after", number(before), number(after));
+            if after > before {
+                println!("  the adapted model is worse than the one it began with: do not use it");
+            }
         }
     }
 }
