@@ -239,6 +239,15 @@ impl Quantity {
     }
 }
 
+/// The numbers of an actuator with their names.
+pub(crate) fn motor_values(actuator: &Actuator) -> impl Iterator<Item = (&'static str, f64)> {
+    let mut actuator = actuator.clone();
+    QUANTITIES.iter().filter_map(move |(name, quantity)| match quantity {
+        Quantity::Motor(value) => value.of(&mut actuator).map(|x| (*name, *x)),
+        _ => None,
+    })
+}
+
 impl MotorValue {
     fn unit(self) -> &'static str {
         match self {

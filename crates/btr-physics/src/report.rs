@@ -214,7 +214,7 @@ impl Score {
     /// Errors of `simulated` against `real`, over the samples both have.
     pub fn new(real: &[f64], simulated: &[f64]) -> Self {
         let pairs = || real.iter().zip(simulated).filter(|(a, b)| a.is_finite() && b.is_finite());
-        let n = pairs().count().max(1) as f64;
+        let n = pairs().count() as f64;
         let mean = pairs().map(|(a, _)| a).sum::<f64>() / n;
         let sum = |f: &dyn Fn(f64, f64) -> f64| pairs().map(|(a, b)| f(*a, *b)).sum::<f64>();
         let (error, spread) = (sum(&|a, b| (a - b) * (a - b)), sum(&|a, _| (a - mean) * (a - mean)));

@@ -307,7 +307,8 @@ fn show_logs(report: &Report) {
     }
     println!("\nrecorded logs\n{}", table.render());
     for (held_out, title) in [(false, "learnt"), (true, "held out")] {
-        let scores: Vec<_> = report.logs.iter().filter(|s| s.held_out == held_out).collect();
+        let scores: Vec<_> =
+            report.logs.iter().filter(|s| s.held_out == held_out && s.after.mean_abs.is_finite()).collect();
         let mean = |of: &dyn Fn(&&report::LogScore) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
         if !scores.is_empty() {
             let (before, after) = (mean(&|s| s.before.mean_abs), mean(&|s| s.after.mean_abs));

@@ -43,6 +43,7 @@ fn wrong_types_and_syntax() {
 fn numbers_that_make_no_sense() {
     let wrong = ["control_s = 0.0", "control_s = -0.01", "control_s = nan"];
     insta::assert_snapshot!("time_step", all("control_s = 0.01", &wrong));
+    insta::assert_snapshot!("negative_gain", all("kp = 10.0", &["kp = -10.0", "kp = nan"]));
     insta::assert_snapshot!("steps", with("steps_per_control = 2", "steps_per_control = 0"));
     insta::assert_snapshot!(
         "plan_numbers",
@@ -54,6 +55,15 @@ fn numbers_that_make_no_sense() {
             with("population = 6 } }\nsimulators", "population = 6, mutation = 1.5 } }\nsimulators"),
         ]
         .join("\n")
+    );
+}
+
+#[test]
+fn least_squares_need_a_sum_of_squares() {
+    let changes = [(DISTANCE, "distance = \"spectrum\""), ("simulators = { ", "simulators = { refine = 2, ")];
+    insta::assert_snapshot!(
+        "refine_without_squares",
+        Lab::with(&changes).complaint("coevolve small.toml --out run --dry-run")
     );
 }
 

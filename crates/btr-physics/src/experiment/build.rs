@@ -135,6 +135,13 @@ impl Builder<'_> {
             return Err(self.error(&["distances"], message, Some(help)));
         }
         Coevolution::new(plan.clone(), 0, model).map_err(|e| self.error(&["coevolve"], &e, Some(remedy(&e))))?;
+        let mut distances = std::iter::once(&plan.distance).chain(&self.file.distances);
+        let refine = plan.simulators.as_ref().is_some_and(|phase| phase.refine > 0);
+        if refine && distances.all(|distance| distance.build().as_squares().is_none()) {
+            let help = "take distance = \"rmse\", or refine out of the file".to_owned();
+            let message = "only a sum of squares can be refined by least squares";
+            return Err(self.error(&["coevolve", "simulators", "refine"], message, Some(help)));
+        }
         let distances = [(&["coevolve", "distance"][..], &plan.distance)];
         for (keys, distance) in distances.into_iter().chain(self.file.distances.iter().map(|d| (&["distances"][..], d)))
         {

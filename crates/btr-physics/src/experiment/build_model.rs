@@ -9,7 +9,7 @@ use crate::robot::{Actuator, Base, DutyLoop, Robot};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
-use crate::{ant, nao, pendulum, site, urdf};
+use crate::{ant, nao, parameter, pendulum, site, urdf};
 use btr_core::log::Log;
 use btr_core::space::{Dim, Space, SpaceError};
 use nalgebra::{Point3, Vector3};
@@ -59,8 +59,13 @@ impl Builder<'_> {
             if !names.iter().any(|name| site::matches(pattern, name)) {
                 return Err(self.unknown(&["actuators", pattern], "joint", pattern, names.iter().map(String::as_str)));
             }
+            let actuator = actuator(section);
+            if let Some((value, number)) = parameter::motor_values(&actuator).find(|(_, x)| *x < 0.0 || x.is_nan()) {
+                let message = format!("{value} = {number} must be zero or more");
+                return Err(self.error(&["actuators", pattern, value], message, None));
+            }
             for link in robot.links.iter_mut().skip(1).filter(|link| site::matches(pattern, &link.joint.name)) {
-                link.joint.actuator = actuator(section);
+                link.joint.actuator = actuator.clone();
             }
         }
         Ok(())

@@ -42,13 +42,17 @@ impl Source {
     /// # Errors
     /// When it is not there or not text.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let text = std::fs::read_to_string(path).map_err(|e| FileError {
+        let refused = |message: String| FileError {
             path: path.to_owned(),
             line: 0,
             column: 0,
-            message: e.to_string(),
+            message,
             help: Some("give the path of a model or experiment file (TOML); robots/ has examples".to_owned()),
-        })?;
+        };
+        if path.extension().is_some_and(|ending| ending != "toml") {
+            return Err(refused("not a TOML file".to_owned()));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| refused(e.to_string()))?;
         Ok(Source { path: path.to_owned(), text })
     }
 

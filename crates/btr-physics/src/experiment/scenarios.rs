@@ -182,25 +182,20 @@ fn scenario(
     source: &Source,
     robot: &Robot,
 ) -> Result<Scenario, FileError> {
+    let replaying = replaying(&one.path, log, robot, source)?;
+    if let Some(e) = missing_position(log, robot) {
+        return Err(lacking(&one.path, source, &e));
+    }
     let settings = section
         .columns
         .iter()
         .map(|(target, column)| setting(target, column, &one.row, source, robot))
         .collect::<Result<_, _>>()?;
-    Ok(Scenario { settings, ..replaying(&one.path, log, robot, source)? })
+    Ok(Scenario { settings, ..replaying })
 }
 
 /// The situation of a log: its commands, its duration, its start.
 pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
-    let about = |e: LogError| {
-        let available = match &e {
-            LogError::Missing { available, .. } => {
-                Some(format!("it has: {}; [channels] in the experiment file maps foreign names", available.join(", ")))
-            }
-            _ => None,
-        };
-        source.error(&["reality"], &format!("{}: {e}", path.display()), available)
-    };
     if log.len() < 2 {
         let message = format!("{}: a log needs at least two samples", path.display());
         return Err(source.error(&["reality"], &message, None));
@@ -210,7 +205,7 @@ pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) 
         replay: Some(Arc::new(Replay::new(log, robot))),
         duration_s: log.duration_s(),
         settings: Vec::new(),
-        start: start(log, robot).map_err(about)?,
+        start: start(log, robot).map_err(|e| lacking(path, source, &e))?,
     })
 }
 
@@ -230,18 +225,33 @@ fn setting(
     Ok((target, value * column.factor))
 }
 
-/// Position and velocity of every joint at the first sample that has them. A log that lacks a joint of the robot cannot be
-/// replayed.
+/// A channel that the log does not have, with what it has.
+fn lacking(path: &Path, source: &Source, error: &LogError) -> FileError {
+    let available = match error {
+        LogError::Missing { available, .. } => {
+            Some(format!("it has: {}; [channels] in the experiment file maps foreign names", available.join(", ")))
+        }
+        _ => None,
+    };
+    source.error(&["reality"], &format!("{}: {error}", path.display()), available)
+}
+
+/// What a log needs beside its commands, if a simulation is to be compared with it.
+fn missing_position(log: &Log, robot: &Robot) -> Option<LogError> {
+    robot.movable().find_map(|(_, link)| log.values(&format!("q_{}", link.joint.name)).err())
+}
+
+/// Position and velocity of every joint at the first sample that has them; the robot's own start where none has. A log
+/// that does not say what a joint was told cannot be replayed.
 fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
-    let first = |values: &[f64]| values.iter().copied().find(|x| x.is_finite());
+    let first = |name: String| log.channel(&name).and_then(|c| c.values.iter().copied().find(|x| x.is_finite()));
     robot
         .movable()
         .map(|(_, link)| {
             let joint = &link.joint;
             log.values(&format!("cmd_{}", joint.name))?;
-            let q = first(log.values(&format!("q_{}", joint.name))?).unwrap_or(joint.start);
-            let dq = log.channel(&format!("dq_{}", joint.name)).and_then(|c| first(&c.values));
-            Ok((q, dq.unwrap_or(0.0)))
+            let q = first(format!("q_{}", joint.name)).unwrap_or(joint.start);
+            Ok((q, first(format!("dq_{}", joint.name)).unwrap_or(0.0)))
         })
         .collect()
 }

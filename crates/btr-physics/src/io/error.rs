@@ -143,7 +143,9 @@ impl IoError {
     pub fn help(&self) -> String {
         match self {
             IoError::File { .. } => "check the path and the permissions".into(),
-            IoError::Format { .. } => "logs end in .csv, .csv.gz or .mcap".into(),
+            IoError::Format { .. } => {
+                "logs end in .csv, .csv.gz or .mcap; a .toml is run by `btr coevolve` or `btr simulate`".into()
+            }
             IoError::Db3 { path } => {
                 format!("convert it: rosbags-convert --src {} --dst out --dst-storage mcap", bag_of(path).display())
             }
