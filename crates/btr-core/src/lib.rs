@@ -10,6 +10,8 @@
 
 pub mod coevolve;
 pub mod distance;
+pub mod family;
+pub mod fit;
 pub mod log;
 pub mod random;
 pub mod search;

@@ -161,6 +161,11 @@ impl Log {
         self.channels.get(name)
     }
 
+    /// The values of a channel, to be changed.
+    pub fn values_mut(&mut self, name: &str) -> Option<&mut [f64]> {
+        self.channels.get_mut(name).map(|channel| channel.values.as_mut_slice())
+    }
+
     /// Drops the channels for which `keep` says no.
     pub fn retain(&mut self, mut keep: impl FnMut(&str, &Channel) -> bool) {
         self.channels.retain(|name, channel| keep(name, channel));

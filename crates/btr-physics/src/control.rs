@@ -2,7 +2,7 @@
 
 use crate::assemble;
 use crate::drive::Drive;
-use crate::effect::{Effect, Placed};
+use crate::effect::{Effect, Placed, SiteKind};
 use crate::engine::{Affine, Dof, Dynamics};
 use crate::motor::{JointState, Motor};
 use crate::robot::{Joint, Robot};
@@ -14,6 +14,10 @@ pub(crate) struct Control<'a> {
     reference: Reference<'a>,
     joints: Vec<JointControl>,
     dt_s: f64,
+    /// Whether any effect acts on all joints at once; only then the load is summed up.
+    coupled: bool,
+    /// Sum of the sizes of all motors' torques in the last step.
+    load: f64,
 }
 
 /// The drive's references around the present.
@@ -62,12 +66,14 @@ impl<'a> Control<'a> {
             .zip(carried)
             .map(|((_, link), inertia)| JointControl::new(&link.joint, inertia, setup))
             .collect();
-        for placed in effects {
+        for placed in effects.iter().filter(|placed| !placed.is_off()) {
             for joint in placed.joints(robot)? {
                 joints[joint].place(placed, setup.dt_s);
             }
         }
-        Ok(Control { reference: Reference::new(drive, setup.control_s, joints.len()), joints, dt_s: setup.dt_s })
+        let reference = Reference::new(drive, setup.control_s, joints.len());
+        let coupled = effects.iter().any(|placed| placed.effect.card().site == SiteKind::Robot);
+        Ok(Control { reference, joints, dt_s: setup.dt_s, coupled, load: 0.0 })
     }
 
     /// Takes in the references that are valid at `time_s`.
@@ -80,13 +86,18 @@ impl<'a> Control<'a> {
 
     /// Sets what acts on the joints during the step that begins at `time_s`.
     pub(crate) fn act(&mut self, time_s: f64, engine: &mut dyn Dynamics) {
+        if self.coupled {
+            let states = engine.positions().iter().zip(engine.velocities());
+            self.load = self.joints.iter().zip(states).map(|(joint, (q, dq))| joint.torque(*q, *dq).abs()).sum();
+        }
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let (q, dq) = (engine.positions()[i], engine.velocities()[i]);
             // A prescribed joint shall be at its reference when the step ends.
             let end_s = time_s + self.dt_s;
             let command = if joint.motor.is_prescribed() { self.reference.led(i, end_s) } else { joint.command };
-            let inertia = joint.inertia;
-            let dof = joint.act(JointState { time_s, dt_s: self.dt_s, q, dq, inertia, command });
+            let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
+            let (dt_s, load) = (self.dt_s, self.load);
+            let dof = joint.act(&JointState { time_s, dt_s, q, dq, inertia, torque, load, command });
             engine.set_joint(i, &dof);
         }
     }
@@ -98,7 +109,7 @@ impl<'a> Control<'a> {
 
     /// The torque of joint `i`'s motor in the state that the last step led to.
     pub(crate) fn torque(&self, i: usize, q: f64, dq: f64) -> f64 {
-        self.joints[i].acting.at(q, dq)
+        self.joints[i].torque(q, dq)
     }
 }
 
@@ -147,18 +158,37 @@ impl JointControl {
         self.stations.push(Station { effect: placed.effect, values: placed.values.clone(), memory });
     }
 
-    fn act(&mut self, mut state: JointState) -> Dof {
+    /// The motor's torque where the last step led to: at the motor's side of the transmission.
+    fn torque(&self, q: f64, dq: f64) -> f64 {
+        self.stations
+            .iter()
+            .find_map(|station| station.effect.motor_torque(&station.memory))
+            .unwrap_or(self.acting.at(q, dq))
+    }
+
+    fn act(&mut self, state: &JointState) -> Dof {
+        // What the servo sees: its own side of the transmission, and the command that reaches it.
+        let mut servo = *state;
         for station in &mut self.stations {
-            state.command = station.effect.command(&station.values, &mut station.memory, &state);
+            (servo.q, servo.dq) = station.effect.encoder(&station.values, &mut station.memory, &servo);
         }
-        let mut motor = self.motor.torque(&state);
+        for station in &mut self.stations {
+            servo.command = station.effect.command(&station.values, &mut station.memory, &servo);
+        }
+        let mut motor = self.motor.torque(&servo);
+        for station in &mut self.stations {
+            station.effect.motor(&station.values, &mut station.memory, &mut motor, &servo);
+        }
+        self.acting = motor.saturated(&servo);
         let mut dof = self.passive;
+        let mut delivered = self.acting;
         for station in &mut self.stations {
-            station.effect.motor(&station.values, &mut station.memory, &mut motor, &state);
-            station.effect.torque(&station.values, &mut station.memory, &mut dof, &state);
+            delivered = station.effect.transmit(&station.values, &mut station.memory, delivered, &mut dof, state);
         }
-        self.acting = motor.saturated(&state);
-        dof.torque.add(&self.acting);
+        for station in &mut self.stations {
+            station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
+        }
+        dof.torque.add(&delivered);
         dof
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod adapt;
 pub mod ant;
+mod articulated;
 mod assemble;
 mod control;
 pub mod drive;

@@ -16,6 +16,10 @@ pub struct JointState {
     pub dq: f64,
     /// Roughly what the joint moves, in kg·m² (kg).
     pub inertia: f64,
+    /// What this joint's motor did in the last step, in N·m (N).
+    pub torque: f64,
+    /// Sum of the sizes of all motors' torques in the last step, in N·m; kept only where an effect acts on all joints at once.
+    pub load: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
 }

@@ -216,7 +216,7 @@ impl Quantity {
         let of_joints = match self {
             Quantity::GroundFriction => return Ok(Vec::new()),
             Quantity::Effect(effect, _) => match effect.card().site {
-                SiteKind::Ground => return Ok(Vec::new()),
+                SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return Ok(Vec::new()),
                 SiteKind::Joint => true,
                 SiteKind::Link => false,
             },

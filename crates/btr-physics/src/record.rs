@@ -143,8 +143,13 @@ impl Recorder {
         }
     }
 
-    /// The log, disturbed if there is a seed.
-    pub(crate) fn finish(self, sample_s: f64, noise_seed: Option<u64>) -> Result<Log, WorldError> {
+    /// The log: what the sensors say after `sense`, disturbed if there is a seed.
+    pub(crate) fn finish(
+        self,
+        sample_s: f64,
+        noise_seed: Option<u64>,
+        sense: impl FnOnce(&mut Log) -> Result<(), WorldError>,
+    ) -> Result<Log, WorldError> {
         let mut log = Log::new((0..self.samples).map(|i| i as f64 * sample_s).collect())?;
         let kinds = [
             self.commands,
@@ -157,14 +162,20 @@ impl Recorder {
             self.base,
             self.ball,
         ];
+        let mut noise = Vec::new();
         for (kind, series) in kinds.into_iter().enumerate() {
-            let channels = series.names.into_iter().zip(series.units).zip(series.values);
-            for (i, ((name, unit), mut values)) in channels.enumerate() {
-                if let Some(seed) = noise_seed {
-                    let mut rng = stream(seed, &[kind as u64, i as u64]);
-                    disturb(&mut values, series.deviation, series.quantum, &mut rng);
-                }
+            for (i, name) in series.names.iter().enumerate() {
+                noise.push((name.clone(), [kind as u64, i as u64], series.deviation, series.quantum));
+            }
+            for ((name, unit), values) in series.names.into_iter().zip(series.units).zip(series.values) {
                 log.insert(name, unit, series.role, values)?;
+            }
+        }
+        sense(&mut log)?;
+        let Some(seed) = noise_seed else { return Ok(log) };
+        for (name, key, deviation, quantum) in noise {
+            if let Some(values) = log.values_mut(&name) {
+                disturb(values, deviation, quantum, &mut stream(seed, &key));
             }
         }
         Ok(log)

@@ -1,5 +1,6 @@
 //! The simulation loop: a robot, what is put into its world, a drive; out comes a log.
 
+use crate::articulated::Articulated;
 use crate::control::Control;
 use crate::drive::Drive;
 use crate::effect::{Placed, SiteKind};
@@ -35,6 +36,17 @@ pub struct Ball {
     pub restitution: f64,
     /// Rate at which its spin decays, in 1/s.
     pub rolling_damping_per_s: f64,
+}
+
+/// The physics engines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineName {
+    /// Minimal coordinates where nothing can be touched, Rapier elsewhere.
+    #[default]
+    Auto,
+    /// Rapier's multibody, always.
+    Rapier,
 }
 
 /// Which sensors are logged. Commands and joint positions always are.
@@ -75,6 +87,8 @@ pub struct Setup {
     pub noise: Noise,
     /// In the world's axes, in m/s².
     pub gravity_m_s2: Vector3<f64>,
+    /// What computes the motion.
+    pub engine: EngineName,
     /// Joint velocities at the start, in the order of the movable joints; at rest where absent.
     pub start_velocities: Vec<f64>,
 }
@@ -94,6 +108,7 @@ impl Default for Setup {
             ball: None,
             noise: Noise::default(),
             gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),
+            engine: EngineName::Auto,
             start_velocities: Vec::new(),
         }
     }
@@ -143,29 +158,54 @@ pub fn simulate(
 ) -> Result<Log, WorldError> {
     let (samples, every) = setup.samples()?;
     let (robot, setup) = planted(robot, effects, setup)?;
-    let mut engine = Rapier::new(&robot, &setup);
+    let mut engine = engine_for(&robot, &setup);
+    let engine = engine.as_mut();
     let mut control = Control::new(&robot, effects, &setup, drive)?;
     let mut recorder = Recorder::new(&robot, &setup, samples);
     for step in 0..=(samples - 1) * every {
         let time_s = step as f64 * setup.dt_s;
         if step > 0 {
-            control.act(time_s - setup.dt_s, &mut engine);
-            recorder.before_step(&engine);
+            control.act(time_s - setup.dt_s, engine);
+            recorder.before_step(engine);
             engine.step();
-            check(&engine, time_s)?;
+            check(engine, time_s)?;
         }
         control.listen(time_s);
         if step == 1 {
-            recorder.forces(&engine, &control);
+            recorder.forces(engine, &control);
         }
         if step % every == 0 {
-            recorder.state(&engine, &control);
+            recorder.state(engine, &control);
             if step > 0 {
-                recorder.forces(&engine, &control);
+                recorder.forces(engine, &control);
             }
         }
     }
-    recorder.finish(setup.dt_s * every as f64, noise_seed)
+    recorder.finish(setup.dt_s * every as f64, noise_seed, |log| sense(&robot, effects, log))
+}
+
+/// The physics engine for a run: the fast one wherever it is able.
+fn engine_for(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
+    match setup.engine {
+        EngineName::Auto if Articulated::can(robot, setup) => Box::new(Articulated::new(robot, setup)),
+        EngineName::Auto | EngineName::Rapier => Box::new(Rapier::new(robot, setup)),
+    }
+}
+
+/// Lets the effects that sit on sensors change what those say.
+fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
+    for placed in effects.iter().filter(|placed| !placed.is_off()) {
+        match placed.effect.card().site {
+            SiteKind::Joint => {
+                let joints = placed.joints(robot)?;
+                for (_, (_, link)) in robot.movable().enumerate().filter(|(i, _)| joints.contains(i)) {
+                    placed.effect.sense(&placed.values, &link.joint.name, log);
+                }
+            }
+            _ => placed.effect.sense(&placed.values, &placed.site, log),
+        }
+    }
+    Ok(())
 }
 
 /// The robot and the setup after the effects that act on them before the run.
@@ -180,6 +220,9 @@ fn planted<'a>(
     let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
     for placed in effects {
         placed.check()?;
+        if placed.is_off() {
+            continue;
+        }
         match placed.effect.card().site {
             SiteKind::Joint => {}
             SiteKind::Link => {
@@ -187,16 +230,14 @@ fn planted<'a>(
                     placed.effect.link(&placed.values, robot.to_mut(), link);
                 }
             }
-            SiteKind::Ground => {
-                if let Some(ground) = &mut setup.to_mut().ground {
-                    placed.effect.contact(&placed.values, ground);
-                }
+            SiteKind::Base | SiteKind::Ground | SiteKind::Robot => {
+                placed.effect.world(&placed.values, setup.to_mut());
             }
         }
     }
     Ok((robot, setup))
 }
 
-fn check(engine: &Rapier, time_s: f64) -> Result<(), WorldError> {
+fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
     engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
 }

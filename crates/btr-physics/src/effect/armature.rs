@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Joint,
     cite: "Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6",
     tell: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
-    params: &[Param { name: "inertia", unit: "kg·m^2", bounds: (0.0, 1.0), off: 0.0, hint: 0.01 }],
+    params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
 };
 
 impl Effect for Armature {

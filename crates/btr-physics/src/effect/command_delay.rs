@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Joint,
     cite: "transport delay",
     tell: "the measured motion trails the simulated one by the same time at every speed",
-    params: &[Param { name: "delay", unit: "s", bounds: (0.0, 0.2), off: 0.0, hint: 0.02 }],
+    params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
 };
 
 /// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.

@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Joint,
     cite: "Coulomb, Théorie des machines simples, 1785",
     tell: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
-    params: &[Param { name: "torque", unit: "N·m", bounds: (0.0, 5.0), off: 0.0, hint: 0.1 }],
+    params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
 };
 
 impl Effect for CoulombFriction {

@@ -1,7 +1,7 @@
 //! A floor that is more or less slippery than the model's.
 
 use super::{Card, Effect, Param, SiteKind};
-use crate::sim::Ground;
+use crate::sim::Setup;
 
 pub(super) struct GroundFriction;
 
@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Ground,
     cite: "Coulomb, Théorie des machines simples, 1785",
     tell: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
-    params: &[Param { name: "coefficient", unit: "1", bounds: (0.0, 2.0), off: f64::NAN, hint: 0.5 }],
+    params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
 };
 
 impl Effect for GroundFriction {
@@ -19,8 +19,8 @@ impl Effect for GroundFriction {
         &CARD
     }
 
-    fn contact(&self, p: &[f64], ground: &mut Ground) {
-        if !p[0].is_nan() {
+    fn world(&self, p: &[f64], setup: &mut Setup) {
+        if let Some(ground) = &mut setup.ground {
             ground.friction = p[0];
         }
     }

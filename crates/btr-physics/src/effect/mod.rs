@@ -1,11 +1,12 @@
 //! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its own
 //! that tells everything about it.
 
-use crate::engine::Dof;
+use crate::engine::{Affine, Dof};
 use crate::motor::{JointState, MotorTorque};
 use crate::robot::Robot;
-use crate::sim::{Ground, setup_error};
+use crate::sim::{Setup, setup_error};
 use crate::site::matches;
+use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::fmt;
 
@@ -16,8 +17,19 @@ pub enum SiteKind {
     Joint,
     /// On links; `base` means the root.
     Link,
+    /// On the root's mounting or its sensors; its site is `base` (or `*`).
+    Base,
     /// On the floor; its site is always `*`.
     Ground,
+    /// On the robot as a whole, all joints at once; its site is always `*`.
+    Robot,
+}
+
+impl SiteKind {
+    /// Whether its effects act through the joints they sit on.
+    pub(crate) fn is_on_joints(self) -> bool {
+        matches!(self, SiteKind::Joint | SiteKind::Robot)
+    }
 }
 
 /// A parameter of an effect.
@@ -29,10 +41,36 @@ pub struct Param {
     pub unit: &'static str,
     /// Smallest and largest sensible value.
     pub bounds: (f64, f64),
-    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands.
+    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands. Shapes have
+    /// their usual value here.
     pub off: f64,
     /// A typical value, to start a search from.
     pub hint: f64,
+    /// Whether it only shapes the effect (the speed of a Stribeck curve, the order of cogging) and switches nothing on.
+    pub shape: bool,
+}
+
+impl Param {
+    /// A parameter that is off at zero.
+    pub(crate) const fn new(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+        Param { name, unit, bounds, off: 0.0, hint, shape: false }
+    }
+
+    /// A limit: off where it is infinite.
+    pub(crate) const fn limit(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+        Param { name, unit, bounds, off: f64::INFINITY, hint, shape: false }
+    }
+
+    /// One that takes the place of a value that the model has anyway.
+    pub(crate) const fn own(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+        Param { name, unit, bounds, off: f64::NAN, hint, shape: false }
+    }
+
+    /// One that only shapes the effect.
+    #[allow(dead_code)]
+    pub(crate) const fn shape(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+        Param { name, unit, bounds, off: hint, hint, shape: true }
+    }
 }
 
 /// What an effect says about itself.
@@ -53,28 +91,43 @@ pub struct Card {
 }
 
 /// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values
-/// of its parameters, `memory` is its own, zero at the start of a run.
+/// of its parameters, `memory` is its own (one for each joint), zero at the start of a run. An effect that is off is left out
+/// of a run altogether.
 pub trait Effect: Sync {
     /// What it says about itself.
     fn card(&self) -> &'static Card;
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
-    /// Changes the floor before the world is built.
-    fn contact(&self, _p: &[f64], _ground: &mut Ground) {}
+    /// Changes gravity or the floor before the world is built.
+    fn world(&self, _p: &[f64], _setup: &mut Setup) {}
     /// Adds to what always acts on a joint.
     fn joint(&self, _p: &[f64], _dof: &mut Dof) {}
     /// How many numbers it remembers for each joint, when the step is `dt_s` long.
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         0
     }
-    /// The command that reaches the motor in the coming step.
+    /// Position and velocity that the servo works with in the coming step; called first.
+    fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+        (state.q, state.dq)
+    }
+    /// The command that reaches the motor in the coming step; `q` and `dq` are what the servo sees.
     fn command(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> f64 {
         state.command
     }
-    /// Changes the motor's torque of the coming step.
+    /// Changes the motor's torque of the coming step; `q` and `dq` are what the servo sees.
     fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointState) {}
+    /// What of the motor's torque arrives at the link in the coming step, for transmissions with a state of their own.
+    fn transmit(&self, _p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+        motor
+    }
+    /// The motor's torque after the last step, for transmissions that keep the motor apart from the link.
+    fn motor_torque(&self, _memory: &[f64]) -> Option<f64> {
+        None
+    }
     /// Adds to what acts on the joint in the coming step.
     fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointState) {}
+    /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is added.
+    fn sense(&self, _p: &[f64], _joint: &str, _log: &mut Log) {}
 }
 
 impl fmt::Debug for dyn Effect {
@@ -129,6 +182,12 @@ impl Placed {
         Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.hint).collect() }
     }
 
+    /// Whether it does nothing: all its parameters but the shapes are off.
+    pub fn is_off(&self) -> bool {
+        let params = self.values.iter().zip(self.effect.card().params);
+        params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
+    }
+
     /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the parameter's
     /// off.
     pub(crate) fn check(&self) -> Result<(), WorldError> {
@@ -155,15 +214,15 @@ impl Placed {
     /// [`WorldError::Setup`] when the robot has nothing of that name.
     pub fn check_site(&self, robot: &Robot) -> Result<(), WorldError> {
         match self.effect.card().site {
-            SiteKind::Joint => self.joints(robot).map(|_| ()),
+            SiteKind::Joint | SiteKind::Robot => self.joints(robot).map(|_| ()),
             SiteKind::Link => self.links(robot).map(|_| ()),
-            SiteKind::Ground => Ok(()),
+            SiteKind::Base | SiteKind::Ground => Ok(()),
         }
     }
 
     /// The movable joints that it sits on, as indices among them; none for effects that sit elsewhere.
     pub(crate) fn joints(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
-        if self.effect.card().site != SiteKind::Joint {
+        if !self.effect.card().site.is_on_joints() {
             return Ok(Vec::new());
         }
         let names = robot.movable().map(|(_, link)| link.joint.name.as_str());

@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Link,
     cite: "Newton",
     tell: "static errors that follow the posture, on this joint and on all that carry it",
-    params: &[Param { name: "mass", unit: "kg", bounds: (0.0, 5.0), off: 0.0, hint: 0.1 }],
+    params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
 };
 
 impl Effect for Payload {

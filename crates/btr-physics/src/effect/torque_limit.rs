@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Joint,
     cite: "saturation, as in any servo's data sheet",
     tell: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
-    params: &[Param { name: "torque", unit: "N·m", bounds: (0.01, 100.0), off: f64::INFINITY, hint: 1.0 }],
+    params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
 };
 
 impl Effect for TorqueLimit {

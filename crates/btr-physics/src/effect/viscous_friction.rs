@@ -11,7 +11,7 @@ static CARD: Card = Card {
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
     tell: "a torque residual proportional to the velocity; free swings die out exponentially",
-    params: &[Param { name: "coefficient", unit: "N·m·s/rad", bounds: (0.0, 5.0), off: 0.0, hint: 0.1 }],
+    params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
 };
 
 impl Effect for ViscousFriction {

@@ -103,6 +103,7 @@ impl Builder<'_> {
             }),
             noise: noise(&self.file.noise),
             gravity_m_s2: Vector3::new(0.0, 0.0, s.gravity),
+            engine: s.engine,
             start_velocities: Vec::new(),
         })
     }
@@ -216,7 +217,9 @@ fn tick_of(recorded: &[Log]) -> Option<f64> {
 fn sites(kind: SiteKind, robot: &Robot) -> (&'static str, Vec<&str>) {
     match kind {
         SiteKind::Joint => ("joint", robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()),
-        SiteKind::Link | SiteKind::Ground => ("link", robot.links.iter().map(|link| link.name.as_str()).collect()),
+        SiteKind::Robot => ("place", vec!["*"]),
+        SiteKind::Base | SiteKind::Ground => ("place", vec!["base", "*"]),
+        SiteKind::Link => ("link", robot.links.iter().map(|link| link.name.as_str()).collect()),
     }
 }
 

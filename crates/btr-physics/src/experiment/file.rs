@@ -3,6 +3,7 @@
 
 use crate::io::Mapping;
 use crate::robot::Base;
+use crate::sim::EngineName;
 use btr_core::coevolve::Plan;
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Scale;
@@ -151,6 +152,8 @@ pub struct SimulationSection {
     pub gravity: f64,
     /// A ball on the ground.
     pub ball: Option<BallSection>,
+    /// What computes the motion.
+    pub engine: EngineName,
 }
 
 impl Default for SimulationSection {
@@ -164,6 +167,7 @@ impl Default for SimulationSection {
             ground_friction: 0.8,
             gravity: -9.81,
             ball: None,
+            engine: EngineName::Auto,
         }
     }
 }

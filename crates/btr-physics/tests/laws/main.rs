@@ -5,6 +5,7 @@ mod contact;
 mod determinism;
 mod drive;
 mod effects;
+mod engines;
 mod free;
 mod joint;
 mod motor;

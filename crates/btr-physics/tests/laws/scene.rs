@@ -4,7 +4,7 @@ use btr_core::log::Log;
 use btr_physics::drive::Drive;
 use btr_physics::effect::{Placed, find};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::sim::{EngineName, Setup, simulate};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 pub(crate) const G: f64 = 9.81;
@@ -23,9 +23,9 @@ pub(crate) fn hold(value: f64) -> Told<impl Fn(f64) -> f64 + Send + Sync> {
     Told(move |_| value)
 }
 
-/// References at every step, no floor.
+/// References at every step, no floor, on the reference engine.
 pub(crate) fn setup(dt_s: f64, duration_s: f64) -> Setup {
-    Setup { dt_s, duration_s, control_s: dt_s, ground: None, ..Setup::default() }
+    Setup { dt_s, duration_s, control_s: dt_s, ground: None, engine: EngineName::Rapier, ..Setup::default() }
 }
 
 pub(crate) fn weightless(dt_s: f64, duration_s: f64) -> Setup {

@@ -1,0 +1,152 @@
+//! What fits and diagnoses work on: a family of simulations beside measurements.
+//!
+//! A simulator is a family of worlds indexed by numbers. Some of them are in doubt from the beginning (masses, gains), others
+//! belong to effects that may be missing and are *off* as long as nobody says otherwise. Both are [`Knob`]s of one vector in
+//! normalised coordinates: 0 is the model as it stands, 1 is a typical deviation.
+
+use crate::world::WorldError;
+use std::ops::Range;
+
+/// How a knob's coordinate becomes its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// value = origin + size·u.
+    Linear,
+    /// value = origin·exp(size·u).
+    Exponential,
+    /// value = size/u: infinite, which is off, at u = 0.
+    Inverse,
+}
+
+/// A number that may be varied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Knob {
+    /// Unique in its family: `mass@thigh`, `coulomb_friction.torque@knee`.
+    pub name: String,
+    /// SI unit as text.
+    pub unit: String,
+    /// The value at u = 0.
+    pub origin: f64,
+    /// A typical deviation; see [`Law`].
+    pub size: f64,
+    /// From the coordinate to the value.
+    pub law: Law,
+    /// Least and greatest coordinate.
+    pub bounds: (f64, f64),
+    /// How far from 0 the coordinate is expected to be (a standard deviation).
+    pub spread: f64,
+    /// Reach of a finite difference.
+    pub reach: f64,
+}
+
+impl Knob {
+    /// The value at a coordinate.
+    pub fn value(&self, u: f64) -> f64 {
+        match self.law {
+            Law::Linear => self.origin + self.size * u,
+            Law::Exponential => self.origin * (self.size * u).exp(),
+            Law::Inverse => self.size / u,
+        }
+    }
+
+    /// The coordinate of a value.
+    pub fn coordinate(&self, value: f64) -> f64 {
+        match self.law {
+            Law::Linear => (value - self.origin) / self.size,
+            Law::Exponential => (value / self.origin).ln() / self.size,
+            Law::Inverse => self.size / value,
+        }
+    }
+
+    /// d value / d u.
+    pub fn slope(&self, u: f64) -> f64 {
+        match self.law {
+            Law::Linear => self.size,
+            Law::Exponential => self.size * self.value(u),
+            Law::Inverse => -self.size / (u * u),
+        }
+    }
+
+    /// A coordinate within the bounds.
+    pub fn clamp(&self, u: f64) -> f64 {
+        u.clamp(self.bounds.0, self.bounds.1)
+    }
+}
+
+/// An effect at a site that the model may lack.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The effect.
+    pub effect: String,
+    /// Where it would sit.
+    pub site: String,
+    /// Its amplitudes: off at 0.
+    pub amplitudes: Vec<usize>,
+    /// Knobs that only shape it.
+    pub shapes: Vec<usize>,
+    /// Coordinates of the shapes from which it is worth trying, for each start one per shape. At least one, perhaps empty.
+    pub starts: Vec<Vec<f64>>,
+}
+
+impl Candidate {
+    /// `effect@site`.
+    pub fn name(&self) -> String {
+        format!("{}@{}", self.effect, self.site)
+    }
+
+    /// All its knobs.
+    pub fn knobs(&self) -> impl Iterator<Item = usize> + '_ {
+        self.amplitudes.iter().chain(&self.shapes).copied()
+    }
+}
+
+/// A measured channel of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// The channel's name in the log.
+    pub name: String,
+    /// SI unit as text.
+    pub unit: String,
+    /// Standard deviation of the sensor's error, quantisation included: the noise floor, in the channel's unit.
+    pub sigma: f64,
+    /// Its samples in the log's residual.
+    pub samples: Range<usize>,
+}
+
+/// A log to learn from or to judge on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// What it is called in reports.
+    pub name: String,
+    /// Whether nothing may be fitted to it.
+    pub held_out: bool,
+    /// What was measured.
+    pub channels: Vec<Measured>,
+}
+
+/// How exactly a simulation is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// With the model's own time step.
+    Usual,
+    /// With half of it.
+    Halved,
+}
+
+/// A family of simulations beside measurements.
+pub trait Family: Sync {
+    /// Everything that may be varied.
+    fn knobs(&self) -> &[Knob];
+    /// The knobs that are in doubt from the beginning.
+    fn doubtful(&self) -> &[usize];
+    /// Effects that may be missing.
+    fn candidates(&self) -> &[Candidate];
+    /// The logs; those to learn from first.
+    fn logs(&self) -> &[Recorded];
+    /// (measured − simulated)/sigma for one log, all its channels one after the other; NaN where nothing was measured. `u` has
+    /// one coordinate per knob. The same arguments give the same bits.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError>;
+}

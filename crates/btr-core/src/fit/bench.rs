@@ -1,0 +1,94 @@
+//! Evaluating a family: many points and logs at once, counted.
+
+use crate::family::{Family, Step};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How far the integrator's error is believed at a sample, in multiples of the noise.
+const WORST_STEP_ERROR: f64 = 5.0;
+
+/// A family with its logs split, and a counter of what was spent.
+pub struct Bench<'a> {
+    /// The family.
+    pub family: &'a dyn Family,
+    learn: Vec<usize>,
+    held_out: Vec<usize>,
+    rollouts: AtomicUsize,
+}
+
+/// Which logs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Logs {
+    /// Those to learn from.
+    Learn,
+    /// Those to judge on.
+    HeldOut,
+}
+
+/// Residuals of all logs of a kind, one after the other. A missing sample counts as no error.
+pub type Residual = Vec<f64>;
+
+impl<'a> Bench<'a> {
+    /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
+    pub fn new(family: &'a dyn Family) -> Self {
+        let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
+        Bench { family, learn, held_out, rollouts: AtomicUsize::new(0) }
+    }
+
+    /// Simulated logs so far.
+    pub fn rollouts(&self) -> usize {
+        self.rollouts.load(Ordering::Relaxed)
+    }
+
+    /// The logs of a kind, as indices in the family.
+    pub fn logs(&self, logs: Logs) -> &[usize] {
+        match logs {
+            Logs::Learn => &self.learn,
+            Logs::HeldOut => &self.held_out,
+        }
+    }
+
+    /// Residuals at several points, in parallel; `None` where a simulation blew up.
+    pub fn residuals(&self, points: &[Vec<f64>], logs: Logs, step: Step) -> Vec<Option<Residual>> {
+        let which = self.logs(logs);
+        let jobs: Vec<(usize, usize)> = (0..points.len()).flat_map(|p| which.iter().map(move |l| (p, *l))).collect();
+        self.rollouts.fetch_add(jobs.len(), Ordering::Relaxed);
+        let run = |&(point, log): &(usize, usize)| self.family.residual(&points[point], log, step).ok();
+        let mut parts: Vec<Option<Vec<f64>>> = jobs.par_iter().map(run).collect();
+        let joined = |parts: &mut [Option<Vec<f64>>]| -> Option<Residual> {
+            let mut all = Vec::new();
+            for part in parts {
+                all.extend(part.take()?.into_iter().map(|r| if r.is_finite() { r } else { 0.0 }));
+            }
+            Some(all)
+        };
+        match which.len() {
+            0 => points.iter().map(|_| Some(Vec::new())).collect(),
+            n => parts.chunks_mut(n).map(joined).collect(),
+        }
+    }
+
+    /// The residual at one point.
+    pub fn residual(&self, point: &[f64], logs: Logs) -> Option<Residual> {
+        self.residuals(&[point.to_vec()], logs, Step::Usual).pop().flatten()
+    }
+
+    /// What the integrator's error adds to the residual at a point: twice the change that half the step makes (Richardson, for
+    /// a first-order method). Zero where half the step blows up.
+    pub fn step_error(&self, point: &[f64], usual: &[f64], logs: Logs) -> Residual {
+        let halved = self.residuals(&[point.to_vec()], logs, Step::Halved).pop().flatten();
+        let Some(halved) = halved else { return vec![0.0; usual.len()] };
+        halved.iter().zip(usual).map(|(h, r)| (2.0 * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
+    }
+}
+
+/// Adds a step error to a residual.
+pub fn corrected(mut residual: Residual, step_error: &[f64]) -> Residual {
+    residual.iter_mut().zip(step_error).for_each(|(r, e)| *r += e);
+    residual
+}
+
+/// Sum of squares.
+pub fn squares(residual: &[f64]) -> f64 {
+    residual.iter().map(|r| r * r).sum()
+}

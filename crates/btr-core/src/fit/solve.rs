@@ -1,0 +1,208 @@
+//! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
+//! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
+
+use super::bench::{Bench, Logs, Residual, corrected, squares};
+use crate::family::{Knob, Step};
+use nalgebra::{DMatrix, DVector};
+
+/// The most Jacobians and steps of one call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Jacobians by finite differences.
+    pub jacobians: usize,
+    /// Steps that are tried.
+    pub steps: usize,
+}
+
+impl Effort {
+    /// Until nothing moves.
+    pub const FULL: Effort = Effort { jacobians: 5, steps: 20 };
+    /// What a race allows: no differences, a few steps.
+    pub const RACE: Effort = Effort { jacobians: 0, steps: 6 };
+}
+
+/// A Jacobian is renewed when the cost has fallen below this share of what it was there.
+const WORN: f64 = 0.3;
+/// A fall of the cost by a smaller share, or by a smaller amount, is a stall.
+const STALL: (f64, f64) = (1e-4, 0.02);
+/// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
+const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
+
+/// A point with what is known around it.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The knobs that are free, as indices; all others stay where they are.
+    pub active: Vec<usize>,
+    /// One coordinate per knob of the family.
+    pub u: Vec<f64>,
+    /// On the logs to learn from, step error included.
+    pub residual: Residual,
+    /// Sum of squares of the residual and of the priors.
+    pub cost: f64,
+    /// What the integrator's error adds to every residual; fixed while fitting.
+    pub step_error: Residual,
+    /// d residual / d coordinate of each active knob, where it is known.
+    pub jacobian: Option<DMatrix<f64>>,
+    /// Whether the Jacobian was taken here by differences, and not carried over.
+    pub fresh: bool,
+}
+
+impl Fit {
+    /// A fit at a point; `None` where the simulation blows up.
+    pub fn at(bench: &Bench, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<Fit> {
+        let residual = bench.residual(&u, Logs::Learn)?;
+        let step_error = if step_error.is_empty() { vec![0.0; residual.len()] } else { step_error.to_vec() };
+        let residual = corrected(residual, &step_error);
+        let cost = cost(bench.family.knobs(), &active, &u, &residual);
+        Some(Fit { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+    }
+
+    /// Sum of squares of the residual alone.
+    pub fn squares(&self) -> f64 {
+        squares(&self.residual)
+    }
+
+    /// Takes the integrator's error into account as it is here.
+    pub fn renew_step_error(&mut self, bench: &Bench) {
+        let bare: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
+        self.step_error = bench.step_error(&self.u, &bare, Logs::Learn);
+        self.residual = corrected(bare, &self.step_error);
+        self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
+    }
+
+    /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
+    pub fn differentiate(&mut self, bench: &Bench) {
+        let columns = columns(bench, &self.u, &self.active, &self.residual, &self.step_error);
+        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
+        for (k, column) in columns.iter().enumerate() {
+            jacobian.column_mut(k).copy_from_slice(column);
+        }
+        (self.jacobian, self.fresh) = (Some(jacobian), true);
+    }
+
+    /// Goes downhill as far as the effort allows.
+    pub fn solve(&mut self, bench: &Bench, effort: Effort) {
+        let (start, better, worse, hopeless) = DAMPING;
+        let (mut damping, mut spent) = (start, 0);
+        let mut cost_there = self.cost;
+        for _ in 0..effort.steps {
+            if self.jacobian.is_none() || (!self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians) {
+                if spent == effort.jacobians {
+                    return;
+                }
+                self.differentiate(bench);
+                (spent, cost_there) = (spent + 1, self.cost);
+            }
+            let Some(next) = self.step(bench, damping) else { return };
+            let fall = self.cost - next.cost;
+            let stalled = fall < STALL.0 * self.cost || fall < STALL.1;
+            if fall > 0.0 {
+                *self = next;
+                damping *= better;
+            } else {
+                damping *= worse;
+            }
+            if stalled && (fall > 0.0 || damping > hopeless) {
+                if self.is_fresh_enough(fall, damping) || spent == effort.jacobians {
+                    return;
+                }
+                self.differentiate(bench);
+                (spent, cost_there, damping) = (spent + 1, self.cost, start);
+            } else if fall <= 0.0 && !self.fresh && spent < effort.jacobians {
+                self.differentiate(bench);
+                (spent, cost_there, damping) = (spent + 1, self.cost, start);
+            }
+        }
+    }
+
+    /// A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
+    fn is_fresh_enough(&self, fall: f64, damping: f64) -> bool {
+        let (_, _, _, hopeless) = DAMPING;
+        self.fresh && (fall <= 0.0 || damping > hopeless)
+    }
+
+    /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
+    /// simulated.
+    fn step(&self, bench: &Bench, damping: f64) -> Option<Fit> {
+        let knobs = bench.family.knobs();
+        let jacobian = self.jacobian.as_ref()?;
+        let step = self.direction(knobs, jacobian, damping)?;
+        let mut u = self.u.clone();
+        for (k, &knob) in self.active.iter().enumerate() {
+            u[knob] = knobs[knob].clamp(u[knob] + step[k]);
+        }
+        let moved = DVector::from_iterator(self.active.len(), self.active.iter().map(|&knob| u[knob] - self.u[knob]));
+        if moved.norm_squared() < 1e-18 {
+            return None;
+        }
+        let Some(residual) = bench.residual(&u, Logs::Learn) else {
+            // A blow-up is infinitely bad: the caller damps.
+            return Some(Fit { cost: f64::INFINITY, ..self.clone() });
+        };
+        let residual = corrected(residual, &self.step_error);
+        let cost = cost(knobs, &self.active, &u, &residual);
+        let mut next = Fit { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
+        let change =
+            DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
+        let surprise = change - jacobian * &moved;
+        let mut carried = jacobian.clone();
+        carried.ger(1.0 / moved.norm_squared(), &surprise, &moved, 1.0);
+        next.jacobian = Some(carried);
+        Some(next)
+    }
+
+    /// Gauss and Newton's step, damped, in the knobs that no bound holds back.
+    fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
+        let residual = DVector::from_column_slice(&self.residual);
+        let mut gradient = jacobian.tr_mul(&residual);
+        let mut normal = jacobian.tr_mul(jacobian);
+        for (k, &knob) in self.active.iter().enumerate() {
+            let weight = knobs[knob].spread.powi(-2);
+            normal[(k, k)] += weight;
+            gradient[k] += weight * self.u[knob];
+            normal[(k, k)] *= 1.0 + damping;
+        }
+        for (k, &knob) in self.active.iter().enumerate() {
+            let (least, most) = knobs[knob].bounds;
+            let held = (self.u[knob] <= least && gradient[k] > 0.0) || (self.u[knob] >= most && gradient[k] < 0.0);
+            if held {
+                gradient[k] = 0.0;
+                normal.row_mut(k).fill(0.0);
+                normal.column_mut(k).fill(0.0);
+                normal[(k, k)] = 1.0;
+            }
+        }
+        let step = normal.cholesky()?.solve(&gradient);
+        step.iter().all(|x| x.is_finite()).then(|| -step)
+    }
+}
+
+/// Sum of squares of residual and priors.
+pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
+    let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
+    squares(residual) + prior
+}
+
+/// d residual / d coordinate of each knob, by finite differences.
+pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
+    let knobs = bench.family.knobs();
+    let reach = |knob: usize| {
+        let reach = knobs[knob].reach;
+        if u[knob] + reach <= knobs[knob].bounds.1 { reach } else { -reach }
+    };
+    let moved = |&knob: &usize| {
+        let mut point = u.to_vec();
+        point[knob] += reach(knob);
+        point
+    };
+    let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
+    let there = bench.residuals(&points, Logs::Learn, Step::Usual);
+    let column = |(&knob, there): (&usize, Option<Residual>)| match there {
+        Some(there) => {
+            let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
+            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(knob)).collect()
+        }
+        None => vec![0.0; residual.len()],
+    };
+    active.iter().zip(there).map(column).collect()
+}

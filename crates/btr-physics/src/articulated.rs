@@ -1,0 +1,417 @@
+//! Robots that are bolted down and touch nothing, in minimal coordinates.
+//!
+//! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm (R. Featherstone, "Rigid
+//! Body Dynamics Algorithms", Springer 2008, chapters 5 and 6), with all spatial quantities in the world's axes about the
+//! world's origin, so that composite inertias are plain sums. Servos, springs and dampers are implicit; so are dry friction
+//! and joint limits, as torques within bounds that stop the joint where they can (projected Gauss-Seidel on the inverse
+//! inertia). First order in the time step.
+
+use crate::assemble::{self, Body};
+use crate::engine::{BaseState, Dof, Dynamics};
+use crate::robot::{JointKind, Robot};
+use crate::sim::Setup;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, Vector3};
+
+/// Faster than this (m/s, rad/s) is a blow-up.
+const ABSURD_SPEED: f64 = 1e4;
+/// Sweeps over friction and limits, at most.
+const SWEEPS: usize = 60;
+/// Relative change of the velocities at which the sweeps have converged.
+const SETTLED: f64 = 1e-13;
+
+/// A robot on a fixed base.
+pub(crate) struct Articulated {
+    bodies: Vec<Moving>,
+    root: Isometry3<f64>,
+    gravity: Vector3<f64>,
+    dt_s: f64,
+    substeps: usize,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    dofs: Vec<Dof>,
+    names: Vec<String>,
+    scratch: Scratch,
+}
+
+/// A body on its joint; the joint has the same index.
+struct Moving {
+    /// The joint that carries it; none for those on the root.
+    parent: Option<usize>,
+    /// The joint's frame in the parent body's frame at q = 0.
+    origin: Isometry3<f64>,
+    axis: Unit<Vector3<f64>>,
+    slides: bool,
+    limits: (f64, f64),
+    mass: f64,
+    com: Vector3<f64>,
+    /// About the centre of mass, in the body's axes.
+    inertia: Matrix3<f64>,
+}
+
+/// A motion or a force in Pluecker coordinates about the world's origin: angular part (moment), linear part (force).
+#[derive(Clone, Copy, Debug)]
+struct Spatial {
+    angular: Vector3<f64>,
+    linear: Vector3<f64>,
+}
+
+/// A rigid body's inertia about the world's origin.
+#[derive(Clone, Copy)]
+struct Inertia {
+    mass: f64,
+    first: Vector3<f64>,
+    second: Matrix3<f64>,
+}
+
+/// Memory for a step, allocated once.
+struct Scratch {
+    rotations: Vec<Rotation3<f64>>,
+    places: Vec<Vector3<f64>>,
+    axes: Vec<Spatial>,
+    velocities: Vec<Spatial>,
+    accelerations: Vec<Spatial>,
+    inertias: Vec<Inertia>,
+    forces: Vec<Spatial>,
+    /// Row by row: first the mass matrix, then its Cholesky factor.
+    matrix: Vec<f64>,
+    /// What the joints do in a step; the inverse's columns of those with friction or at a limit.
+    next: Vec<f64>,
+    columns: Vec<f64>,
+    rows: Vec<Row>,
+}
+
+/// A bounded impulse on one joint.
+#[derive(Clone, Copy)]
+struct Row {
+    joint: usize,
+    /// The velocity that it tries to bring about.
+    wanted: f64,
+    least: f64,
+    most: f64,
+    impulse: f64,
+}
+
+impl Articulated {
+    /// Whether this engine can simulate the robot: nothing of it may be free to fall or meant to touch anything.
+    pub(crate) fn can(robot: &Robot, setup: &Setup) -> bool {
+        robot.base == crate::robot::Base::Fixed && setup.ground.is_none() && setup.ball.is_none()
+    }
+
+    /// The robot in its start state.
+    pub(crate) fn new(robot: &Robot, setup: &Setup) -> Self {
+        let bodies: Vec<Moving> = assemble::bodies(robot).iter().skip(1).map(|body| Moving::new(body, robot)).collect();
+        let n = bodies.len();
+        let joints = || robot.movable().map(|(_, link)| &link.joint);
+        let dq = (0..n).map(|i| setup.start_velocities.get(i).copied().unwrap_or(0.0)).collect();
+        Articulated {
+            root: robot.start,
+            gravity: setup.gravity_m_s2,
+            dt_s: setup.dt_s / setup.substeps as f64,
+            substeps: setup.substeps,
+            q: joints().map(|joint| joint.start).collect(),
+            dq,
+            dofs: vec![Dof::default(); n],
+            names: joints().map(|joint| joint.name.clone()).collect(),
+            scratch: Scratch::new(n),
+            bodies,
+        }
+    }
+
+    /// Poses, joint axes and inertias of all bodies in the world.
+    fn place(&mut self) {
+        let s = &mut self.scratch;
+        for (i, body) in self.bodies.iter().enumerate() {
+            let (rotation, place) = match body.parent {
+                Some(parent) => (s.rotations[parent], s.places[parent]),
+                None => (self.root.rotation.to_rotation_matrix(), self.root.translation.vector),
+            };
+            let place = place + rotation * body.origin.translation.vector;
+            let rotation = rotation * body.origin.rotation.to_rotation_matrix();
+            let axis = rotation * body.axis.into_inner();
+            if body.slides {
+                s.rotations[i] = rotation;
+                s.places[i] = place + axis * self.q[i];
+                s.axes[i] = Spatial { angular: Vector3::zeros(), linear: axis };
+            } else {
+                s.rotations[i] = rotation * Rotation3::from_axis_angle(&body.axis, self.q[i]);
+                s.places[i] = place;
+                s.axes[i] = Spatial { angular: axis, linear: place.cross(&axis) };
+            }
+            s.inertias[i] = body.inertia_at(&s.rotations[i], &s.places[i]);
+        }
+    }
+
+    /// Fills `forces` with what each joint has to carry if no joint accelerates, and makes `inertias` composite.
+    fn carry(&mut self) {
+        let s = &mut self.scratch;
+        for (i, body) in self.bodies.iter().enumerate() {
+            let own = s.axes[i] * self.dq[i];
+            let (velocity, acceleration) = match body.parent {
+                Some(parent) => (s.velocities[parent], s.accelerations[parent]),
+                // Gravity acts as if the root were accelerated against it.
+                None => (Spatial::ZERO, Spatial { angular: Vector3::zeros(), linear: -self.gravity }),
+            };
+            s.velocities[i] = velocity + own;
+            s.accelerations[i] = acceleration + s.velocities[i].cross_motion(&own);
+            let momentum = s.inertias[i].times(&s.velocities[i]);
+            s.forces[i] = s.inertias[i].times(&s.accelerations[i]) + s.velocities[i].cross_force(&momentum);
+        }
+        for i in (0..self.bodies.len()).rev() {
+            if let Some(parent) = self.bodies[i].parent {
+                s.forces[parent] = s.forces[parent] + s.forces[i];
+                s.inertias[parent] = s.inertias[parent].plus(&s.inertias[i]);
+            }
+        }
+    }
+
+    /// The joint-space inertia matrix, from composite inertias; only its lower triangle.
+    fn fill_matrix(&mut self) {
+        let (s, n) = (&mut self.scratch, self.bodies.len());
+        s.matrix.fill(0.0);
+        for i in 0..n {
+            let momentum = s.inertias[i].times(&s.axes[i]);
+            let mut at = Some(i);
+            while let Some(j) = at {
+                s.matrix[i * n + j] = s.axes[j].dot(&momentum);
+                at = self.bodies[j].parent;
+            }
+        }
+    }
+
+    /// One step of `dt_s`: implicit in everything that acts inside the joints.
+    fn advance(&mut self) {
+        let (dt, n) = (self.dt_s, self.bodies.len());
+        self.place();
+        self.carry();
+        self.fill_matrix();
+        let s = &mut self.scratch;
+        for i in 0..n {
+            let dof = &self.dofs[i];
+            let torque = dof.torque.constant - dof.torque.stiffness * self.q[i] - s.axes[i].dot(&s.forces[i]);
+            s.matrix[i * n + i] += dof.armature;
+            s.next[i] = dt * torque;
+        }
+        for i in 0..n {
+            for j in 0..n {
+                let inertia = if j <= i { s.matrix[i * n + j] } else { s.matrix[j * n + i] };
+                s.next[i] += inertia * self.dq[j];
+            }
+        }
+        for i in 0..n {
+            let torque = &self.dofs[i].torque;
+            s.matrix[i * n + i] += dt * torque.damping + dt * dt * torque.stiffness;
+        }
+        factorise(&mut s.matrix, n);
+        solve(&s.matrix, n, &mut s.next);
+        self.stop();
+        for i in 0..n {
+            self.dq[i] = self.scratch.next[i];
+            self.q[i] += dt * self.dq[i];
+        }
+    }
+
+    /// Dry friction and joint limits: impulses within their bounds that stop joints as far as they can.
+    fn stop(&mut self) {
+        let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
+        s.rows.clear();
+        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate() {
+            let (lower, upper) = ((body.limits.0 - self.q[i]) / dt, (body.limits.1 - self.q[i]) / dt);
+            if dof.dry_friction > 0.0 {
+                let most = dt * dof.dry_friction;
+                s.rows.push(Row { joint: i, wanted: 0.0, least: -most, most, impulse: 0.0 });
+            }
+            if s.next[i] < lower {
+                s.rows.push(Row { joint: i, wanted: lower, least: 0.0, most: f64::INFINITY, impulse: 0.0 });
+            }
+            if s.next[i] > upper {
+                s.rows.push(Row { joint: i, wanted: upper, least: f64::NEG_INFINITY, most: 0.0, impulse: 0.0 });
+            }
+        }
+        for (k, row) in s.rows.iter().enumerate() {
+            let column = &mut s.columns[k * n..(k + 1) * n];
+            column.fill(0.0);
+            column[row.joint] = 1.0;
+            solve(&s.matrix, n, column);
+        }
+        for _ in 0..SWEEPS {
+            let mut largest = 0.0f64;
+            for (k, row) in s.rows.iter_mut().enumerate() {
+                let column = &s.columns[k * n..(k + 1) * n];
+                let impulse = row.impulse + (row.wanted - s.next[row.joint]) / column[row.joint];
+                let change = impulse.clamp(row.least, row.most) - row.impulse;
+                row.impulse += change;
+                for (next, effect) in s.next.iter_mut().zip(column) {
+                    *next += effect * change;
+                }
+                largest = largest.max((change * column[row.joint]).abs() / (1.0 + s.next[row.joint].abs()));
+            }
+            if largest <= SETTLED {
+                break;
+            }
+        }
+    }
+}
+
+impl Moving {
+    fn new(body: &Body, robot: &Robot) -> Self {
+        let joint = &robot.links[body.link].joint;
+        Moving {
+            parent: body.parent.checked_sub(1),
+            origin: body.origin,
+            axis: Unit::new_normalize(joint.axis),
+            slides: joint.kind == JointKind::Prismatic,
+            limits: joint.limits,
+            mass: body.mass_kg,
+            com: body.com_m.coords,
+            inertia: body.inertia_kg_m2,
+        }
+    }
+
+    fn inertia_at(&self, rotation: &Rotation3<f64>, place: &Vector3<f64>) -> Inertia {
+        let com = place + rotation * self.com;
+        let turned = rotation.matrix() * self.inertia * rotation.matrix().transpose();
+        Inertia { mass: self.mass, first: com * self.mass, second: turned + assemble::steiner(self.mass, &com) }
+    }
+}
+
+impl Scratch {
+    fn new(n: usize) -> Self {
+        let none = Inertia { mass: 0.0, first: Vector3::zeros(), second: Matrix3::zeros() };
+        Scratch {
+            rotations: vec![Rotation3::identity(); n],
+            places: vec![Vector3::zeros(); n],
+            axes: vec![Spatial::ZERO; n],
+            velocities: vec![Spatial::ZERO; n],
+            accelerations: vec![Spatial::ZERO; n],
+            inertias: vec![none; n],
+            forces: vec![Spatial::ZERO; n],
+            matrix: vec![0.0; n * n],
+            next: vec![0.0; n],
+            // Friction and one limit for each joint at most.
+            columns: vec![0.0; 2 * n * n],
+            rows: Vec::with_capacity(2 * n),
+        }
+    }
+}
+
+impl Spatial {
+    const ZERO: Spatial = Spatial { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
+
+    fn dot(&self, other: &Spatial) -> f64 {
+        self.angular.dot(&other.angular) + self.linear.dot(&other.linear)
+    }
+
+    /// How a motion that is fixed to a body changes as the body moves with `self`.
+    fn cross_motion(&self, motion: &Spatial) -> Spatial {
+        Spatial {
+            angular: self.angular.cross(&motion.angular),
+            linear: self.angular.cross(&motion.linear) + self.linear.cross(&motion.angular),
+        }
+    }
+
+    /// The same for a momentum.
+    fn cross_force(&self, force: &Spatial) -> Spatial {
+        Spatial {
+            angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
+            linear: self.angular.cross(&force.linear),
+        }
+    }
+}
+
+impl std::ops::Add for Spatial {
+    type Output = Spatial;
+    fn add(self, other: Spatial) -> Spatial {
+        Spatial { angular: self.angular + other.angular, linear: self.linear + other.linear }
+    }
+}
+
+impl std::ops::Mul<f64> for Spatial {
+    type Output = Spatial;
+    fn mul(self, factor: f64) -> Spatial {
+        Spatial { angular: self.angular * factor, linear: self.linear * factor }
+    }
+}
+
+impl Inertia {
+    /// Momentum of a motion, or the force for an acceleration.
+    fn times(&self, motion: &Spatial) -> Spatial {
+        Spatial {
+            angular: self.second * motion.angular + self.first.cross(&motion.linear),
+            linear: motion.linear * self.mass + motion.angular.cross(&self.first),
+        }
+    }
+
+    fn plus(&self, other: &Inertia) -> Inertia {
+        Inertia { mass: self.mass + other.mass, first: self.first + other.first, second: self.second + other.second }
+    }
+}
+
+/// Cholesky's factor of a symmetric matrix, in place, in the lower triangle.
+fn factorise(matrix: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..=i {
+            let mut sum = matrix[i * n + j];
+            for k in 0..j {
+                sum -= matrix[i * n + k] * matrix[j * n + k];
+            }
+            // A body without any inertia makes this NaN, which is noticed as trouble.
+            matrix[i * n + j] = if i == j { sum.sqrt() } else { sum / matrix[j * n + j] };
+        }
+    }
+}
+
+/// Solves with the factor, in place.
+fn solve(factor: &[f64], n: usize, x: &mut [f64]) {
+    for i in 0..n {
+        let mut sum = x[i];
+        for k in 0..i {
+            sum -= factor[i * n + k] * x[k];
+        }
+        x[i] = sum / factor[i * n + i];
+    }
+    for i in (0..n).rev() {
+        let mut sum = x[i];
+        for k in i + 1..n {
+            sum -= factor[k * n + i] * x[k];
+        }
+        x[i] = sum / factor[i * n + i];
+    }
+}
+
+impl Dynamics for Articulated {
+    fn positions(&self) -> &[f64] {
+        &self.q
+    }
+
+    fn velocities(&self) -> &[f64] {
+        &self.dq
+    }
+
+    fn set_joint(&mut self, joint: usize, dof: &Dof) {
+        self.dofs[joint] = *dof;
+    }
+
+    fn step(&mut self) {
+        for _ in 0..self.substeps {
+            self.advance();
+        }
+    }
+
+    fn base(&self) -> BaseState {
+        BaseState { pose: self.root, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() }
+    }
+
+    fn foot_force_n(&self, _foot: usize) -> f64 {
+        0.0
+    }
+
+    fn ball(&self) -> Option<Point3<f64>> {
+        None
+    }
+
+    fn trouble(&self) -> Option<String> {
+        let wild = |i: &usize| !self.dq[*i].is_finite() || self.dq[*i].abs() > ABSURD_SPEED || !self.q[*i].is_finite();
+        let joint = (0..self.q.len()).find(wild)?;
+        Some(format!("joint `{}` moves at {:.1e} per second", self.names[joint], self.dq[joint]))
+    }
+}
