@@ -74,9 +74,35 @@ pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
         distance: state.plan().distance.name().to_owned(),
         phi: [state.history().iterations.first().and_then(|i| i.phi_predicted).unwrap_or(f64::NAN), here],
         parameters: iteration.map(|i| i.parameters.clone()).unwrap_or_default(),
+        phi_of_truth: truth.as_ref().and_then(|truth| {
+            let names = dims.iter().map(|d| truth.parameters.get(&d.name).copied());
+            names.collect::<Option<Vec<f64>>>().map(|s| phi(&s))
+        }),
         error_percent: truth.map(|t| error_percent(model, s, &t)).unwrap_or_default(),
         resolution_percent: dims.iter().map(|d| d.name.clone()).zip(resolution).collect::<IndexMap<_, _>>(),
+        telling,
     }
+}
+
+/// Lets every distance judge the others' estimates: one that it likes as well as its own, or better, shows what it cannot
+/// tell, also where parameters make up for each other and every move of a single one is told.
+pub fn confront(experiment: &Experiment, state: &Coevolution, found: &mut [ByDistance]) {
+    let specs: Vec<&DistanceSpec> = std::iter::once(&state.plan().distance).chain(&experiment.distances).collect();
+    let estimates: Vec<Vec<f64>> = found.iter().map(|by| by.parameters.values().copied().collect()).collect();
+    for (i, (by, spec)) in found.iter_mut().zip(specs).enumerate() {
+        let distance = spec.build();
+        for other in estimates.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, other)| other) {
+            if phi(experiment, state, distance.as_ref(), other) <= by.telling {
+                let apart = estimates[i].iter().zip(other).map(|(a, b)| 100.0 * (b / a - 1.0).abs());
+                by.resolution_percent.values_mut().zip(apart).for_each(|(told, apart)| *told = coarser(*told, apart));
+            }
+        }
+    }
+}
+
+/// A resolution that does not claim to tell `apart` percent.
+fn coarser(told: Option<f64>, apart: f64) -> Option<f64> {
+    told.and_then(|told| MOVES_PERCENT.into_iter().find(|percent| *percent >= told && *percent > apart))
 }
 
 fn sign(i: usize) -> f64 {
@@ -159,6 +185,14 @@ mod tests {
     fn a_flat_line_is_unseen_and_so_is_a_parameter_without_room() {
         assert_eq!(resolution(telling(1.0, vec![1.0]), |_| vec![1.0, 1.0]), None);
         assert_eq!(resolution(telling(1.0, vec![1.0]), |_| Vec::new()), None);
+    }
+
+    #[test]
+    fn another_estimate_that_is_as_good_coarsens_the_claim() {
+        assert_eq!(coarser(Some(1.0), 0.3), Some(1.0));
+        assert_eq!(coarser(Some(1.0), 7.0), Some(10.0));
+        assert_eq!(coarser(Some(25.0), 7.0), Some(25.0));
+        assert_eq!((coarser(Some(1.0), 40.0), coarser(None, 0.1)), (None, None));
     }
 
     #[test]

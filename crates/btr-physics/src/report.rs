@@ -110,9 +110,13 @@ pub struct ByDistance {
     pub parameters: IndexMap<String, f64>,
     /// Error in percent of the truth, where the truth is known.
     pub error_percent: IndexMap<String, f64>,
-    /// How far a parameter has to move, alone, before phi tells: in percent of its value. `None` when it overlooks a quarter;
-    /// the estimate then says nothing.
+    /// How far a parameter has to move before phi tells, alone or to where another distance's estimate has it: in percent of
+    /// its value. `None` when it overlooks a quarter; the estimate then says nothing.
     pub resolution_percent: IndexMap<String, Option<f64>>,
+    /// The phi above which a simulation is told from this one.
+    pub telling: f64,
+    /// phi of the true parameters, where they are known: above `telling`, the distance prefers a wrong simulation.
+    pub phi_of_truth: Option<f64>,
 }
 
 /// Puts the report of a run together.

@@ -131,6 +131,7 @@ fn by_distance(
             None => return Ok(None),
         }
     }
+    identify::confront(experiment, run.state(), &mut found);
     Ok(Some(found))
 }
 
@@ -323,7 +324,8 @@ fn show_logs(report: &Report) {
 fn show_by_distance(report: &Report) {
     let Some(first) = report.by_distance.first() else { return };
     println!(
-        "\nerror % of each parameter by distance; in brackets how far it must move alone before the distance tells"
+        "\nerror % of each parameter by distance; in brackets how far it must move, alone or to another\n\
+         distance's estimate, before the distance tells; misled: it claims to tell, and errs by more"
     );
     let distances: Vec<&str> = report.by_distance.iter().map(|by| by.distance.as_str()).collect();
     let mut table = Table::new(&[&["parameter"], distances.as_slice()].concat());
@@ -331,10 +333,16 @@ fn show_by_distance(report: &Report) {
         let phis = report.by_distance.iter().map(|by| number(by.phi[k]));
         table.row(std::iter::once(name.to_owned()).chain(phis).collect());
     }
+    if first.phi_of_truth.is_some() {
+        let phis = report.by_distance.iter().map(|by| maybe(by.phi_of_truth));
+        table.row(std::iter::once("phi of the truth".to_owned()).chain(phis).collect());
+    }
     for name in first.parameters.keys() {
         let cell = |by: &ByDistance| {
-            let error = maybe(by.error_percent.get(name).copied());
+            let wrong = by.error_percent.get(name).copied();
+            let error = maybe(wrong);
             match by.resolution_percent.get(name).copied().flatten() {
+                Some(told) if wrong.is_some_and(|wrong| wrong.abs() > told) => format!("{error} [misled]"),
                 Some(resolution) => format!("{error} [{}%]", number(resolution)),
                 None => format!("{error} [unseen]"),
             }
@@ -342,4 +350,11 @@ fn show_by_distance(report: &Report) {
         table.row(std::iter::once(name.clone()).chain(report.by_distance.iter().map(cell)).collect());
     }
     println!("{}", table.render());
+    let fooled = |by: &&ByDistance| by.phi_of_truth.is_some_and(|truth| truth > by.telling);
+    for by in report.by_distance.iter().filter(fooled) {
+        println!(
+            "{} prefers its own estimate to the truth: on this recording what it says is not to be relied on",
+            by.distance
+        );
+    }
 }
