@@ -41,7 +41,7 @@ struct JointControl {
     led: bool,
     /// What it was told last, before any effect.
     command: f64,
-    /// The motor's torque during the last step.
+    /// What arrived at the link of the motor's torque during the last step.
     acting: Affine,
 }
 
@@ -50,6 +50,8 @@ struct Station {
     effect: &'static dyn Effect,
     values: Vec<f64>,
     memory: Vec<f64>,
+    /// Position and velocity on its side towards the link.
+    link_side: (f64, f64),
 }
 
 impl<'a> Control<'a> {
@@ -66,7 +68,7 @@ impl<'a> Control<'a> {
             .zip(carried)
             .map(|((_, link), inertia)| JointControl::new(&link.joint, inertia, setup))
             .collect();
-        for placed in effects.iter().filter(|placed| !placed.is_off()) {
+        for placed in effects {
             for joint in placed.joints(robot)? {
                 joints[joint].place(placed, setup.dt_s);
             }
@@ -155,21 +157,24 @@ impl JointControl {
     fn place(&mut self, placed: &Placed, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
-        self.stations.push(Station { effect: placed.effect, values: placed.values.clone(), memory });
+        let (effect, values) = (placed.effect, placed.values.clone());
+        self.stations.push(Station { effect, values, memory, link_side: (0.0, 0.0) });
     }
 
-    /// The motor's torque where the last step led to: at the motor's side of the transmission.
+    /// The motor's torque where the last step led to, on its own side of the transmission.
     fn torque(&self, q: f64, dq: f64) -> f64 {
-        self.stations
-            .iter()
-            .find_map(|station| station.effect.motor_torque(&station.memory))
-            .unwrap_or(self.acting.at(q, dq))
+        let mut side = (self.acting.at(q, dq), dq);
+        for station in &self.stations {
+            side = station.effect.motor_side(&station.memory, side.1).unwrap_or(side);
+        }
+        side.0
     }
 
     fn act(&mut self, state: &JointState) -> Dof {
         // What the servo sees: its own side of the transmission, and the command that reaches it.
         let mut servo = *state;
         for station in &mut self.stations {
+            station.link_side = (servo.q, servo.dq);
             (servo.q, servo.dq) = station.effect.encoder(&station.values, &mut station.memory, &servo);
         }
         for station in &mut self.stations {
@@ -179,16 +184,18 @@ impl JointControl {
         for station in &mut self.stations {
             station.effect.motor(&station.values, &mut station.memory, &mut motor, &servo);
         }
-        self.acting = motor.saturated(&servo);
         let mut dof = self.passive;
-        let mut delivered = self.acting;
-        for station in &mut self.stations {
-            delivered = station.effect.transmit(&station.values, &mut station.memory, delivered, &mut dof, state);
+        self.acting = motor.saturated(&servo);
+        for station in self.stations.iter_mut().rev() {
+            let (q, dq) = station.link_side;
+            let (values, memory) = (&station.values, &mut station.memory);
+            self.acting =
+                station.effect.transmit(values, memory, self.acting, &mut dof, &JointState { q, dq, ..*state });
         }
         for station in &mut self.stations {
             station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
         }
-        dof.torque.add(&delivered);
+        dof.torque.add(&self.acting);
         dof
     }
 }

@@ -37,6 +37,13 @@ impl MotorTorque {
     const OFF: MotorTorque =
         MotorTorque { wanted: Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 }, limit: f64::INFINITY };
 
+    /// Less (or more) of everything: the same command gives this share of the torque.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        let Affine { constant, stiffness, damping } = self.wanted;
+        self.wanted = Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
+        self.limit *= factor;
+    }
+
     /// The torque for the coming step: constant at the bound if the wanted one would exceed it when the step ends.
     ///
     /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between

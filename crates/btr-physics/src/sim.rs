@@ -3,7 +3,7 @@
 use crate::articulated::Articulated;
 use crate::control::Control;
 use crate::drive::Drive;
-use crate::effect::{Placed, SiteKind};
+use crate::effect::{self, Placed, SiteKind};
 use crate::engine::Dynamics;
 use crate::rapier::Rapier;
 use crate::record::Recorder;
@@ -157,6 +157,7 @@ pub fn simulate(
     noise_seed: Option<u64>,
 ) -> Result<Log, WorldError> {
     let (samples, every) = setup.samples()?;
+    let effects = &effect::in_force(effects)?;
     let (robot, setup) = planted(robot, effects, setup)?;
     let mut engine = engine_for(&robot, &setup);
     let engine = engine.as_mut();
@@ -194,7 +195,7 @@ fn engine_for(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
 
 /// Lets the effects that sit on sensors change what those say.
 fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
-    for placed in effects.iter().filter(|placed| !placed.is_off()) {
+    for placed in effects {
         match placed.effect.card().site {
             SiteKind::Joint => {
                 let joints = placed.joints(robot)?;
@@ -219,10 +220,6 @@ fn planted<'a>(
     }
     let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
     for placed in effects {
-        placed.check()?;
-        if placed.is_off() {
-            continue;
-        }
         match placed.effect.card().site {
             SiteKind::Joint => {}
             SiteKind::Link => {

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6",
     tell: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
+    starts: &[],
+    alike: &["link_inertia"],
 };
 
 impl Effect for Armature {

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "transport delay",
     tell: "the measured motion trails the simulated one by the same time at every speed",
     params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
+    starts: &[],
+    alike: &["motor_lag", "encoder_delay"],
 };
 
 /// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "Coulomb, Théorie des machines simples, 1785",
     tell: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
     params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["stribeck_friction", "asymmetric_friction"],
 };
 
 impl Effect for CoulombFriction {

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "Coulomb, Théorie des machines simples, 1785",
     tell: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
     params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
+    starts: &[],
+    alike: &[],
 };
 
 impl Effect for GroundFriction {

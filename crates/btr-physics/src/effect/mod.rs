@@ -67,7 +67,6 @@ impl Param {
     }
 
     /// One that only shapes the effect.
-    #[allow(dead_code)]
     pub(crate) const fn shape(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
         Param { name, unit, bounds, off: hint, hint, shape: true }
     }
@@ -88,6 +87,10 @@ pub struct Card {
     pub tell: &'static str,
     /// Its parameters, in the order of [`Placed::values`].
     pub params: &'static [Param],
+    /// Values of its shapes (in their order among the parameters) from which a search for the effect should start.
+    pub starts: &'static [&'static [f64]],
+    /// Names of effects that most motions cannot tell from it.
+    pub alike: &'static [&'static str],
 }
 
 /// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values
@@ -106,7 +109,8 @@ pub trait Effect: Sync {
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         0
     }
-    /// Position and velocity that the servo works with in the coming step; called first.
+    /// Position and velocity that the servo works with in the coming step, from those that the state gives: the joint's, or
+    /// what the effects before this one make of them. Called first.
     fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
         (state.q, state.dq)
     }
@@ -116,12 +120,13 @@ pub trait Effect: Sync {
     }
     /// Changes the motor's torque of the coming step; `q` and `dq` are what the servo sees.
     fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointState) {}
-    /// What of the motor's torque arrives at the link in the coming step, for transmissions with a state of their own.
+    /// Turns a torque in terms of what [`encoder`](Effect::encoder) gave into one in terms of what it was given.
     fn transmit(&self, _p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
         motor
     }
-    /// The motor's torque after the last step, for transmissions that keep the motor apart from the link.
-    fn motor_torque(&self, _memory: &[f64]) -> Option<f64> {
+    /// Torque and velocity on the motor's side of a transmission with a state of its own, after a step that brought the
+    /// other side to the velocity `dq`.
+    fn motor_side(&self, _memory: &[f64], _dq: f64) -> Option<(f64, f64)> {
         None
     }
     /// Adds to what acts on the joint in the coming step.
@@ -145,19 +150,65 @@ macro_rules! effects {
     };
 }
 
+// The order is that in which they act on a run, wherever a file lists them: commands from the sender to the servo,
+// transmissions from the link to the motor, encoders from the shaft to the reading.
 effects! {
     coulomb_friction::CoulombFriction,
     viscous_friction::ViscousFriction,
+    stribeck_friction::StribeckFriction,
+    asymmetric_friction::AsymmetricFriction,
+    load_dependent_friction::LoadDependentFriction,
+    quadratic_drag::QuadraticDrag,
     armature::Armature,
+    parallel_spring::ParallelSpring,
+    cogging::Cogging,
     torque_limit::TorqueLimit,
+    speed_torque_limit::SpeedTorqueLimit,
+    voltage_sag::VoltageSag,
+    thermal_fade::ThermalFade,
     command_delay::CommandDelay,
+    motor_lag::MotorLag,
+    command_rate_limit::CommandRateLimit,
+    command_deadband::CommandDeadband,
     payload::Payload,
+    com_offset::ComOffset,
+    link_inertia::LinkInertia,
+    gravity_tilt::GravityTilt,
+    encoder_scale::EncoderScale,
+    encoder_offset::EncoderOffset,
+    encoder_delay::EncoderDelay,
+    imu_bias::ImuBias,
+    clock_skew::ClockSkew,
     ground_friction::GroundFriction,
 }
 
 /// The effect of that name.
 pub fn find(name: &str) -> Option<&'static dyn Effect> {
     EFFECTS.iter().copied().find(|effect| effect.card().name == name)
+}
+
+/// What a command becomes that follows another: `memory` says whether there was one, and holds its last value; `change` turns
+/// the distance to go into what is gone of it in this step. NaN switches the motor off and forgets.
+fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> f64 {
+    let [started, told] = memory else { return command };
+    if command.is_nan() {
+        *started = 0.0;
+        return command;
+    }
+    *told = if *started > 0.0 { *told + change(command - *told) } else { command };
+    *started = 1.0;
+    *told
+}
+
+/// The effects that do something, in the order in which they act.
+///
+/// # Errors
+/// [`WorldError::Setup`] for values that make no sense.
+pub(crate) fn in_force(effects: &[Placed]) -> Result<Vec<Placed>, WorldError> {
+    effects.iter().try_for_each(Placed::check)?;
+    let mut acting: Vec<Placed> = effects.iter().filter(|placed| !placed.is_off()).cloned().collect();
+    acting.sort_by_key(Placed::rank);
+    Ok(acting)
 }
 
 /// An effect somewhere, with values for its parameters.
@@ -197,7 +248,9 @@ impl Placed {
             return Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")));
         }
         let fits = |value: f64, param: &Param| {
-            value.to_bits() == param.off.to_bits() || (value.is_finite() && value >= param.bounds.0.min(0.0))
+            let positive = !(param.shape && param.bounds.0 > 0.0) || value > 0.0;
+            value.to_bits() == param.off.to_bits()
+                || (value.is_finite() && value >= param.bounds.0.min(0.0) && positive)
         };
         match self.values.iter().zip(card.params).find(|(value, param)| !fits(**value, param)) {
             Some((value, param)) => {
@@ -206,6 +259,12 @@ impl Placed {
             }
             None => Ok(()),
         }
+    }
+
+    /// Its place in the order in which effects act.
+    fn rank(&self) -> usize {
+        let name = self.effect.card().name;
+        EFFECTS.iter().position(|effect| effect.card().name == name).unwrap_or(EFFECTS.len())
     }
 
     /// Checks that there is something at its site.

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "Newton",
     tell: "static errors that follow the posture, on this joint and on all that carry it",
     params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["com_offset"],
 };
 
 impl Effect for Payload {

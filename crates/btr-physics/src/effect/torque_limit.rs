@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "saturation, as in any servo's data sheet",
     tell: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
     params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
+    starts: &[],
+    alike: &["speed_torque_limit"],
 };
 
 impl Effect for TorqueLimit {

@@ -12,6 +12,8 @@ static CARD: Card = Card {
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
     tell: "a torque residual proportional to the velocity; free swings die out exponentially",
     params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["quadratic_drag"],
 };
 
 impl Effect for ViscousFriction {

@@ -1,14 +1,45 @@
 //! What is asked of every registered effect, newcomers included.
 
+use crate::scene::arm;
 use btr_core::log::Log;
+use btr_core::random::stream;
 use btr_physics::ant;
-use btr_physics::effect::{EFFECTS, Placed, find};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::drive::Drive;
+use btr_physics::effect::{Card, EFFECTS, Effect, Placed, SiteKind, find};
+use btr_physics::robot::Robot;
+use btr_physics::sim::{Sensors, Setup, simulate};
+use rand::RngExt;
 
-/// A walk in which everything happens: joints reverse, motors work hard, feet slip.
-fn walk(effects: &[Placed]) -> Log {
-    let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.6, ..Setup::default() };
-    simulate(&ant::ant(), effects, &setup, &ant::tripod(), None).unwrap()
+/// A motion in which everything happens: joints reverse, start, stop and work hard.
+struct Exercise;
+
+impl Drive for Exercise {
+    fn command(&self, time_s: f64, command: &mut [f64]) {
+        for (i, command) in command.iter_mut().enumerate() {
+            let beat = 1.0 + 0.3 * i as f64;
+            let step = if (2.0 * beat * time_s) as usize % 2 == 0 { 0.1 } else { -0.1 };
+            *command = step + 0.4 * (4.0 * beat * time_s).sin() + 0.05 * (11.0 * time_s + i as f64).sin();
+        }
+    }
+}
+
+/// Where an effect is tried: what sits on the floor or the base on a walking ant, everything else on a bolted arm.
+fn run(effect: &dyn Effect, effects: &[Placed], duration_s: f64) -> Log {
+    match effect.card().site {
+        SiteKind::Ground | SiteKind::Base => {
+            let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
+            let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s, sensors, ..Setup::default() };
+            logged(&ant::ant(), effects, &setup, &ant::tripod())
+        }
+        SiteKind::Joint | SiteKind::Link | SiteKind::Robot => {
+            let setup = Setup { dt_s: 0.001, control_s: 0.002, duration_s, ground: None, ..Setup::default() };
+            logged(&arm(), effects, &setup, &Exercise)
+        }
+    }
+}
+
+fn logged(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn Drive) -> Log {
+    simulate(robot, effects, setup, drive, None).unwrap_or_else(|e| panic!("{effects:?}: {e}"))
 }
 
 /// Bit patterns of every channel; missing values compare equal.
@@ -16,27 +47,66 @@ fn bits(log: &Log) -> Vec<(String, Vec<u64>)> {
     log.channels().map(|(n, c)| (n.to_owned(), c.values.iter().map(|v| v.to_bits()).collect())).collect()
 }
 
+/// The largest difference of a channel that `is_meant`.
+fn apart(a: &Log, b: &Log, is_meant: impl Fn(&str) -> bool) -> f64 {
+    let pairs =
+        a.channels().filter(|(name, _)| is_meant(name)).map(|(name, channel)| (channel, b.values(name).unwrap()));
+    let differences = pairs.flat_map(|(channel, other)| channel.values.iter().zip(other).map(|(a, b)| (a - b).abs()));
+    differences.fold(0.0, f64::max)
+}
+
 #[test]
 fn off_changes_no_bit() {
-    let plain = bits(&walk(&[]));
     for &effect in EFFECTS {
-        let name = effect.card().name;
-        assert!(bits(&walk(&[Placed::off(effect, "*")])) == plain, "`{name}` acts although it is off");
+        let off = Placed::off(effect, "*");
+        assert!(off.is_off());
+        let (plain, off) = (run(effect, &[], 0.4), run(effect, &[off], 0.4));
+        assert!(bits(&plain) == bits(&off), "`{}` acts although it is off", effect.card().name);
     }
 }
 
 #[test]
-fn planted_it_shows() {
-    let plain = walk(&[]);
+fn at_its_hint_it_shows_and_spoils_nothing() {
     for &effect in EFFECTS {
         let name = effect.card().name;
-        let planted = walk(&[Placed::hinted(effect, "*")]);
-        let worst = |channel: &str| {
-            let pairs = plain.values(channel).unwrap().iter().zip(planted.values(channel).unwrap());
-            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        let plain = run(effect, &[], 2.0);
+        let planted = run(effect, &[Placed::hinted(effect, "*")], 2.0);
+        let joints = apart(&plain, &planted, |channel| channel.starts_with("q_"));
+        let inertial = apart(&plain, &planted, |channel| channel.starts_with("imu_"));
+        if std::env::var("SHOW").is_ok() {
+            println!("{name:24} {joints:.4} {inertial:.4}");
+            continue;
+        }
+        // Encoders resolve about a milliradian.
+        assert!(joints.max(inertial) > 5e-3, "`{name}` at its hint moves joints by no more than {joints} rad");
+        assert!(joints < 0.8, "`{name}` at its hint moves joints by {joints} rad");
+    }
+}
+
+#[test]
+fn the_same_bits_twice() {
+    for &effect in EFFECTS {
+        let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[Placed::hinted(effect, "*")], 0.4)));
+        assert!(once == twice, "`{}`", effect.card().name);
+    }
+}
+
+#[test]
+fn nothing_within_its_bounds_breaks_a_run() {
+    for (key, &effect) in EFFECTS.iter().enumerate() {
+        let card = effect.card();
+        let at = |value: &mut dyn FnMut(f64, f64) -> f64| {
+            let values = card.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
+            let log = run(effect, &[Placed { effect, site: "*".to_owned(), values }], 0.2);
+            let finite = log.channels().all(|(_, channel)| channel.values.iter().all(|x| x.is_finite()));
+            assert!(finite, "`{}` leaves numbers that are none", card.name);
         };
-        let seen = plain.channels().map(|(channel, _)| worst(channel)).fold(0.0, f64::max);
-        assert!(seen > 1e-3, "`{name}` at its hint changes nothing by more than {seen}");
+        at(&mut |min, _| min);
+        at(&mut |_, max| max);
+        let mut rng = stream(7, &[key as u64]);
+        for _ in 0..100 {
+            at(&mut |min, max| min + (max - min) * rng.random::<f64>());
+        }
     }
 }
 
@@ -49,7 +119,7 @@ fn cards_are_complete() {
         for (what, text) in [("law", card.law), ("cite", card.cite), ("tell", card.tell)] {
             assert!(text.len() > 5, "`{}` has no {what}", card.name);
         }
-        assert!(!card.params.is_empty(), "`{}` has no parameters", card.name);
+        assert!(card.params.iter().any(|param| !param.shape), "`{}` cannot be switched on", card.name);
         for param in card.params {
             let (min, max) = param.bounds;
             assert!(min < max && min.is_finite() && max.is_finite(), "`{}.{}`: bounds", card.name, param.name);
@@ -57,6 +127,23 @@ fn cards_are_complete() {
             let off_is_special = !param.off.is_finite();
             assert!(off_is_special || (min..=max).contains(&param.off), "`{}.{}`: off", card.name, param.name);
             assert!(!param.unit.is_empty(), "`{}.{}`: unit", card.name, param.name);
+        }
+        assert!(!Placed::hinted(effect, "*").is_off(), "`{}` is off at its hint", card.name);
+        starts_fit(card);
+        for other in card.alike {
+            assert!(*other != card.name && find(other).is_some(), "`{}` is like `{other}`?", card.name);
+        }
+    }
+}
+
+/// A search can start wherever a card says.
+fn starts_fit(card: &Card) {
+    let shapes: Vec<_> = card.params.iter().filter(|param| param.shape).collect();
+    assert_eq!(shapes.is_empty(), card.starts.is_empty(), "`{}`: shapes need starts", card.name);
+    for start in card.starts {
+        assert_eq!(start.len(), shapes.len(), "`{}`", card.name);
+        for (value, shape) in start.iter().zip(&shapes) {
+            assert!((shape.bounds.0..=shape.bounds.1).contains(value), "`{}.{}`: {value}", card.name, shape.name);
         }
     }
 }
@@ -69,4 +156,13 @@ fn names_find_their_effects() {
         assert!(EFFECTS[..i].iter().all(|other| other.card().name != name), "`{name}` is there twice");
     }
     assert!(find("phlogiston").is_none());
+}
+
+#[test]
+fn the_order_in_a_file_does_not_matter() {
+    let mut all: Vec<Placed> = EFFECTS.iter().map(|&effect| Placed::hinted(effect, "*")).collect();
+    let setup = Setup { dt_s: 0.001, control_s: 0.002, duration_s: 0.5, ground: None, ..Setup::default() };
+    let forward = bits(&logged(&arm(), &all, &setup, &Exercise));
+    all.reverse();
+    assert!(forward == bits(&logged(&arm(), &all, &setup, &Exercise)));
 }

@@ -1,13 +1,16 @@
 //! Laws of mechanics that every simulation here must obey, and the habits of the engine that they rest on.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod actuation;
 mod contact;
 mod determinism;
 mod drive;
 mod effects;
 mod engines;
 mod free;
+mod friction;
 mod joint;
 mod motor;
 mod parameter;
+mod placement;
 mod scene;

@@ -32,6 +32,15 @@ pub(crate) fn weightless(dt_s: f64, duration_s: f64) -> Setup {
     Setup { gravity_m_s2: Vector3::zeros(), ..setup(dt_s, duration_s) }
 }
 
+/// The same on the fast engine.
+pub(crate) fn fast(dt_s: f64, duration_s: f64) -> Setup {
+    Setup { engine: EngineName::Auto, ..setup(dt_s, duration_s) }
+}
+
+pub(crate) fn fast_weightless(dt_s: f64, duration_s: f64) -> Setup {
+    Setup { engine: EngineName::Auto, ..weightless(dt_s, duration_s) }
+}
+
 pub(crate) fn run(robot: &Robot, setup: &Setup, drive: &dyn Drive) -> Log {
     simulate(robot, &[], setup, drive, None).unwrap()
 }
@@ -46,6 +55,33 @@ pub(crate) fn placed(name: &str, site: &str, values: &[f64]) -> Placed {
 
 pub(crate) fn last(log: &Log, channel: &str) -> f64 {
     *log.values(channel).unwrap().last().unwrap()
+}
+
+/// A desk-size arm of three joints (yaw, pitch, pitch) with PID servos, bolted to a table.
+pub(crate) fn arm() -> Robot {
+    let part = |name: &str, axis: Vector3<f64>, below_m: f64, mass_kg: f64, length_m: f64| {
+        let half_m = Vector3::new(0.02, 0.02, 0.5 * length_m);
+        let actuator = Actuator::Position { kp: 20.0, ki: 10.0, kd: 0.5, max_torque: f64::INFINITY };
+        let origin = Isometry3::translation(0.0, 0.0, below_m);
+        Link {
+            name: name.to_owned(),
+            parent: None,
+            joint: Joint { actuator, start: 0.3, ..Joint::new(name, JointKind::Revolute, origin, axis) },
+            mass_kg,
+            com_m: Point3::new(0.01, 0.0, 0.5 * length_m),
+            inertia_kg_m2: Geometry::Box { half_m }.inertia_kg_m2(mass_kg),
+            shapes: vec![],
+            foot: false,
+        }
+    };
+    let mut links = vec![
+        part("table", Vector3::z(), 0.0, 5.0, 0.1),
+        part("waist", Vector3::z(), 0.1, 0.5, 0.1),
+        part("shoulder", Vector3::y(), 0.1, 0.25, 0.15),
+        part("elbow", Vector3::y(), 0.15, 0.2, 0.15),
+    ];
+    links.iter_mut().skip(1).enumerate().for_each(|(i, link)| link.parent = Some(i));
+    Robot { name: "arm".to_owned(), base: Base::Fixed, start: Isometry3::identity(), links }
 }
 
 /// A free box with its frame away from its centre of mass.

@@ -1,0 +1,34 @@
+//! Readings that reach the log late; the servo has its own.
+
+use super::{Card, Effect, Param, SiteKind};
+use btr_core::log::{Log, interpolate};
+
+pub(super) struct EncoderDelay;
+
+static CARD: Card = Card {
+    name: "encoder_delay",
+    law: "the log's position and velocity are those of t - delay; before that, the first ones",
+    site: SiteKind::Joint,
+    cite: "transport delay",
+    tell: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
+    params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
+    starts: &[],
+    alike: &["command_delay", "motor_lag"],
+};
+
+impl Effect for EncoderDelay {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
+        let clock = log.clock_s().to_vec();
+        let taken: Vec<f64> = clock.iter().map(|t| t - p[0]).collect();
+        for channel in ["q", "dq"] {
+            if let Some(values) = log.values_mut(&format!("{channel}_{joint}")) {
+                let late = interpolate(&clock, values, &taken);
+                values.copy_from_slice(&late);
+            }
+        }
+    }
+}

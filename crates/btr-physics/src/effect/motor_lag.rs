@@ -1,0 +1,34 @@
+//! A command that arrives smoothed: a filter, a current loop, a slow servo.
+//!
+//! What the servo is told is the lag's value at the step's end, exact for a command that is held over the step.
+
+use super::{Card, Effect, Param, SiteKind, follow};
+use crate::motor::JointState;
+
+pub(super) struct MotorLag;
+
+static CARD: Card = Card {
+    name: "motor_lag",
+    law: "time_constant·du/dt = cmd - u: the servo sees u, a first-order lag that starts at the first command",
+    site: SiteKind::Joint,
+    cite: "first-order lag, as in any textbook of control",
+    tell: "steps are answered round instead of sharp; slow motions trail by the time constant, fast ones shrink",
+    params: &[Param::new("time_constant", "s", (0.0, 0.5), 0.03)],
+    starts: &[],
+    alike: &["command_delay", "encoder_delay"],
+};
+
+/// The memory says whether there was a command, and holds what the servo was told last.
+impl Effect for MotorLag {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
+        2
+    }
+
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+        follow(memory, state.command, |error| error * (1.0 - (-state.dt_s / p[0]).exp()))
+    }
+}

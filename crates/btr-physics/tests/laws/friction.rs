@@ -1,0 +1,94 @@
+//! Every friction and spring of the library does what its law says.
+
+use crate::scene::{G, fast, fast_weightless, hold, last, placed, run_with};
+use btr_core::log::Log;
+use btr_physics::effect::Placed;
+use btr_physics::pendulum::pendulum;
+use btr_physics::robot::{Actuator, Robot};
+use btr_physics::sim::Setup;
+
+/// kg·m².
+const INERTIA: f64 = 1.3 * 0.49;
+
+fn hanging(start_rad: f64) -> Robot {
+    let mut robot = pendulum(1.3, 0.7, Actuator::Passive);
+    robot.links[1].joint.start = start_rad;
+    robot
+}
+
+/// A pendulum without weight that coasts from a speed for half a second.
+fn coast(effect: Placed, speed: f64) -> Log {
+    let setup = Setup { start_velocities: vec![speed], ..fast_weightless(0.0005, 0.5) };
+    run_with(&hanging(0.0), &[effect], &setup, &hold(0.0))
+}
+
+/// A weightless pendulum that a constant torque drives.
+fn pushed(effect: Placed, torque: f64, duration_s: f64) -> Log {
+    let mut robot = hanging(0.0);
+    robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
+    run_with(&robot, &[effect], &fast_weightless(0.0005, duration_s), &hold(torque))
+}
+
+#[test]
+fn stribeck_breaks_away_at_its_static_torque() {
+    let weight = 1.3 * G * 0.7 * 1.0_f64.sin();
+    let moved = |stiction: f64| {
+        let effect = placed("stribeck_friction", "*", &[0.2 * weight, stiction * weight, 0.1]);
+        (last(&run_with(&hanging(1.0), &[effect], &fast(0.001, 4.0), &hold(0.0)), "q_hinge") - 1.0).abs()
+    };
+    assert!(moved(1.01) < 1e-12, "it crept by {} rad", moved(1.01));
+    assert!(moved(0.99) > 0.1, "it must slip");
+}
+
+#[test]
+fn stribeck_rubs_like_coulomb_once_it_moves() {
+    let end = last(&coast(placed("stribeck_friction", "hinge", &[1.0, 3.0, 0.05]), 3.0), "dq_hinge");
+    assert!((end - (3.0 - 0.5 / INERTIA)).abs() < 1e-6, "{end} rad/s");
+}
+
+#[test]
+fn asymmetric_friction_brakes_each_direction_with_its_own_torque_and_holds() {
+    let friction = |viscous: f64| placed("asymmetric_friction", "hinge", &[1.0, 0.4, viscous, 0.0]);
+    let forward = last(&coast(friction(0.0), 3.0), "dq_hinge");
+    let backward = last(&coast(friction(0.0), -3.0), "dq_hinge");
+    assert!((forward - (3.0 - 0.5 / INERTIA)).abs() < 1e-9, "{forward} rad/s");
+    assert!((backward + (3.0 - 0.2 / INERTIA)).abs() < 1e-9, "{backward} rad/s");
+    assert!(last(&coast(friction(0.5), 3.0), "dq_hinge") < forward - 0.1, "oil only forward");
+    assert!((last(&coast(friction(0.5), -3.0), "dq_hinge") - backward).abs() < 1e-9);
+    assert!(last(&coast(friction(0.0), 0.0), "q_hinge").abs() < 1e-12, "it must not start by itself");
+    let stands = |torque: f64| last(&pushed(friction(0.0), torque, 0.5), "q_hinge").abs() < 1e-12;
+    assert!(stands(0.99) && !stands(1.01) && stands(-0.39) && !stands(-0.41));
+}
+
+#[test]
+fn load_dependent_friction_takes_its_share_of_the_torque() {
+    let speed = last(&pushed(placed("load_dependent_friction", "hinge", &[0.25]), 2.0, 0.5), "dq_hinge");
+    assert!((speed / (0.75 * 2.0 * 0.5 / INERTIA) - 1.0).abs() < 2e-3, "{speed} rad/s");
+}
+
+#[test]
+fn quadratic_drag_makes_the_inverse_speed_grow_evenly() {
+    let speed = last(&coast(placed("quadratic_drag", "hinge", &[0.3]), 3.0), "dq_hinge");
+    let expected = 1.0 / (1.0 / 3.0 + 0.3 * 0.5 / INERTIA);
+    assert!((speed / expected - 1.0).abs() < 1e-3, "{speed} rad/s, expected {expected}");
+}
+
+#[test]
+fn a_parallel_spring_gives_way_by_torque_over_stiffness() {
+    let effects = [placed("parallel_spring", "hinge", &[4.0, -0.5]), placed("viscous_friction", "hinge", &[4.0])];
+    let mut robot = hanging(0.0);
+    robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
+    let log = run_with(&robot, &effects, &fast_weightless(0.001, 12.0), &hold(1.2));
+    assert!((last(&log, "q_hinge") - (1.2 / 4.0 - 0.5)).abs() < 1e-4, "{}", last(&log, "q_hinge"));
+}
+
+#[test]
+fn cogging_pulls_a_servo_aside_by_what_its_sine_says() {
+    let mut robot = hanging(0.0);
+    robot.links[1].joint.actuator = Actuator::Position { kp: 20.0, ki: 0.0, kd: 4.0, max_torque: f64::INFINITY };
+    let effect = placed("cogging", "hinge", &[0.8, 5.0, 0.7]);
+    let log = run_with(&robot, &[effect], &fast_weightless(0.001, 6.0), &hold(0.3));
+    let q = last(&log, "q_hinge");
+    let balance = 20.0 * (0.3 - q) + 0.8 * (5.0 * q + 0.7).sin();
+    assert!(balance.abs() < 1e-6 && (q - 0.3).abs() > 0.01, "{q} rad leaves {balance} N·m");
+}

@@ -1,0 +1,98 @@
+//! Every effect on links, mounting, sensors and clock does what its law says.
+
+use crate::scene::{G, arm, fast, fast_weightless, hold, last, placed, run, run_with};
+use btr_physics::ant;
+use btr_physics::effect::Placed;
+use btr_physics::pendulum::pendulum;
+use btr_physics::robot::Actuator;
+use btr_physics::sim::{Sensors, Setup, simulate};
+
+/// The position and the motor's torque that a stiff servo settles at.
+fn held(effect: Placed, at_rad: f64) -> (f64, f64) {
+    let servo = Actuator::Position { kp: 400.0, ki: 0.0, kd: 40.0, max_torque: f64::INFINITY };
+    let log = run_with(&pendulum(1.3, 0.7, servo), &[effect], &fast(0.001, 4.0), &hold(at_rad));
+    (last(&log, "q_hinge"), last(&log, "tau_hinge"))
+}
+
+#[test]
+fn a_moved_centre_of_mass_turns_the_gravity_torque() {
+    let (q, torque) = held(placed("com_offset", "bob", &[0.1, 0.05, 0.2]), 0.4);
+    let expected = -1.3 * G * (0.1 * q.cos() - 0.5 * q.sin());
+    assert!((torque - expected).abs() < 1e-6, "{torque} N·m, expected {expected}");
+}
+
+#[test]
+fn an_inertia_is_added_to_the_links() {
+    let mut robot = pendulum(1.3, 0.7, Actuator::Torque { max_torque: 100.0 });
+    robot.links[1].joint.start = 0.2;
+    let effect = placed("link_inertia", "bob", &[0.2]);
+    let speed = last(&run_with(&robot, &[effect], &fast_weightless(0.001, 0.5), &hold(2.0)), "dq_hinge");
+    assert!((speed - 1.0 / (1.3 * 0.49 + 0.2)).abs() < 1e-9, "{speed} rad/s");
+}
+
+#[test]
+fn a_tilted_base_turns_gravity_about_the_hinge() {
+    let (q, torque) = held(placed("gravity_tilt", "base", &[0.0, 0.2]), 0.4);
+    assert!((torque - 1.3 * G * 0.7 * (q + 0.2).sin()).abs() < 1e-6, "{torque} N·m");
+    let (q, torque) = held(placed("gravity_tilt", "base", &[0.3, 0.0]), 0.4);
+    assert!((torque - 1.3 * G * 0.3_f64.cos() * 0.7 * q.sin()).abs() < 1e-6, "rolled: {torque} N·m");
+}
+
+#[test]
+fn an_encoders_offset_and_scale_mislead_servo_and_log_alike() {
+    let weight = |q: f64| 1.3 * G * 0.7 * q.sin();
+    let (reading, torque) = held(placed("encoder_offset", "hinge", &[0.1]), 0.5);
+    assert!((400.0 * (0.5 - reading) - torque).abs() < 1e-6, "the servo works with its reading");
+    assert!((torque - weight(reading - 0.1)).abs() < 1e-6, "{reading} rad with {torque} N·m");
+    let (reading, torque) = held(placed("encoder_scale", "hinge", &[0.2]), 0.5);
+    assert!((400.0 * (0.5 - reading) - torque).abs() < 1e-6, "the servo works with its reading");
+    assert!((torque - weight(reading / 1.2)).abs() < 1e-6, "{reading} rad with {torque} N·m");
+}
+
+#[test]
+fn an_encoders_scale_is_felt_by_the_damping_too() {
+    let robot = |kd: f64| pendulum(1.3, 0.7, Actuator::Position { kp: 0.0, ki: 0.0, kd, max_torque: 100.0 });
+    let coast = Setup { start_velocities: vec![2.0], ..fast_weightless(0.001, 0.4) };
+    let misread = run_with(&robot(0.5), &[placed("encoder_scale", "hinge", &[0.2])], &coast, &hold(0.0));
+    let damped = run(&robot(0.6), &coast, &hold(0.0));
+    assert!((last(&misread, "dq_hinge") / 1.2 - last(&damped, "dq_hinge")).abs() < 1e-12);
+    assert!((last(&misread, "tau_hinge") - last(&damped, "tau_hinge")).abs() < 1e-12);
+}
+
+#[test]
+fn a_late_encoder_shifts_the_log_and_nothing_else() {
+    let setup = fast(0.001, 0.5);
+    let plain = run(&arm(), &setup, &hold(0.0));
+    let late = run_with(&arm(), &[placed("encoder_delay", "elbow", &[0.02])], &setup, &hold(0.0));
+    for (name, channel) in plain.channels() {
+        let shift = if ["q_elbow", "dq_elbow"].contains(&name) { 20 } else { 0 };
+        let values = late.values(name).unwrap();
+        for i in 0..values.len() {
+            let expected = channel.values[i.saturating_sub(shift)];
+            assert!((values[i] - expected).abs() < 1e-6 || (values[i].is_nan() && expected.is_nan()), "{name}[{i}]");
+        }
+    }
+}
+
+#[test]
+fn a_fast_clock_stretches_what_was_measured() {
+    let robot = pendulum(1.3, 0.7, Actuator::Passive);
+    let coast = Setup { start_velocities: vec![2.0], ..fast_weightless(0.001, 1.0) };
+    let log = run_with(&robot, &[placed("clock_skew", "*", &[0.02])], &coast, &hold(0.0));
+    assert!((last(&log, "q_hinge") - 2.0 / 1.02).abs() < 1e-9, "{}", last(&log, "q_hinge"));
+}
+
+#[test]
+fn a_biased_imu_reads_that_much_more() {
+    let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
+    let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.2, sensors, ..Setup::default() };
+    let bias = [0.1, -0.2, 0.3, -1.0, 2.0, 0.5];
+    let walk = |effects: &[Placed]| simulate(&ant::ant(), effects, &setup, &ant::tripod(), None).unwrap();
+    let (plain, biased) = (walk(&[]), walk(&[placed("imu_bias", "base", &bias)]));
+    let names = ["gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"].map(|name| format!("imu_{name}"));
+    for (name, channel) in plain.channels() {
+        let bias = names.iter().position(|imu| imu == name).map_or(0.0, |i| bias[i]);
+        let difference = last(&biased, name) - channel.values.last().unwrap();
+        assert!((difference - bias).abs() < 1e-12, "{name}: {difference}");
+    }
+}
