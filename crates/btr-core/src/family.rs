@@ -122,6 +122,15 @@ pub struct Recorded {
     pub held_out: bool,
     /// What was measured.
     pub channels: Vec<Measured>,
+    /// How many samples of all channels are there and count.
+    pub present: usize,
+}
+
+impl Recorded {
+    /// Length of its residual.
+    pub fn rows(&self) -> usize {
+        self.channels.last().map_or(0, |channel| channel.samples.end)
+    }
 }
 
 /// How exactly a simulation is computed.

@@ -9,6 +9,7 @@
 //! and the loop that puts them together ([`coevolve`]).
 
 pub mod coevolve;
+pub mod diagnose;
 pub mod distance;
 pub mod family;
 pub mod fit;

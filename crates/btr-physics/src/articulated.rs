@@ -2,9 +2,12 @@
 //!
 //! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm (R. Featherstone, "Rigid
 //! Body Dynamics Algorithms", Springer 2008, chapters 5 and 6), with all spatial quantities in the world's axes about the
-//! world's origin, so that composite inertias are plain sums. Servos, springs and dampers are implicit; so are dry friction
-//! and joint limits, as torques within bounds that stop the joint where they can (projected Gauss-Seidel on the inverse
-//! inertia). First order in the time step.
+//! world's origin, so that composite inertias are plain sums.
+//!
+//! A step is the implicit midpoint rule for servos, springs and dampers, with inertia, gravity and velocity forces taken at
+//! the middle that the past predicts: second order. Joints so stiff that the rule would let them ring are advanced by
+//! backward Euler instead. Dry friction and joint limits are impulses within bounds that stop a joint where they can
+//! (projected Gauss-Seidel on the inverse inertia).
 
 use crate::assemble::{self, Body};
 use crate::engine::{BaseState, Dof, Dynamics};
@@ -28,6 +31,8 @@ pub(crate) struct Articulated {
     substeps: usize,
     q: Vec<f64>,
     dq: Vec<f64>,
+    /// Velocities one step ago.
+    before: Vec<f64>,
     dofs: Vec<Dof>,
     names: Vec<String>,
     scratch: Scratch,
@@ -77,6 +82,10 @@ struct Scratch {
     /// What the joints do in a step; the inverse's columns of those with friction or at a limit.
     next: Vec<f64>,
     columns: Vec<f64>,
+    /// Positions and velocities in the middle of the step.
+    middle: Vec<(f64, f64)>,
+    /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
+    share: Vec<f64>,
     rows: Vec<Row>,
 }
 
@@ -102,18 +111,27 @@ impl Articulated {
         let bodies: Vec<Moving> = assemble::bodies(robot).iter().skip(1).map(|body| Moving::new(body, robot)).collect();
         let n = bodies.len();
         let joints = || robot.movable().map(|(_, link)| &link.joint);
-        let dq = (0..n).map(|i| setup.start_velocities.get(i).copied().unwrap_or(0.0)).collect();
+        let dq: Vec<f64> = (0..n).map(|i| setup.start_velocities.get(i).copied().unwrap_or(0.0)).collect();
         Articulated {
             root: robot.start,
             gravity: setup.gravity_m_s2,
             dt_s: setup.dt_s / setup.substeps as f64,
             substeps: setup.substeps,
             q: joints().map(|joint| joint.start).collect(),
+            before: dq.clone(),
             dq,
             dofs: vec![Dof::default(); n],
             names: joints().map(|joint| joint.name.clone()).collect(),
             scratch: Scratch::new(n),
             bodies,
+        }
+    }
+
+    /// Where the joints will be in the middle of the step if they go on as they did.
+    fn predict(&mut self) {
+        let half = 0.5 * self.dt_s;
+        for (i, middle) in self.scratch.middle.iter_mut().enumerate() {
+            *middle = (self.q[i] + half * self.dq[i], 1.5 * self.dq[i] - 0.5 * self.before[i]);
         }
     }
 
@@ -130,10 +148,10 @@ impl Articulated {
             let axis = rotation * body.axis.into_inner();
             if body.slides {
                 s.rotations[i] = rotation;
-                s.places[i] = place + axis * self.q[i];
+                s.places[i] = place + axis * s.middle[i].0;
                 s.axes[i] = Spatial { angular: Vector3::zeros(), linear: axis };
             } else {
-                s.rotations[i] = rotation * Rotation3::from_axis_angle(&body.axis, self.q[i]);
+                s.rotations[i] = rotation * Rotation3::from_axis_angle(&body.axis, s.middle[i].0);
                 s.places[i] = place;
                 s.axes[i] = Spatial { angular: axis, linear: place.cross(&axis) };
             }
@@ -145,7 +163,7 @@ impl Articulated {
     fn carry(&mut self) {
         let s = &mut self.scratch;
         for (i, body) in self.bodies.iter().enumerate() {
-            let own = s.axes[i] * self.dq[i];
+            let own = s.axes[i] * s.middle[i].1;
             let (velocity, acceleration) = match body.parent {
                 Some(parent) => (s.velocities[parent], s.accelerations[parent]),
                 // Gravity acts as if the root were accelerated against it.
@@ -181,15 +199,32 @@ impl Articulated {
     /// One step of `dt_s`: implicit in everything that acts inside the joints.
     fn advance(&mut self) {
         let (dt, n) = (self.dt_s, self.bodies.len());
+        self.predict();
         self.place();
         self.carry();
         self.fill_matrix();
-        let s = &mut self.scratch;
+        self.balance();
+        factorise(&mut self.scratch.matrix, n);
+        solve(&self.scratch.matrix, n, &mut self.scratch.next);
+        self.stop();
+        for i in 0..n {
+            let (old, new, share) = (self.dq[i], self.scratch.next[i], self.scratch.share[i]);
+            self.q[i] += dt * ((1.0 - share) * old + share * new);
+            self.before[i] = old;
+            self.dq[i] = new;
+        }
+    }
+
+    /// The linear equations for the velocities at the step's end: `matrix`·dq' = `next`.
+    ///
+    /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean velocity
+    /// v = (1 − h)·dq + h·dq'.
+    fn balance(&mut self) {
+        let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
         for i in 0..n {
             let dof = &self.dofs[i];
-            let torque = dof.torque.constant - dof.torque.stiffness * self.q[i] - s.axes[i].dot(&s.forces[i]);
             s.matrix[i * n + i] += dof.armature;
-            s.next[i] = dt * torque;
+            s.next[i] = dt * (dof.torque.constant - dof.torque.stiffness * self.q[i] - s.axes[i].dot(&s.forces[i]));
         }
         for i in 0..n {
             for j in 0..n {
@@ -199,14 +234,11 @@ impl Articulated {
         }
         for i in 0..n {
             let torque = &self.dofs[i].torque;
-            s.matrix[i * n + i] += dt * torque.damping + dt * dt * torque.stiffness;
-        }
-        factorise(&mut s.matrix, n);
-        solve(&s.matrix, n, &mut s.next);
-        self.stop();
-        for i in 0..n {
-            self.dq[i] = self.scratch.next[i];
-            self.q[i] += dt * self.dq[i];
+            let implicit = dt * torque.damping + dt * dt * torque.stiffness;
+            s.share[i] = if implicit < s.matrix[i * n + i] { 0.5 } else { 1.0 };
+            let resistance = dt * torque.damping + dt * dt * s.share[i] * torque.stiffness;
+            s.next[i] -= (1.0 - s.share[i]) * resistance * self.dq[i];
+            s.matrix[i * n + i] += s.share[i] * resistance;
         }
     }
 
@@ -219,6 +251,10 @@ impl Articulated {
             if dof.dry_friction > 0.0 {
                 let most = dt * dof.dry_friction;
                 s.rows.push(Row { joint: i, wanted: 0.0, least: -most, most, impulse: 0.0 });
+            }
+            if s.next[i] < lower || s.next[i] > upper {
+                // It must end the step at the limit, not halfway beyond.
+                s.share[i] = 1.0;
             }
             if s.next[i] < lower {
                 s.rows.push(Row { joint: i, wanted: lower, least: 0.0, most: f64::INFINITY, impulse: 0.0 });
@@ -289,6 +325,8 @@ impl Scratch {
             next: vec![0.0; n],
             // Friction and one limit for each joint at most.
             columns: vec![0.0; 2 * n * n],
+            middle: vec![(0.0, 0.0); n],
+            share: vec![0.5; n],
             rows: Vec::with_capacity(2 * n),
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::family::{Family, Step};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How far the integrator's error is believed at a sample, in multiples of the noise.
@@ -66,6 +67,37 @@ impl<'a> Bench<'a> {
             0 => points.iter().map(|_| Some(Vec::new())).collect(),
             n => parts.chunks_mut(n).map(joined).collect(),
         }
+    }
+
+    /// Measured samples of the logs of a kind.
+    pub fn samples(&self, logs: Logs) -> usize {
+        let count = |log: &usize| self.family.logs()[*log].present;
+        self.logs(logs).iter().map(count).sum()
+    }
+
+    /// The log to learn from with the largest sum of squares, and its rows in the residual.
+    pub fn worst_log(&self, residual: &[f64]) -> (usize, Range<usize>) {
+        let mut start = 0;
+        let mut worst = (0, 0..0, f64::NEG_INFINITY);
+        for &log in &self.learn {
+            let rows = start..start + self.family.logs()[log].rows();
+            start = rows.end;
+            let squares = squares(&residual[rows.clone()]);
+            if squares > worst.2 {
+                worst = (log, rows, squares);
+            }
+        }
+        (worst.0, worst.1)
+    }
+
+    /// Residuals of one log at several points.
+    pub fn residuals_of_log(&self, points: &[Vec<f64>], log: usize) -> Vec<Option<Residual>> {
+        self.rollouts.fetch_add(points.len(), Ordering::Relaxed);
+        let run = |point: &Vec<f64>| {
+            let residual = self.family.residual(point, log, Step::Usual).ok()?;
+            Some(residual.into_iter().map(|r| if r.is_finite() { r } else { 0.0 }).collect())
+        };
+        points.par_iter().map(run).collect()
     }
 
     /// The residual at one point.

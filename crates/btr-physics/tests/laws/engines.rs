@@ -102,7 +102,22 @@ fn a_driven_tree_with_friction_and_rotors_converges() {
 }
 
 #[test]
-fn a_pendulum_keeps_its_energy_to_first_order() {
+fn a_driven_tree_is_of_second_order() {
+    let wave = Told(|t: f64| 0.4 * (9.0 * t).sin());
+    let effects = [placed("viscous_friction", "*", &[0.2]), placed("armature", "*", &[0.01])];
+    let end = |dt: f64| {
+        let told = Setup { engine: EngineName::Auto, ..at(dt, 1.0) };
+        let log = run_with(&tree(&servo()), &effects, &told, &wave);
+        ["a", "b", "c", "d"].map(|j| last(&log, &format!("q_{j}")))
+    };
+    let truth = end(0.000_062_5);
+    let error = |dt: f64| end(dt).iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let (coarse, fine) = (error(0.002), error(0.001));
+    assert!(fine < 3e-4 && (3.3..4.7).contains(&(coarse / fine)), "{coarse}, then {fine} rad");
+}
+
+#[test]
+fn a_pendulum_keeps_its_energy_to_second_order() {
     let mut robot = pendulum(1.3, 0.7, Actuator::Passive);
     robot.links[1].joint.start = 1.5;
     let drift = |dt: f64| {
@@ -112,7 +127,7 @@ fn a_pendulum_keeps_its_energy_to_first_order() {
         (0..q.len()).map(|i| (energy(i) - energy(0)).abs() / (1.3 * G * 0.7)).fold(0.0, f64::max)
     };
     let (coarse, fine) = (drift(0.002), drift(0.001));
-    assert!(coarse < 0.05 && fine < 0.6 * coarse, "{coarse} of m·g·l, then {fine}");
+    assert!(coarse < 1e-4 && fine < 0.3 * coarse, "{coarse} of m·g·l, then {fine}");
 }
 
 #[test]

@@ -1,0 +1,96 @@
+//! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
+//! leaves.
+
+use crate::fit::{Bench, Fit, Logs};
+
+/// Samples further apart than this many correlation times count as independent (Sokal's window rule).
+const WINDOW: f64 = 5.0;
+
+/// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Measure {
+    /// Variance of the residual, in multiples of the noise's; at least 1.
+    variance: f64,
+    /// Samples that carry one independent piece of information.
+    memory: f64,
+    /// Number of samples.
+    samples: f64,
+}
+
+impl Measure {
+    pub(super) fn of(bench: &Bench, best: &Fit) -> Self {
+        let samples = bench.samples(Logs::Learn) as f64;
+        Measure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
+    }
+
+    /// B: the smaller, the better. Differences above ten are decisive.
+    pub(super) fn criterion(&self, fit: &Fit) -> f64 {
+        let scale = self.variance * self.memory;
+        fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
+    }
+
+    /// What the covariance of estimates is to be multiplied with.
+    pub(super) fn inflation(&self) -> f64 {
+        self.variance * self.memory
+    }
+}
+
+/// Root mean square of a residual whose missing samples are zero.
+pub(super) fn chi(squares: f64, samples: usize) -> f64 {
+    (squares / samples.max(1) as f64).sqrt()
+}
+
+/// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
+fn memory(bench: &Bench, fit: &Fit) -> f64 {
+    let (mut start, mut weighted, mut weight) = (0, 0.0, 0.0);
+    for &log in bench.logs(Logs::Learn) {
+        for channel in &bench.family.logs()[log].channels {
+            let series = &fit.residual[start + channel.samples.start..start + channel.samples.end];
+            let squares: f64 = series.iter().map(|r| r * r).sum();
+            weighted += squares * correlation_time(series);
+            weight += squares;
+        }
+        start += bench.family.logs()[log].rows();
+    }
+    if weight > 0.0 { weighted / weight } else { 1.0 }
+}
+
+/// 1 + 2·Σ autocorrelation, up to the window.
+fn correlation_time(x: &[f64]) -> f64 {
+    let n = x.len();
+    let mean = x.iter().sum::<f64>() / n.max(1) as f64;
+    let at = |lag: usize| -> f64 { (lag..n).map(|i| (x[i] - mean) * (x[i - lag] - mean)).sum() };
+    let variance = at(0);
+    if variance <= 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    for lag in 1..n / 4 {
+        time += 2.0 * at(lag) / variance;
+        if lag as f64 >= WINDOW * time {
+            break;
+        }
+    }
+    time.max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::random::stream;
+    use rand::RngExt;
+
+    #[test]
+    fn white_noise_has_no_memory_and_a_slow_process_its_own() {
+        let mut rng = stream(3, &[]);
+        let mut white = || (0..20_000).map(|_| rng.random::<f64>() - 0.5).collect::<Vec<f64>>();
+        assert!((correlation_time(&white()) - 1.0).abs() < 0.1);
+        let mut slow = white();
+        for i in 1..slow.len() {
+            slow[i] += 0.9 * slow[i - 1];
+        }
+        // (1 + a)/(1 - a) = 19 for a first-order process.
+        assert!((correlation_time(&slow) / 19.0 - 1.0).abs() < 0.2, "{}", correlation_time(&slow));
+    }
+}

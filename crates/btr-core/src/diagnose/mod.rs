@@ -1,0 +1,307 @@
+//! Which physical effect is missing.
+//!
+//! Every effect at every site is screened with finite probes while all that is in doubt may adapt, the leaders are refitted,
+//! and the best is believed only if it also explains logs that nothing was fitted to. Effects are added one by one and
+//! removed again where others make them superfluous. The answer may be that nothing is missing, or that nothing known
+//! explains the error.
+
+mod judge;
+mod race;
+mod screen;
+
+use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
+use judge::{Measure, chi};
+use race::{Rival, held_out_squares, race};
+use screen::screen;
+use serde::Serialize;
+
+/// What decides. All errors are root mean squares in multiples of the noise floor.
+pub mod thresholds {
+    /// An effect must lower B by more than this...
+    pub const DECISIVE: f64 = 10.0;
+    /// ... and the sum of squares by more than this share...
+    pub const LEARNT_FALL: f64 = 0.05;
+    /// ... and that of the held-out logs by more than this.
+    pub const HELD_OUT_FALL: f64 = 0.04;
+    /// Up to this error nothing is missing.
+    pub const NOISE: f64 = 1.15;
+    /// Above this error what was found does not explain it.
+    pub const EXPLAINED: f64 = 1.5;
+}
+use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, NOISE};
+
+/// How much is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Question {
+    /// The most effects to add.
+    pub max_effects: usize,
+}
+
+impl Default for Question {
+    fn default() -> Self {
+        Question { max_effects: 3 }
+    }
+}
+
+/// The answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The effects named explain the error.
+    EffectMissing,
+    /// The residual is noise.
+    NothingMissing,
+    /// There is an error that nothing known explains.
+    Unexplained,
+}
+
+/// An effect that the model lacks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Found {
+    /// Its name.
+    pub effect: String,
+    /// Where it sits.
+    pub site: String,
+    /// `effect@site` of what these logs cannot tell from it.
+    pub alike: Vec<String>,
+    /// Its share of belief among everything that was fitted in its round, the model without it included.
+    pub probability: f64,
+    /// By how much it lowered B.
+    pub delta_bic: f64,
+    /// Its parameters.
+    pub parameters: Vec<Estimate>,
+    /// Index of the candidate.
+    #[serde(skip)]
+    pub candidate: usize,
+}
+
+/// One step of the error's fall.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rung {
+    /// What was done.
+    pub step: String,
+    /// Error on the logs to learn from, in multiples of the noise floor.
+    pub train: f64,
+    /// Error on held-out logs; none without such.
+    pub held_out: Option<f64>,
+}
+
+/// The whole diagnosis.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The answer.
+    pub verdict: Verdict,
+    /// What is missing, or helps without explaining.
+    pub effects: Vec<Found>,
+    /// How the error fell.
+    pub ladder: Vec<Rung>,
+    /// The share of the final squared error that is not noise.
+    pub unexplained_share: f64,
+    /// What the integrator's error is, in multiples of the noise floor.
+    pub integrator_error: f64,
+    /// Doubtful parameters that ended at a bound.
+    pub at_bound: Vec<String>,
+    /// The last fit, with everything that was accepted.
+    pub fit: Fit,
+    /// The best of those that `alike` names, for the next experiment: candidate and point.
+    pub rivals: Vec<(usize, Vec<f64>)>,
+    /// Simulated logs.
+    pub rollouts: usize,
+}
+
+/// The base of a round and what was found so far.
+struct State {
+    fit: Fit,
+    /// Squares on the held-out logs.
+    held_out: Option<f64>,
+    chosen: Vec<Found>,
+    ladder: Vec<Rung>,
+    rivals: Vec<(usize, Vec<f64>)>,
+}
+
+/// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
+///
+/// `None` where the model blows up as it stands.
+pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
+    let mut state = begin(bench, tell)?;
+    while state.chosen.len() < question.max_effects && is_worth_a_round(bench, &state) {
+        let Some((rival, found)) = round(bench, &mut state) else { break };
+        state.accept(bench, rival, found, tell);
+        state.eliminate(bench);
+    }
+    Some(conclude(bench, state))
+}
+
+/// The model's own parameters at their best.
+fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
+    let family = bench.family;
+    let origin = vec![0.0; family.knobs().len()];
+    let mut fit = Fit::at(bench, family.doubtful().to_vec(), origin, &[])?;
+    let mut state =
+        State { held_out: None, fit: fit.clone(), chosen: Vec::new(), ladder: Vec::new(), rivals: Vec::new() };
+    fit.renew_step_error(bench);
+    state.fit = fit;
+    state.climb(bench, "model as it stands".to_owned(), tell);
+    if !family.doubtful().is_empty() {
+        state.fit.solve(bench, Effort::FULL);
+        state.fit.renew_step_error(bench);
+        state.fit.solve(bench, Effort { jacobians: 1, steps: 6 });
+        state.climb(bench, "its parameters fitted".to_owned(), tell);
+    }
+    Some(state)
+}
+
+/// Whether any effect could pass: below the noise there is nothing to win.
+fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
+    let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
+    squares > 1.0 + LEARNT_FALL / 2.0
+}
+
+/// Screens, races and judges; the winner if it is to be believed.
+fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
+    let chosen: Vec<usize> = state.chosen.iter().map(|found| found.candidate).collect();
+    let starts = screen(bench, &mut state.fit, &chosen);
+    let mut rivals = race(bench, &state.fit, &starts);
+    let samples = bench.samples(Logs::Learn);
+    let explains = |rivals: &[Rival]| rivals.first().is_some_and(|r| chi(r.fit.squares(), samples) <= EXPLAINED);
+    if state.chosen.is_empty() && !explains(&rivals) && !bench.family.doubtful().is_empty() {
+        // What is in doubt may have gone astray to make up for the effect: once more from where it began.
+        let origin = vec![0.0; state.fit.u.len()];
+        if let Some(mut bare) = Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error) {
+            let again = screen(bench, &mut bare, &chosen);
+            rivals.extend(race(bench, &bare, &again));
+            rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
+            let mut seen = Vec::new();
+            rivals.retain(|r| {
+                !seen.contains(&r.candidate) && {
+                    seen.push(r.candidate);
+                    true
+                }
+            });
+        }
+    }
+    judge_rivals(bench, state, rivals)
+}
+
+/// The rival with the lowest B, if it passes all three tests.
+fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
+    let measure = Measure::of(bench, &rivals.first()?.fit);
+    rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
+    let before = measure.criterion(&state.fit);
+    let winner = rivals.first()?.clone();
+    let best = measure.criterion(&winner.fit);
+    let learnt = 1.0 - winner.fit.squares() / state.fit.squares();
+    let held_out = state.held_out.is_none_or(|base| {
+        held_out_squares(bench, &winner.fit.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base)
+    });
+    if !(before - best > DECISIVE && learnt > LEARNT_FALL && held_out) {
+        return None;
+    }
+    let belief = |b: f64| (-(b - best) / 2.0).exp();
+    let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
+    let candidates = bench.family.candidates();
+    let alike: Vec<&Rival> = rivals.iter().skip(1).filter(|r| measure.criterion(&r.fit) - best <= DECISIVE).collect();
+    state.rivals = alike.iter().map(|r| (r.candidate, r.fit.u.clone())).collect();
+    let found = Found {
+        effect: candidates[winner.candidate].effect.clone(),
+        site: candidates[winner.candidate].site.clone(),
+        alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
+        probability: 1.0 / total,
+        delta_bic: before - best,
+        parameters: Vec::new(),
+        candidate: winner.candidate,
+    };
+    Some((winner, found))
+}
+
+impl State {
+    /// Makes the winner the new base.
+    fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
+        self.fit = rival.fit;
+        self.fit.renew_step_error(bench);
+        self.fit.jacobian = None;
+        self.fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+        let step = format!("+ {}@{}", found.effect, found.site);
+        self.chosen.push(found);
+        self.climb(bench, step, tell);
+    }
+
+    /// Drops earlier effects that the latest one has made superfluous.
+    fn eliminate(&mut self, bench: &Bench) {
+        let mut index = 0;
+        while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
+            let candidate = &bench.family.candidates()[self.chosen[index].candidate];
+            let gone: Vec<usize> = candidate.knobs().collect();
+            let mut u = self.fit.u.clone();
+            gone.iter().for_each(|&knob| u[knob] = 0.0);
+            let active: Vec<usize> = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
+            let without = Fit::at(bench, active, u, &self.fit.step_error).map(|mut fit| {
+                fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+                fit
+            });
+            let measure = Measure::of(bench, &self.fit);
+            let needless = without.filter(|fit| {
+                let costs = measure.criterion(fit) - measure.criterion(&self.fit);
+                costs <= DECISIVE || fit.squares() <= (1.0 + LEARNT_FALL) * self.fit.squares()
+            });
+            match needless {
+                Some(fit) => {
+                    self.fit = fit;
+                    self.held_out = held_out_squares(bench, &self.fit.u);
+                    let gone = self.chosen.remove(index);
+                    self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
+                }
+                None => index += 1,
+            }
+        }
+    }
+
+    /// Notes where the error is now.
+    fn climb(&mut self, bench: &Bench, step: String, tell: &dyn Fn(&Rung)) {
+        let judged = !bench.logs(Logs::HeldOut).is_empty();
+        self.held_out = if judged { held_out_squares(bench, &self.fit.u) } else { None };
+        let rung = self.rung(bench, step);
+        tell(&rung);
+        self.ladder.push(rung);
+    }
+
+    fn rung(&self, bench: &Bench, step: String) -> Rung {
+        Rung {
+            step,
+            train: chi(self.fit.squares(), bench.samples(Logs::Learn)),
+            held_out: self.held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
+        }
+    }
+}
+
+fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
+    let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
+    let verdict = match (state.chosen.is_empty(), last) {
+        (true, error) if error <= NOISE => Verdict::NothingMissing,
+        (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
+        _ => Verdict::Unexplained,
+    };
+    if !state.fit.fresh {
+        state.fit.differentiate(bench);
+    }
+    let trusted = last <= EXPLAINED;
+    let inflation = Measure::of(bench, &state.fit).inflation();
+    let all = estimates(bench.family, &state.fit, inflation, trusted);
+    for found in &mut state.chosen {
+        let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();
+        found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
+    }
+    let doubtful = bench.family.doubtful();
+    let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
+    Diagnosis {
+        verdict,
+        unexplained_share: (1.0 - last.powi(-2)).max(0.0),
+        integrator_error: chi(crate::fit::squares(&state.fit.step_error), bench.samples(Logs::Learn)),
+        at_bound: at_bound.collect(),
+        effects: state.chosen,
+        ladder: state.ladder,
+        rivals: state.rivals,
+        rollouts: bench.rollouts(),
+        fit: state.fit,
+    }
+}

@@ -1,0 +1,69 @@
+//! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
+
+use super::screen::{Start, with};
+use crate::fit::{Bench, Effort, Fit, Logs, columns};
+use nalgebra::DMatrix;
+
+/// How many start the race, and how many are fitted with all effort whatever their rank.
+const RUNNERS: usize = 6;
+const LEADERS: usize = 3;
+/// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
+const CLOSE: f64 = 1.5;
+const MOST: usize = 6;
+
+/// A candidate with its fit.
+#[derive(Clone, Debug)]
+pub(super) struct Rival {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// The base with it.
+    pub fit: Fit,
+}
+
+/// The candidates that the race left, fully fitted, lowest cost first.
+pub(super) fn race(bench: &Bench, base: &Fit, starts: &[Start]) -> Vec<Rival> {
+    let mut rivals: Vec<Rival> = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, base, start)).collect();
+    for rival in &mut rivals {
+        rival.fit.solve(bench, Effort::RACE);
+    }
+    sort(&mut rivals);
+    let mut polished: Vec<Rival> = Vec::new();
+    for mut rival in rivals {
+        let best = polished.iter().map(|r| r.fit.squares()).fold(f64::INFINITY, f64::min);
+        let close = rival.fit.squares() <= CLOSE * best;
+        if polished.len() < LEADERS || (close && polished.len() < MOST) {
+            rival.fit.jacobian = None;
+            rival.fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+            polished.push(rival);
+        }
+    }
+    sort(&mut polished);
+    polished
+}
+
+fn sort(rivals: &mut [Rival]) {
+    rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
+}
+
+/// A fit of base and candidate at the candidate's start: the base's Jacobian, with new columns for the candidate alone.
+fn begin(bench: &Bench, base: &Fit, start: &Start) -> Option<Rival> {
+    let candidate = &bench.family.candidates()[start.candidate];
+    let mut fit = Fit::at(bench, with(base, candidate), start.u.clone(), &base.step_error)?;
+    let own: Vec<usize> = candidate.knobs().collect();
+    let added = columns(bench, &fit.u, &own, &fit.residual, &fit.step_error);
+    let known = base.jacobian.as_ref()?;
+    let mut jacobian = DMatrix::zeros(known.nrows(), known.ncols() + added.len());
+    jacobian.columns_mut(0, known.ncols()).copy_from(known);
+    for (k, column) in added.iter().enumerate() {
+        jacobian.column_mut(known.ncols() + k).copy_from_slice(column);
+    }
+    fit.jacobian = Some(jacobian);
+    Some(Rival { candidate: start.candidate, fit })
+}
+
+/// A fit's sum of squares on the held-out logs, its own step error there included; `None` where it blows up.
+pub(super) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
+    let residual = bench.residual(u, Logs::HeldOut)?;
+    let error = bench.step_error(u, &residual, Logs::HeldOut);
+    Some(crate::fit::squares(&crate::fit::corrected(residual, &error)))
+}

@@ -1,0 +1,321 @@
+//! A model beside recorded logs, as the core's [`Family`]: what is in doubt, and every effect of the library at every site
+//! where it could sit.
+
+use crate::effect::{EFFECTS, Effect, Param, Placed, SiteKind};
+use crate::model::Model;
+use crate::robot::{Actuator, JointKind};
+use crate::scales::Scales;
+use crate::sim::Setup;
+use btr_core::family::{Candidate, Family, Knob, Law, Measured, Recorded, Step};
+use btr_core::log::{Log, Role, interpolate};
+use btr_core::space::{Dim, Scale};
+use btr_core::world::WorldError;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
+const WEAK: f64 = 33.0;
+/// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
+const REACH: (f64, f64) = (0.05, 0.1);
+
+/// Where nothing is held out, this last share of every log is.
+const JUDGED_TAIL: f64 = 0.3;
+
+/// A model, the logs it is compared with, and all that may be varied.
+pub struct Beside {
+    model: Arc<Model>,
+    recorded: Vec<Log>,
+    parts: Vec<Part>,
+    knobs: Vec<Knob>,
+    doubtful: Vec<usize>,
+    candidates: Vec<Candidate>,
+    logs: Vec<Recorded>,
+    /// What stands behind each candidate.
+    effects: Vec<&'static dyn Effect>,
+}
+
+/// Some samples of a log that are learnt from or judged on together.
+struct Part {
+    scenario: usize,
+    samples: Range<usize>,
+    held_out: bool,
+}
+
+impl Beside {
+    /// Puts a model beside its logs: `recorded` in the order of the model's scenarios. `without` names effects that are not to
+    /// be considered.
+    ///
+    /// # Errors
+    /// A log without any measured channel that the model has; a model that blows up as it stands.
+    pub fn new(model: Arc<Model>, recorded: Vec<Log>, without: &[&str]) -> Result<Self, WorldError> {
+        let scales = Scales::of(&model, &recorded)?;
+        let mut beside = Beside {
+            knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
+            doubtful: (0..model.simulations.len()).collect(),
+            candidates: Vec::new(),
+            logs: Vec::new(),
+            effects: Vec::new(),
+            parts: parts(&model, &recorded),
+            model,
+            recorded,
+        };
+        beside.logs = beside.parts.iter().map(|part| beside.measured(part)).collect::<Result<_, _>>()?;
+        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
+            for site in sites(effect, &beside.model) {
+                beside.offer(effect, site, &scales);
+            }
+        }
+        Ok(beside)
+    }
+
+    /// The model as it stands.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// The logs, in the order of the model's scenarios.
+    pub fn recorded(&self) -> &[Log] {
+        &self.recorded
+    }
+
+    /// What is simulated at a point in one scenario.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
+        let s: Vec<f64> = self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect();
+        let halves = match step {
+            Step::Usual => 1,
+            Step::Halved => 2,
+        };
+        self.model.rollout(&s, scenario, &self.placed(u), halves)
+    }
+
+    /// The effects that are switched on at a point.
+    pub fn placed(&self, u: &[f64]) -> Vec<Placed> {
+        let on = |candidate: &&Candidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
+        let pairs = self.candidates.iter().zip(&self.effects);
+        pairs
+            .filter(|(candidate, _)| on(candidate))
+            .map(|(candidate, effect)| self.place(candidate, *effect, u))
+            .collect()
+    }
+
+    fn place(&self, candidate: &Candidate, effect: &'static dyn Effect, u: &[f64]) -> Placed {
+        let (mut amplitudes, mut shapes) = (candidate.amplitudes.iter(), candidate.shapes.iter());
+        let knob = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
+        let knobs: Vec<Option<&usize>> = effect.card().params.iter().map(knob).collect();
+        let value = |(knob, param): (Option<&usize>, &Param)| knob.map_or(param.off, |&k| self.knobs[k].value(u[k]));
+        let values = knobs.into_iter().zip(effect.card().params).map(value).collect();
+        Placed { effect, site: candidate.site.clone(), values }
+    }
+
+    /// Rounding must not carry a value across its bound.
+    fn inside(&self, k: usize, value: f64) -> f64 {
+        let dim = &self.model.simulations.dims()[k];
+        value.clamp(dim.min, dim.max)
+    }
+
+    /// The channels of a log that are compared: positions, and torques of joints whose motion is prescribed.
+    fn measured(&self, part: &Part) -> Result<Recorded, WorldError> {
+        let recorded = &self.recorded[part.scenario];
+        let (mut channels, mut present) = (Vec::new(), 0);
+        let mut start = 0;
+        for (name, sigma) in compared(&self.model) {
+            let Some(channel) = recorded.channel(&name).filter(|c| c.role == Role::Measured) else { continue };
+            let sigma = if sigma > 0.0 { sigma } else { sigma_of(&channel.values) };
+            let samples = start..start + recorded.len();
+            start = samples.end;
+            present += channel.values[part.samples.clone()].iter().filter(|x| x.is_finite()).count();
+            channels.push(Measured { name, unit: channel.unit.clone(), sigma, samples });
+        }
+        if channels.is_empty() {
+            let what =
+                format!("the log `{}` measures nothing that the model has", self.model.scenarios[part.scenario].name);
+            return Err(WorldError::Setup { what });
+        }
+        let name = self.model.scenarios[part.scenario].name.clone();
+        Ok(Recorded { name, held_out: part.held_out, channels, present })
+    }
+
+    /// Adds an effect at a site to what may be missing.
+    fn offer(&mut self, effect: &'static dyn Effect, site: String, scales: &Scales) {
+        let card = effect.card();
+        let (mut amplitudes, mut shapes) = (Vec::new(), Vec::new());
+        for param in card.params {
+            let list = if param.shape { &mut shapes } else { &mut amplitudes };
+            list.push(self.knobs.len());
+            let name = format!("{}.{}@{site}", card.name, param.name);
+            self.knobs.push(knob(name, param, scales.of_unit(param.unit, &site), own(param, &self.model.setup)));
+        }
+        let start =
+            |values: &&[f64]| shapes.iter().zip(values.iter()).map(|(&k, v)| self.knobs[k].coordinate(*v)).collect();
+        let mut starts: Vec<Vec<f64>> = card.starts.iter().map(start).collect();
+        if starts.is_empty() {
+            starts.push(vec![0.0; shapes.len()]);
+        }
+        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts });
+        self.effects.push(effect);
+    }
+}
+
+impl Family for Beside {
+    fn knobs(&self) -> &[Knob] {
+        &self.knobs
+    }
+
+    fn doubtful(&self) -> &[usize] {
+        &self.doubtful
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn logs(&self) -> &[Recorded] {
+        &self.logs
+    }
+
+    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
+        let part = &self.parts[log];
+        let simulated = self.simulate(u, part.scenario, step)?;
+        let recorded = &self.recorded[part.scenario];
+        let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());
+        for channel in &self.logs[log].channels {
+            let said = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
+            let pairs = recorded.values(&channel.name)?.iter().zip(said).enumerate();
+            let error = |(i, (measured, said)): (usize, (&f64, f64))| {
+                if part.samples.contains(&i) { (measured - said) / channel.sigma } else { f64::NAN }
+            };
+            residual.extend(pairs.map(error));
+        }
+        Ok(residual)
+    }
+}
+
+/// The logs as they are; each cut in two where none is held out.
+fn parts(model: &Model, recorded: &[Log]) -> Vec<Part> {
+    let whole =
+        |scenario: usize| Part { scenario, samples: 0..recorded[scenario].len(), held_out: scenario >= model.learn };
+    if model.learn < recorded.len() {
+        return (0..recorded.len()).map(whole).collect();
+    }
+    let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
+    let first = (0..recorded.len()).map(|scenario| Part { samples: 0..cut(scenario), ..whole(scenario) });
+    let last = (0..recorded.len()).map(|scenario| Part {
+        samples: cut(scenario)..recorded[scenario].len(),
+        held_out: true,
+        scenario,
+    });
+    first.chain(last).collect()
+}
+
+/// Names of the channels that are compared, with their noise where the model file tells it.
+fn compared(model: &Model) -> Vec<(String, f64)> {
+    let noise = &model.setup.noise;
+    let position = noise.position.hypot(noise.position_quantum / 12f64.sqrt());
+    let of = |joint: &crate::robot::Joint| match joint.actuator {
+        Actuator::Prescribed => (format!("tau_{}", joint.name), noise.torque),
+        _ => (format!("q_{}", joint.name), position),
+    };
+    model.robot.movable().map(|(_, link)| of(&link.joint)).collect()
+}
+
+/// The noise of a series by its third differences, which smooth motion hardly has.
+fn sigma_of(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> =
+        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|x| x.is_finite()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
+    (median / 0.6745 / 20f64.sqrt()).max(1e-12)
+}
+
+/// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
+fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
+    let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
+    let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
+        let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
+        let card = crate::effect::find(effect)?.card();
+        Some((card.params.iter().find(|p| p.name == param)?, site))
+    });
+    let (law, size, spread) = match effect {
+        Some((param, site)) if dim.scale == Scale::Linear => {
+            (Law::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
+        }
+        _ if dim.min > 0.0 && nominal > 0.0 => (Law::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
+        _ => (Law::Linear, (dim.max - dim.min) / 4.0, 1.0),
+    };
+    let mut knob = Knob {
+        name: dim.name.clone(),
+        unit: dim.unit.clone(),
+        origin: nominal,
+        size,
+        law,
+        bounds: (0.0, 0.0),
+        spread,
+        reach: REACH.0,
+    };
+    knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
+    knob
+}
+
+/// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
+fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
+    let size = param.hint.abs() * scale;
+    let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
+    let (law, origin, size, bounds, spread) = match param {
+        p if p.shape && p.bounds.0 > 0.0 => {
+            let size = std::f64::consts::LN_2;
+            (
+                Law::Exponential,
+                p.hint * scale,
+                size,
+                ((p.bounds.0 / p.hint).ln() / size, (p.bounds.1 / p.hint).ln() / size),
+                3.0,
+            )
+        }
+        p if p.shape => {
+            let size = (most - least) / 8.0;
+            (Law::Linear, p.hint * scale, size, ((least - p.hint * scale) / size, (most - p.hint * scale) / size), 4.0)
+        }
+        p if p.off.is_infinite() => (Law::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
+        p if p.off.is_nan() => (Law::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
+        p => (Law::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
+    };
+    Knob { name, unit: param.unit.to_owned(), origin, size, law, bounds, spread, reach: REACH.1 }
+}
+
+/// What the model has where the effect would put its own value.
+fn own(param: &Param, setup: &Setup) -> f64 {
+    match param.name {
+        "coefficient" => setup.ground.map_or(f64::NAN, |ground| ground.friction),
+        _ => f64::NAN,
+    }
+}
+
+/// Where an effect could sit and does not yet.
+fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
+    let card = effect.card();
+    let taken = |site: &str| {
+        let there =
+            |placed: &&Placed| placed.effect.card().name == card.name && crate::site::matches(&placed.site, site);
+        let named = format!("{}.", card.name);
+        let in_doubt = model.simulations.dims().iter().any(|dim| {
+            dim.name.starts_with(&named)
+                && crate::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
+        });
+        in_doubt || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
+    };
+    let joints = || model.robot.movable().map(|(_, link)| link);
+    let all: Vec<String> = match card.site {
+        SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
+        SiteKind::Link => {
+            let moves = |link: &&crate::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
+            model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()
+        }
+        SiteKind::Base => vec!["base".to_owned()],
+        SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
+        SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
+    };
+    all.into_iter().filter(|site| !taken(site)).collect()
+}

@@ -1,0 +1,92 @@
+//! What is large and what is small for a robot: the hints of the effects' cards are made for a desk arm, and a crane's friction
+//! is not a finger's.
+
+use crate::assemble;
+use crate::model::Model;
+use btr_core::log::Log;
+use btr_core::world::{Simulator, WorldError};
+
+/// The desk arm that the cards' hints are made for.
+const DESK: Scale = Scale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
+
+/// What a joint usually does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    /// Root mean square of the motor's torque, in N·m (N).
+    torque: f64,
+    /// Largest usual speed, in rad/s (m/s).
+    speed: f64,
+    /// What it moves, in kg·m² (kg).
+    inertia: f64,
+    /// The carried link's mass in kg.
+    mass: f64,
+}
+
+/// The scales of all joints, and the largest for what sits elsewhere.
+pub(crate) struct Scales {
+    joints: Vec<(String, String, Scale)>,
+    whole: Scale,
+}
+
+impl Scales {
+    /// Simulates the logs once, with the model as it stands, and looks what the motors do.
+    pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
+        let robot = &model.robot;
+        let carried = assemble::carried_inertia(robot, &assemble::bodies(robot));
+        let mut joints: Vec<(String, String, Scale)> = robot
+            .movable()
+            .zip(carried)
+            .map(|((_, link), inertia)| {
+                let scale = Scale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg };
+                (link.joint.name.clone(), link.name.clone(), scale)
+            })
+            .collect();
+        for log in 0..model.learn.min(recorded.len()) {
+            let simulated = model.rollout(&model.simulations().nominal(), log, &[], 1)?;
+            for (joint, _, scale) in &mut joints {
+                scale.torque = scale.torque.max(rms(simulated.values(&format!("tau_{joint}"))?));
+                scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));
+            }
+        }
+        let largest = |of: fn(&Scale) -> f64| joints.iter().map(|(_, _, scale)| of(scale)).fold(0.0, f64::max);
+        let whole = Scale {
+            torque: largest(|s| s.torque),
+            speed: largest(|s| s.speed),
+            inertia: largest(|s| s.inertia),
+            mass: largest(|s| s.mass),
+        };
+        // A joint that does nothing has the others' measure, or the desk arm's.
+        let or = |x: f64, other: f64, desk: f64| [x, 0.1 * other, desk].into_iter().find(|v| *v > 0.0).unwrap_or(desk);
+        for (_, _, scale) in &mut joints {
+            scale.torque = or(scale.torque.max(0.1 * whole.torque), whole.torque, DESK.torque);
+            scale.speed = or(scale.speed.max(0.1 * whole.speed), whole.speed, DESK.speed);
+            scale.mass = or(scale.mass, whole.mass, DESK.mass);
+            scale.inertia = or(scale.inertia, whole.inertia, DESK.inertia);
+        }
+        Ok(Scales { joints, whole })
+    }
+
+    /// By how much a hint in this unit is to be scaled at a site.
+    pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
+        let there = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);
+        let scale = there.map_or(&self.whole, |(_, _, scale)| scale);
+        let (torque, speed) = (scale.torque / DESK.torque, scale.speed / DESK.speed);
+        let factor = match unit {
+            "N·m" | "N" | "N·m/rad" => torque,
+            "N·m·s/rad" => torque / speed,
+            "N·m·s²/rad²" => torque / (speed * speed),
+            "1/(N·m)" => 1.0 / torque,
+            "1/J" => 1.0 / (torque * speed),
+            "rad/s" => speed,
+            "kg·m²" | "kg·m^2" => scale.inertia / DESK.inertia,
+            "kg" => scale.mass / DESK.mass,
+            _ => 1.0,
+        };
+        if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|x| x.is_finite());
+    (finite().map(|x| x * x).sum::<f64>() / finite().count().max(1) as f64).sqrt()
+}

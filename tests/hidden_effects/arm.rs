@@ -1,0 +1,188 @@
+//! The desk arm of `robots/arm.toml`, and realities that differ from it.
+
+use crate::excite::{self, Commands, DURATION_S, TICK_S};
+use crate::score::{Case, Planted};
+use btr_core::family::{Family, Knob, Law};
+use btr_core::log::{Log, Role};
+use btr_core::random::{Rng, stream};
+use btr_physics::beside::Beside;
+use btr_physics::drive::Replay;
+use btr_physics::effect::Placed;
+use btr_physics::experiment::{Source, model};
+use btr_physics::model::{Model, Scenario};
+use btr_physics::sim;
+use rand::RngExt;
+use std::path::Path;
+use std::sync::Arc;
+
+/// How many times finer the reality's time step is.
+const FINER: f64 = 4.0;
+/// How far the reality's masses and gains are off, at most.
+const MASSES: f64 = 0.2;
+const GAINS: f64 = 0.1;
+/// Amplitudes of hidden effects, in typical sizes.
+const SIZES: (f64, f64) = (0.7, 1.5);
+/// Limits bind from about here on; see the scales of the robot.
+const LIMITS: (f64, f64) = (0.5, 0.9);
+
+/// All cases of a kind.
+pub(crate) fn cases(kind: &str, effects: &[String], seeds: std::ops::Range<u64>, size: f64) -> Vec<Case> {
+    let wanted = |name: &str| effects.is_empty() || effects.iter().any(|e| e == name);
+    let bare = Reality::new(0).beside(&[]);
+    let mut names: Vec<String> = bare.candidates().iter().map(|c| c.effect.clone()).collect();
+    names.dedup();
+    names.retain(|name| wanted(name));
+    let mut cases = Vec::new();
+    for seed in seeds {
+        match kind {
+            "none" => cases.push(Reality::new(seed).case(&[], size)),
+            "two" => {
+                let mut rng = stream(seed, &[77]);
+                let mut pick = || names[(rng.random::<f64>() * names.len() as f64) as usize].clone();
+                let first = pick();
+                let second = std::iter::repeat_with(pick).find(|name| *name != first);
+                cases.push(Reality::new(seed).case(&[first, second.unwrap_or_default()], size));
+            }
+            _ => {
+                for name in &names {
+                    cases.push(Reality::new(seed).case(std::slice::from_ref(name), size));
+                }
+            }
+        }
+    }
+    cases
+}
+
+/// One reality in the making.
+struct Reality {
+    seed: u64,
+    rng: Rng,
+    model: Model,
+    learn: usize,
+}
+
+impl Reality {
+    fn new(seed: u64) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/arm.toml");
+        let model = Source::read(&path).and_then(|source| model(&source)).unwrap_or_else(|e| quit(&e));
+        let mut rng = stream(seed, &[1]);
+        let joints = model.robot.movable().count();
+        let training = excite::training(joints, &mut rng);
+        let learn = training.len();
+        let episodes: Vec<Commands> = training.into_iter().chain(excite::held_out(joints, &mut rng)).collect();
+        let mut model = Model { learn, ..model };
+        model.scenarios = episodes.iter().enumerate().map(|(i, told)| scenario(&model, i, told)).collect();
+        Reality { seed, rng, model, learn }
+    }
+
+    /// The model beside what this reality does when `placed` is hidden in it.
+    fn beside(&mut self, placed: &[Placed]) -> Beside {
+        let mut truth = self.model.simulations.nominal();
+        for (value, dim) in truth.iter_mut().zip(self.model.simulations.dims()) {
+            let off = if dim.name.starts_with("mass") { MASSES } else { GAINS };
+            *value *= 1.0 + off * (2.0 * self.rng.random::<f64>() - 1.0);
+            *value = value.clamp(dim.min, dim.max);
+        }
+        let logs: Vec<Log> = (0..self.model.scenarios.len()).map(|i| self.record(&truth, placed, i)).collect();
+        let mut model = clone(&self.model, self.learn);
+        for (scenario, log) in model.scenarios.iter_mut().zip(&logs) {
+            let first = |joint: &str| log.channel(&format!("q_{joint}")).map_or(0.0, |c| c.values[0]);
+            scenario.start = self.model.robot.movable().map(|(_, l)| (first(&l.joint.name), 0.0)).collect();
+        }
+        Beside::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
+    }
+
+    /// What the sensors say in an episode.
+    fn record(&self, truth: &[f64], placed: &[Placed], scenario: usize) -> Log {
+        let (robot, mut effects, mut setup) = self.model.at(truth, scenario);
+        effects.extend_from_slice(placed);
+        setup.dt_s /= FINER;
+        let Some(drive) = self.model.scenarios[scenario].replay.clone() else { quit(&"no replay") };
+        let noise = self.seed.wrapping_mul(1009).wrapping_add(scenario as u64);
+        let mut log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
+        log.retain(|name, _| name.starts_with("q_") || name.starts_with("cmd_"));
+        log
+    }
+
+    /// Effects of the library, somewhere, of some size.
+    fn case(mut self, names: &[String], size: f64) -> Case {
+        let bare = self.beside(&[]);
+        self.rng = stream(self.seed, &[2, names.len() as u64, fingerprint(&names.join(","))]);
+        let planted: Vec<Planted> = names.iter().map(|name| self.plant(&bare, name, size)).collect();
+        let mut u = vec![0.0; bare.knobs().len()];
+        planted.iter().flat_map(|p| &p.coordinates).for_each(|(knob, x)| u[*knob] = *x);
+        let placed = bare.placed(&u);
+        self.rng = stream(self.seed, &[3]);
+        let family = self.beside(&placed);
+        Case { name: names.join(" + "), seed: self.seed, planted, outside: false, family }
+    }
+
+    fn plant(&mut self, bare: &Beside, name: &str, size: f64) -> Planted {
+        let sites: Vec<usize> =
+            (0..bare.candidates().len()).filter(|&i| bare.candidates()[i].effect == *name).collect();
+        let index = sites[(self.rng.random::<f64>() * sites.len() as f64) as usize];
+        let candidate = &bare.candidates()[index];
+        let mut coordinates = Vec::new();
+        for &knob in &candidate.amplitudes {
+            coordinates.push((knob, self.amplitude(&bare.knobs()[knob], size)));
+        }
+        let start = &candidate.starts[(self.rng.random::<f64>() * candidate.starts.len() as f64) as usize];
+        for (&knob, &shape) in candidate.shapes.iter().zip(start) {
+            coordinates.push((knob, shape));
+        }
+        let values =
+            coordinates.iter().map(|(k, u)| (bare.knobs()[*k].name.clone(), bare.knobs()[*k].value(*u))).collect();
+        Planted { effect: name.to_owned(), site: candidate.site.clone(), coordinates, values }
+    }
+
+    fn amplitude(&mut self, knob: &Knob, size: f64) -> f64 {
+        let share: f64 = self.rng.random();
+        if knob.law == Law::Inverse {
+            return size * (LIMITS.0 + share * (LIMITS.1 - LIMITS.0));
+        }
+        let sign = if knob.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
+        knob.clamp(sign * size * (SIZES.0 + share * (SIZES.1 - SIZES.0)))
+    }
+}
+
+/// A replay of commands from rest at the first of them.
+fn scenario(model: &Model, number: usize, told: &Commands) -> Scenario {
+    let clock = (0..told[0].len()).map(|i| i as f64 * TICK_S).collect();
+    let mut log = Log::new(clock).unwrap_or_else(|e| quit(&e));
+    for ((_, link), row) in model.robot.movable().zip(told) {
+        let name = format!("cmd_{}", link.joint.name);
+        log.insert(name, "rad", Role::Command, row.clone()).unwrap_or_else(|e| quit(&e));
+    }
+    Scenario {
+        name: format!("episode {number}"),
+        replay: Some(Arc::new(Replay::new(&log, &model.robot))),
+        duration_s: DURATION_S,
+        settings: Vec::new(),
+        start: told.iter().map(|row| (row[0], 0.0)).collect(),
+    }
+}
+
+fn clone(model: &Model, learn: usize) -> Model {
+    Model {
+        robot: model.robot.clone(),
+        effects: model.effects.clone(),
+        setup: model.setup.clone(),
+        targets: model.targets.clone(),
+        simulations: model.simulations.clone(),
+        drive: model.drive.clone(),
+        scenarios: model.scenarios.clone(),
+        learn,
+        fitness: model.fitness.clone(),
+        rollouts: 0.into(),
+    }
+}
+
+fn fingerprint(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// A benchmark that cannot run has nothing to say.
+fn quit(error: &dyn std::fmt::Display) -> ! {
+    eprintln!("{error}");
+    std::process::exit(2);
+}

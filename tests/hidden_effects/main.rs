@@ -1,0 +1,106 @@
+//! A benchmark with hidden effects: a reality is a model with something that the model lacks, other parameters, a finer time
+//! step, noise and quantised encoders; the diagnosis has to say what it is and where.
+//!
+//! `cargo run --release -p btr-tests --bin hidden_effects -- --help`
+
+mod arm;
+mod excite;
+mod score;
+
+use btr_core::diagnose::{Question, Rung, diagnose};
+use btr_core::fit::Bench;
+use score::{Case, Outcome, summary};
+use std::time::Instant;
+
+const HELP: &str = "\
+hidden_effects [KIND] [OPTIONS]
+  KIND             one (default), none, two, outside
+  --effects A,B    only these; every effect that fits the robot unless given
+  --seeds A..B     1..4 unless given; tuning uses seeds below 1000, reports those from 1000 on
+  --size X         effects X times their realistic size; 1 unless given
+  --verbose        every step of the ladder
+  --quiet          only the summary";
+
+/// What is asked for on the command line.
+struct Options {
+    kind: String,
+    effects: Vec<String>,
+    seeds: std::ops::Range<u64>,
+    size: f64,
+    quiet: bool,
+    verbose: bool,
+}
+
+fn options() -> Result<Options, String> {
+    let mut options =
+        Options { kind: "one".into(), effects: vec![], seeds: 1..4, size: 1.0, quiet: false, verbose: false };
+    let mut args = std::env::args().skip(1);
+    while let Some(arg) = args.next() {
+        let mut value = || args.next().ok_or(format!("{arg} needs a value"));
+        match arg.as_str() {
+            "one" | "none" | "two" | "outside" => options.kind = arg,
+            "--effects" => options.effects = value()?.split(',').map(str::to_owned).collect(),
+            "--size" => options.size = value()?.parse().map_err(|_| "--size takes a number")?,
+            "--seeds" => {
+                let text = value()?;
+                let (a, b) = text.split_once("..").ok_or("--seeds takes A..B")?;
+                let number = |x: &str| x.parse::<u64>().map_err(|_| "--seeds takes whole numbers".to_owned());
+                options.seeds = number(a)?..number(b)?;
+            }
+            "--quiet" => options.quiet = true,
+            "--verbose" => options.verbose = true,
+            _ => return Err(HELP.to_owned()),
+        }
+    }
+    Ok(options)
+}
+
+fn main() {
+    let options = match options() {
+        Ok(options) => options,
+        Err(message) => {
+            eprintln!("{message}");
+            std::process::exit(2);
+        }
+    };
+    let cases = arm::cases(&options.kind, &options.effects, options.seeds.clone(), options.size);
+    let mut outcomes = Vec::new();
+    for case in cases {
+        let outcome = run(case, options.verbose);
+        if !options.quiet {
+            println!("{}", outcome.line());
+        }
+        outcomes.push(outcome);
+    }
+    println!("{}", summary(&outcomes));
+}
+
+/// One diagnosis.
+fn run(case: Case, verbose: bool) -> Outcome {
+    let began = Instant::now();
+    let bench = Bench::new(&case.family);
+    let tell = |rung: &Rung| {
+        if verbose {
+            println!(
+                "    {:<50} {:7.3} {:7.3}  {} rollouts",
+                rung.step,
+                rung.train,
+                rung.held_out.unwrap_or(f64::NAN),
+                bench.rollouts()
+            );
+        }
+    };
+    let diagnosis = diagnose(&bench, Question::default(), &tell);
+    let seconds = began.elapsed().as_secs_f64();
+    if verbose && let Some(d) = &diagnosis {
+        println!("integrator {:.3}", d.integrator_error);
+        let rows = d.fit.residual.len() / 12;
+        for (k, block) in d.fit.residual.chunks(rows).enumerate() {
+            let ms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64).sqrt();
+            let mean = block.iter().sum::<f64>() / block.len() as f64;
+            let c1: f64 = block.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / block.iter().map(|v| v * v).sum::<f64>();
+            println!("  block {k}: rms {:.3} first 50 {:.3} mean {mean:.3} c1 {c1:.3}", ms(block), ms(&block[..50]));
+        }
+    }
+    Outcome::new(case, diagnosis, seconds)
+}

@@ -1,0 +1,198 @@
+//! What came out of a diagnosis, and the tables over many.
+
+use btr_core::diagnose::{Diagnosis, Verdict};
+use btr_physics::beside::Beside;
+use btr_physics::effect::find;
+
+/// An effect that is there.
+pub(crate) struct Planted {
+    pub effect: String,
+    pub site: String,
+    /// Knobs and their coordinates.
+    pub coordinates: Vec<(usize, f64)>,
+    /// The same by name, in SI units.
+    pub values: Vec<(String, f64)>,
+}
+
+/// A reality beside the model.
+pub(crate) struct Case {
+    pub name: String,
+    pub seed: u64,
+    pub planted: Vec<Planted>,
+    /// Whether something is there that no effect of the library is.
+    pub outside: bool,
+    pub family: Beside,
+}
+
+/// What was said about it.
+pub(crate) struct Outcome {
+    case: String,
+    seed: u64,
+    truth: Vec<String>,
+    found: Vec<String>,
+    verdict: Option<Verdict>,
+    score: Score,
+    before: f64,
+    after: f64,
+    /// Parameters of the planted effects with an interval, and how many of the intervals hold the truth.
+    intervals: (usize, usize),
+    rollouts: usize,
+    seconds: f64,
+}
+
+/// How good that is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Score {
+    /// Exactly what is there.
+    Exact,
+    /// What is there or what is declared to be its like.
+    Equivalent,
+    /// What is there, and something else.
+    Extra,
+    /// Some of what is there, and nothing that is not.
+    Part,
+    /// Nothing named.
+    Silent,
+    /// Something that is not there, named as the explanation.
+    Wrong,
+    /// Rightly called unexplained.
+    Unexplained,
+}
+
+impl Outcome {
+    pub(crate) fn new(case: Case, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
+        let truth: Vec<String> = case.planted.iter().map(|p| format!("{}@{}", p.effect, p.site)).collect();
+        let Some(diagnosis) = diagnosis else {
+            let score = Score::Silent;
+            let (found, nan) = (Vec::new(), f64::NAN);
+            return Outcome {
+                case: case.name,
+                seed: case.seed,
+                truth,
+                found,
+                verdict: None,
+                score,
+                before: nan,
+                after: nan,
+                intervals: (0, 0),
+                rollouts: 0,
+                seconds,
+            };
+        };
+        let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
+        let error = |rung: Option<&btr_core::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
+        Outcome {
+            score: score(&case, &truth, &found, &diagnosis),
+            intervals: intervals(&case, &diagnosis),
+            before: error(diagnosis.ladder.get(1).or(diagnosis.ladder.first())),
+            after: error(diagnosis.ladder.last()),
+            verdict: Some(diagnosis.verdict),
+            rollouts: diagnosis.rollouts,
+            case: case.name,
+            seed: case.seed,
+            truth,
+            found,
+            seconds,
+        }
+    }
+
+    /// One line.
+    pub(crate) fn line(&self) -> String {
+        format!(
+            "{:<11} {:>5} {:<44} -> {:<60} {:6.2} -> {:5.2} sigma {:5} rollouts {:5.1} s",
+            format!("{:?}", self.score).to_lowercase(),
+            self.seed,
+            if self.truth.is_empty() { self.case.clone() } else { self.truth.join(" + ") },
+            if self.found.is_empty() { format!("{:?}", self.verdict) } else { self.found.join(" + ") },
+            self.before,
+            self.after,
+            self.rollouts,
+            self.seconds
+        )
+    }
+}
+
+fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
+    if case.outside {
+        return if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong };
+    }
+    let here = found.iter().filter(|f| truth.contains(f)).count();
+    if here == truth.len() && found.len() == truth.len() {
+        return if truth.is_empty() && diagnosis.verdict == Verdict::Unexplained { Score::Wrong } else { Score::Exact };
+    }
+    if found.is_empty() {
+        return Score::Silent;
+    }
+    if here == truth.len() {
+        return Score::Extra;
+    }
+    let like = |t: &String| {
+        let named = |f: &str| {
+            f == t
+                || diagnosis
+                    .effects
+                    .iter()
+                    .any(|e| e.alike.contains(t) || (format!("{}@{}", e.effect, e.site) == f && are_alike(f, t)))
+        };
+        found.iter().any(|f| named(f))
+    };
+    if truth.iter().all(like) && found.len() <= truth.len() {
+        return Score::Equivalent;
+    }
+    if here == found.len() {
+        return Score::Part;
+    }
+    if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
+}
+
+/// Whether the library itself says that two effects at one site are hard to tell apart.
+fn are_alike(a: &str, b: &str) -> bool {
+    let name = |x: &str| x.split('@').next().unwrap_or_default().to_owned();
+    let says = |x: &str, y: &str| find(&name(x)).is_some_and(|e| e.card().alike.contains(&name(y).as_str()));
+    says(a, b) || says(b, a)
+}
+
+fn intervals(case: &Case, diagnosis: &Diagnosis) -> (usize, usize) {
+    let (mut offered, mut held) = (0, 0);
+    for (name, truth) in case.planted.iter().flat_map(|p| &p.values) {
+        let estimates = diagnosis.effects.iter().flat_map(|f| &f.parameters);
+        for [low, high] in estimates.filter(|e| e.name == *name).filter_map(|e| e.ci95) {
+            offered += 1;
+            held += usize::from(low <= *truth && *truth <= high);
+        }
+    }
+    (offered, held)
+}
+
+/// Counts and medians.
+pub(crate) fn summary(outcomes: &[Outcome]) -> String {
+    let n = outcomes.len();
+    let mut text = format!("\n{n} cases");
+    for score in
+        [Score::Exact, Score::Equivalent, Score::Extra, Score::Part, Score::Silent, Score::Unexplained, Score::Wrong]
+    {
+        let count = outcomes.iter().filter(|o| o.score == score).count();
+        if count > 0 {
+            text += &format!(
+                "\n  {:<12} {count:4}  {:5.1} %",
+                format!("{score:?}").to_lowercase(),
+                100.0 * count as f64 / n as f64
+            );
+        }
+    }
+    let median = |of: &dyn Fn(&Outcome) -> f64| {
+        let mut values: Vec<f64> = outcomes.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(n / 2).copied().unwrap_or(f64::NAN)
+    };
+    let most = outcomes.iter().map(|o| o.rollouts).max().unwrap_or(0);
+    let (offered, held) = outcomes.iter().fold((0, 0), |(a, b), o| (a + o.intervals.0, b + o.intervals.1));
+    text += &format!(
+        "\nheld-out error, median: {:.2} -> {:.3} sigma\nrollouts: median {:.0}, most {most}\nseconds: median {:.1}\n95 % intervals that hold the truth: {held} of {offered}",
+        median(&|o| o.before),
+        median(&|o| o.after),
+        median(&|o| o.rollouts as f64),
+        median(&|o| o.seconds)
+    );
+    text
+}
