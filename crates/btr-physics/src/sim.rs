@@ -19,6 +19,24 @@ use std::borrow::Cow;
 pub struct Ground {
     /// Coulomb coefficient against everything that touches it.
     pub friction: f64,
+    /// How it gives way; as hard as the engine can make it when absent.
+    pub compliance: Option<Compliance>,
+}
+
+impl Ground {
+    /// A hard floor of this Coulomb coefficient.
+    pub fn hard(friction: f64) -> Self {
+        Ground { friction, compliance: None }
+    }
+}
+
+/// A spring and a damper at every contact with the floor, each as it would be under the robot's whole mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliance {
+    /// N/m.
+    pub stiffness: f64,
+    /// N·s/m.
+    pub damping: f64,
 }
 
 /// A ball to be kicked.
@@ -104,7 +122,7 @@ impl Default for Setup {
             interpolate: false,
             sample_s: None,
             sensors: Sensors { velocities: true, torques: true, imu: false, feet: true },
-            ground: Some(Ground { friction: 0.8 }),
+            ground: Some(Ground::hard(0.8)),
             ball: None,
             noise: Noise::default(),
             gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),

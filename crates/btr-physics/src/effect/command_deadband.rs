@@ -15,7 +15,7 @@ static CARD: Card = Card {
     tell: "the joint stops short of its goal from either side and is slack in between",
     params: &[Param::new("band", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
-    alike: &["coulomb_friction"],
+    alike: &["coulomb_friction", "backlash"],
 };
 
 impl Effect for CommandDeadband {

@@ -13,7 +13,7 @@ static CARD: Card = Card {
     tell: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
     params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
     starts: &[],
-    alike: &[],
+    alike: &["contact_compliance"],
 };
 
 impl Effect for GroundFriction {

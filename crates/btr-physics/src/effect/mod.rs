@@ -141,6 +141,8 @@ impl fmt::Debug for dyn Effect {
     }
 }
 
+mod rotor;
+
 /// Declares the effects' files and lists them.
 macro_rules! effects {
     ($($file:ident::$effect:ident),* $(,)?) => {
@@ -174,12 +176,15 @@ effects! {
     com_offset::ComOffset,
     link_inertia::LinkInertia,
     gravity_tilt::GravityTilt,
+    backlash::Backlash,
+    joint_elasticity::JointElasticity,
     encoder_scale::EncoderScale,
     encoder_offset::EncoderOffset,
     encoder_delay::EncoderDelay,
     imu_bias::ImuBias,
     clock_skew::ClockSkew,
     ground_friction::GroundFriction,
+    contact_compliance::ContactCompliance,
 }
 
 /// The effect of that name.

@@ -92,7 +92,7 @@ impl Builder<'_> {
             interpolate: s.interpolate,
             sample_s: Some(dt_s * f64::from(s.sample_every)),
             sensors: Sensors { velocities: true, torques: true, imu: floating, feet: floating },
-            ground: floating.then_some(Ground { friction: s.ground_friction }),
+            ground: floating.then(|| Ground::hard(s.ground_friction)),
             ball: s.ball.as_ref().map(|b| Ball {
                 radius_m: b.radius_m,
                 mass_kg: b.mass_kg,

@@ -3,21 +3,22 @@
 use super::convert::{pose, quaternion, vector};
 use crate::assemble::Body;
 use crate::robot::{Base, Geometry, Joint, JointKind, Robot, Shape};
-use crate::sim::{Ball, Ground, Setup};
+use crate::sim::{Ball, Compliance, Ground, Setup};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::dynamics::{
     GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MassProperties, RigidBodyBuilder, RigidBodyHandle,
+    SpringCoefficients,
 };
 use rapier3d_f64::geometry::{ColliderBuilder, ColliderHandle, SharedShape};
 use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::PhysicsWorld;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Principal moments below this (kg·m²) are raised to it: Rapier inverts them.
 const LEAST_INERTIA: f64 = 1e-9;
 
-/// The integrator's settings.
-pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup) {
+/// The integrator's settings; a soft floor is so soft under `mass_kg`.
+pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup, mass_kg: f64) {
     let parameters = &mut world.integration_parameters;
     parameters.dt = setup.dt_s;
     parameters.num_solver_iterations = setup.substeps;
@@ -26,6 +27,19 @@ pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup) {
     parameters.contact_clustering = false;
     // Robots are decimetres large: Rapier's 5 mm of tolerated penetration would be a soft floor.
     parameters.normalized_allowed_linear_error = 0.0005;
+    if let Some(compliance) = setup.ground.and_then(|ground| ground.compliance) {
+        parameters.static_contact_softness = softness(&compliance, mass_kg);
+        // It would stop whatever touches the floor within the step, as a hard floor does.
+        parameters.num_internal_stabilization_iterations = 0;
+        // Its springs are as strong as they are deep.
+        parameters.normalized_max_corrective_velocity = f64::MAX;
+    }
+}
+
+/// Rapier's springs have a frequency and a damping ratio, whatever mass it is that a contact feels.
+fn softness(compliance: &Compliance, mass_kg: f64) -> SpringCoefficients<f64> {
+    let angular_frequency = (compliance.stiffness / mass_kg).sqrt();
+    SpringCoefficients::new(angular_frequency / TAU, compliance.damping / (2.0 * mass_kg * angular_frequency))
 }
 
 pub(super) fn add_ground(world: &mut PhysicsWorld, ground: &Ground) {

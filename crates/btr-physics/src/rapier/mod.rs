@@ -51,7 +51,7 @@ impl Rapier {
         let bodies = assemble::bodies(robot);
         let mut world = PhysicsWorld::new();
         world.gravity = vector(&setup.gravity_m_s2);
-        build::configure(&mut world, setup);
+        build::configure(&mut world, setup, robot.mass_kg());
         if let Some(ground) = &setup.ground {
             build::add_ground(&mut world, ground);
         }

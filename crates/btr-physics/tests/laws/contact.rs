@@ -3,13 +3,14 @@
 use crate::scene::{G, Told, brick, hold, last, placed, run, run_with, setup};
 use btr_physics::ant;
 use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL, nao};
+use btr_physics::robot::Geometry;
 use btr_physics::sim::{Ball, Ground, Setup};
 use nalgebra::{Point3, Vector3};
 
 /// A floor of friction 0.5, tilted by this angle.
 fn slope(angle_rad: f64) -> Setup {
     Setup {
-        ground: Some(Ground { friction: 0.5 }),
+        ground: Some(Ground::hard(0.5)),
         gravity_m_s2: Vector3::new(G * angle_rad.sin(), 0.0, -G * angle_rad.cos()),
         ..setup(0.002, 1.0)
     }
@@ -41,7 +42,7 @@ fn slides_with_the_acceleration_that_is_left() {
 #[test]
 fn ground_friction_replaces_the_models() {
     let slippery = run_with(&slab(), &[placed("ground_friction", "*", &[0.2])], &slope(0.4), &hold(0.0));
-    let same = Setup { ground: Some(Ground { friction: 0.2 }), ..slope(0.4) };
+    let same = Setup { ground: Some(Ground::hard(0.2)), ..slope(0.4) };
     assert_eq!(slippery, run(&slab(), &same, &hold(0.0)));
     assert!(last(&slippery, "base_x") > 0.5);
 }
@@ -113,4 +114,37 @@ fn ball_rests_on_the_floor_and_is_pushed() {
     let sliding = Setup { ball: Some(ball), ..slope(0.7) };
     let log = run(&slab(), &sliding, &hold(0.0));
     assert!(last(&log, "ball_x") > last(&log, "base_x") + 0.1);
+}
+
+/// A ball of 1 kg dropped from where it just touches a floor of 1000 N/m.
+fn on_a_soft_floor(damping: f64) -> btr_core::log::Log {
+    let mut ball = brick(Vector3::repeat(0.1), 1.0, Vector3::zeros());
+    ball.links[0].shapes[0].geometry = Geometry::Sphere { radius_m: 0.1 };
+    ball.start.translation.z = 0.1;
+    let soft = placed("contact_compliance", "*", &[1000.0, damping]);
+    let floor = Setup { ground: Some(Ground::hard(0.5)), ..setup(0.0005, 2.0) };
+    run_with(&ball, &[soft], &floor, &hold(0.0))
+}
+
+#[test]
+fn a_soft_floor_gives_way_by_weight_over_stiffness() {
+    let log = on_a_soft_floor(30.0);
+    let sunk = 0.1 - last(&log, "base_z");
+    assert!((sunk - G / 1000.0).abs() < 1e-6, "{sunk} m");
+    assert!((last(&log, "foot_brick") - G).abs() < 1e-3, "{} N", last(&log, "foot_brick"));
+}
+
+#[test]
+fn a_soft_floor_bounces_at_its_frequency_and_damps() {
+    let z = |damping: f64| on_a_soft_floor(damping).values("base_z").unwrap().to_vec();
+    let lowest = z(2.0).iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| i as f64 * 0.0005).unwrap();
+    let expected = std::f64::consts::PI / 1000.0_f64.sqrt();
+    assert!((lowest / expected - 1.0).abs() < 0.15, "lowest after {lowest} s, expected {expected} s");
+    let deepest = |damping: f64| 0.1 - z(damping).iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(
+        deepest(2.0) > 1.7 * G / 1000.0 && deepest(100.0) < 1.15 * G / 1000.0,
+        "{} {}",
+        deepest(2.0),
+        deepest(100.0)
+    );
 }

@@ -14,3 +14,4 @@ mod motor;
 mod parameter;
 mod placement;
 mod scene;
+mod transmission;

@@ -74,7 +74,7 @@ fn motors_floors_and_effects() {
     };
     assert_eq!((kp("L1_knee"), kp("R3_knee"), kp("L1_yaw")), (7.0, 7.0, 12.0));
     let (_, setup) = set("ground_friction", 0.3, &mut robot);
-    assert_eq!(setup.ground, Some(btr_physics::sim::Ground { friction: 0.3 }));
+    assert_eq!(setup.ground, Some(btr_physics::sim::Ground::hard(0.3)));
     let (placed, _) = set("coulomb_friction.torque@L1_knee,R1_knee", 0.2, &mut robot);
     assert_eq!((placed.len(), placed[0].values[0], placed[0].site.as_str()), (1, 0.2, "L1_knee,R1_knee"));
 }

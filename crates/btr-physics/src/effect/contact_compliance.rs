@@ -1,0 +1,33 @@
+//! A floor (or soles) that gives way: rubber, carpet, a bending foot.
+//!
+//! The values are those of a spring and a damper under the robot's whole mass. Rapier gives every contact the frequency and the
+//! damping ratio that follow: frequency = sqrt(stiffness/mass)/2pi, ratio = damping/(2·sqrt(stiffness·mass)). A contact that
+//! only feels a share of the mass, as at the end of a leg, is softer by that share.
+
+use super::{Card, Effect, Param, SiteKind};
+use crate::sim::{Compliance, Setup};
+
+pub(super) struct ContactCompliance;
+
+static CARD: Card = Card {
+    name: "contact_compliance",
+    law: "every contact with the floor is a spring and a damper: -stiffness·depth - damping·speed",
+    site: SiteKind::Ground,
+    cite: "Hooke's law; Catto, Soft Constraints, Game Developers Conference 2011",
+    tell: "the body sinks and bounces where it should stand; contact forces rise and fall slowly",
+    params: &[Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0), Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0)],
+    starts: &[&[5.0], &[50.0]],
+    alike: &["ground_friction"],
+};
+
+impl Effect for ContactCompliance {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn world(&self, p: &[f64], setup: &mut Setup) {
+        if let Some(ground) = &mut setup.ground {
+            ground.compliance = Some(Compliance { stiffness: p[0], damping: p[1] });
+        }
+    }
+}

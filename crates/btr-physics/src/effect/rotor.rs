@@ -1,0 +1,69 @@
+//! A rotor of its own on the motor's side of a transmission that is not rigid.
+//!
+//! What is between rotor and link is a spring (and a damper) for the coming step. Rotor, servo and spring are solved together
+//! for the step's end: the rotor's coming velocity is `a + b·(the link's coming velocity)`. With that the spring's torque on the
+//! link depends on the link's velocity alone, so that the engine finds the velocity that suits all of them, and no stiffness
+//! makes a step unstable.
+
+use crate::engine::{Affine, Dof};
+use crate::motor::JointState;
+
+/// How many numbers a rotor remembers.
+pub(super) const MEMORY: usize = 7;
+
+/// Of what a joint carries, the share that its rotor has where the model does not tell its inertia.
+const SHARE: f64 = 0.01;
+
+/// What is between rotor and link during a step.
+pub(super) struct Spring {
+    /// N·m/rad.
+    pub(super) stiffness: f64,
+    /// N·m·s/rad.
+    pub(super) damping: f64,
+    /// How far it is stretched when the step begins, in rad.
+    pub(super) stretch: f64,
+}
+
+/// The rotor's angle and velocity where the last step led to, now that the link's velocity is known. It starts with the link.
+pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    let [started, angle, velocity, a, b, ..] = memory else { return (state.q, state.dq) };
+    if *started > 0.0 {
+        *velocity = *a + *b * state.dq;
+        *angle += state.dt_s * *velocity;
+    } else {
+        (*started, *angle, *velocity) = (1.0, state.q, state.dq);
+    }
+    (*angle, *velocity)
+}
+
+/// Takes the rotor's inertia away from the link.
+pub(super) fn take_inertia(dof: &mut Dof, state: &JointState) -> f64 {
+    let known = std::mem::replace(&mut dof.armature, 0.0);
+    if known > 0.0 { known } else { SHARE * state.inertia }
+}
+
+/// The rotor's angle and velocity when the step ends if nothing holds it but its motor.
+pub(super) fn loose(memory: &[f64], motor: &Affine, inertia: f64, dt_s: f64) -> (f64, f64) {
+    motor.step(memory[1], memory[2], dt_s, inertia)
+}
+
+/// What arrives at the link.
+pub(super) fn transmit(memory: &mut [f64], motor: &Affine, inertia: f64, spring: &Spring, dt_s: f64) -> Affine {
+    let [_, angle, velocity, a, b, constant, damping] = memory else { return *motor };
+    // The spring's torque is pull + impedance·(the rotor's coming velocity - the link's).
+    let pull = spring.stiffness * spring.stretch;
+    let impedance = dt_s * spring.stiffness + spring.damping;
+    let servo = dt_s * motor.stiffness + motor.damping;
+    let push = motor.constant - motor.stiffness * *angle;
+    let resistance = inertia + dt_s * (servo + impedance);
+    *a = (inertia * *velocity + dt_s * (push - pull)) / resistance;
+    *b = dt_s * impedance / resistance;
+    (*constant, *damping) = (push - servo * *a, servo * *b);
+    Affine { constant: pull + impedance * *a, stiffness: 0.0, damping: impedance * (1.0 - *b) }
+}
+
+/// The motor's torque and the rotor's velocity after a step that brought the link to the velocity `dq`.
+pub(super) fn motor_side(memory: &[f64], dq: f64) -> Option<(f64, f64)> {
+    let [_, _, _, a, b, constant, damping] = memory else { return None };
+    Some((constant - damping * dq, a + b * dq))
+}
