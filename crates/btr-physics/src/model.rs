@@ -7,6 +7,7 @@ use crate::parameter::Target;
 use crate::robot::{JointKind, Robot};
 use crate::sim::{self, Setup};
 use crate::task::Fitness;
+use btr_core::family::Step;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Simulator, WorldError};
@@ -59,10 +60,29 @@ impl Model {
     /// # Errors
     /// A point outside its space, or a simulation that blew up.
     pub fn simulate(&self, s: &[f64], c: &[f64], scenario: usize, noise: Option<u64>) -> Result<Log, WorldError> {
+        self.simulate_in_steps(s, c, scenario, noise, Step::Usual)
+    }
+
+    /// The same, computed with the model's own time step or with half of it; sampled alike.
+    ///
+    /// # Errors
+    /// See [`simulate`](Self::simulate).
+    pub fn simulate_in_steps(
+        &self,
+        s: &[f64],
+        c: &[f64],
+        scenario: usize,
+        noise: Option<u64>,
+        step: Step,
+    ) -> Result<Log, WorldError> {
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, effects, setup) = self.at(s, scenario);
+        let (mut robot, effects, mut setup) = self.at(s, scenario);
+        if step == Step::Halved {
+            setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
+            setup.dt_s /= 2.0;
+        }
         let drive = self.drive_at(c, scenario)?;
         drive.place(&mut robot);
         sim::simulate(&robot, &effects, &setup, drive.as_ref(), noise)

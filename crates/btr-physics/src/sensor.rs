@@ -1,5 +1,6 @@
 //! Sensors that err: white noise and a quantum on the readings.
 
+use btr_core::noise;
 use btr_core::random::Rng;
 use rand::RngExt;
 
@@ -20,6 +21,24 @@ pub struct Noise {
     pub foot_n: f64,
     /// Step of the joint encoders, in rad (m); 0 for none. Positions are rounded to it after the noise.
     pub position_quantum: f64,
+}
+
+impl Noise {
+    /// The noise floor of a channel of these readings: what the model says of such sensors, or else what the readings
+    /// themselves show. `None` for channels with too few readings to tell.
+    pub fn floor(&self, channel: &str, readings: &[f64]) -> Option<f64> {
+        let (white, quantum) = match () {
+            () if channel.starts_with("q_") => (self.position, self.position_quantum),
+            () if channel.starts_with("dq_") => (self.velocity, 0.0),
+            () if channel.starts_with("tau_") => (self.torque, 0.0),
+            () if channel.starts_with("imu_gyro_") => (self.gyro_rad_s, 0.0),
+            () if channel.starts_with("imu_acc_") => (self.accelerometer_m_s2, 0.0),
+            () if channel.starts_with("foot_") => (self.foot_n, 0.0),
+            () => (0.0, 0.0),
+        };
+        let given = (white * white + quantum * quantum / 12.0).sqrt();
+        if given > 0.0 { Some(given) } else { noise::Noise::of(readings).map(|estimate| estimate.sigma()) }
+    }
 }
 
 /// Adds noise of this standard deviation, then rounds to multiples of `quantum` where that is positive.

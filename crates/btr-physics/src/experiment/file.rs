@@ -41,6 +41,8 @@ pub struct File {
     /// Where the channels of logs are found.
     #[serde(default)]
     pub channels: Mapping,
+    /// What is known of each log that is named on the command line.
+    pub logs: Option<LogIndexSection>,
     /// What the joints are told.
     pub drive: Option<DriveSection>,
     /// f(B): weights of the terms that `btr info` lists.
@@ -369,6 +371,17 @@ pub struct LogsSection {
     #[serde(default)]
     pub judge: IndexMap<String, Choice>,
     /// Parameters that a column sets for its log: `"gain@motor" = { column = "kp", factor = 0.003 }`.
+    #[serde(default)]
+    pub columns: IndexMap<String, ColumnSection>,
+}
+
+/// A table with one log per row, for logs that are named on the command line.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LogIndexSection {
+    /// The table (CSV), relative to this file: a column `file`, and whatever else is known of each log.
+    pub index: PathBuf,
+    /// Parameters that a column sets for its log: `"mass@bob" = { column = "mass" }`.
     #[serde(default)]
     pub columns: IndexMap<String, ColumnSection>,
 }

@@ -6,10 +6,12 @@ mod build_model;
 mod build_reality;
 mod file;
 mod parse;
+mod replays;
 mod scenarios;
 mod single;
 
 pub use build::Experiment;
-pub use file::{CommandSection, File, LogsSection, NoiseSection, TwinSection};
+pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, TwinSection};
 pub use parse::{FileError, Source, nearest};
+pub use replays::{Replays, replays};
 pub use single::{model, model_driven_by, model_replaying};

@@ -8,6 +8,8 @@ use crate::model::Scenario;
 use crate::parameter::Target;
 use crate::robot::Robot;
 use btr_core::log::{Log, LogError};
+use btr_core::noise::Noise;
+use btr_core::smooth;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,7 +34,7 @@ impl Situations {
 /// A log to be read, with its row of the index.
 struct Wanted {
     path: PathBuf,
-    row: IndexMap<String, String>,
+    row: Row,
     held_out: bool,
 }
 
@@ -61,14 +63,14 @@ pub(super) fn from_logs(
         let (log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
         warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
-        scenarios.push(scenario(one, &log, section, source, robot)?);
+        scenarios.push(scenario((&one.path, &one.row), &log, ("reality", &section.columns), source, robot)?);
         logs.push(log);
     }
     Ok(Situations { scenarios, learn, logs, warnings })
 }
 
 /// What is odd about a log, though it can be used.
-fn doubts(log: &Log, file: &File) -> Vec<String> {
+pub(super) fn doubts(log: &Log, file: &File) -> Vec<String> {
     const LONG_STEP_S: f64 = 0.5;
     const GAP: f64 = 10.0;
     let mut doubts = Vec::new();
@@ -103,23 +105,17 @@ fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {
 
 /// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt from.
 fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<Wanted>, FileError> {
-    let rows = read_index(index, source)?;
+    let rows = read_index(index, source, "reality")?;
     let folder = index.parent().unwrap_or(Path::new(""));
     let mut wanted = Vec::new();
     for (line, row) in rows {
-        let at_line = |message: &str| FileError {
-            path: index.to_owned(),
-            line,
-            column: 0,
-            message: message.to_owned(),
-            help: None,
-        };
-        let name = row.get("file").ok_or_else(|| at_line("the index has no column `file`"))?;
-        let learn = chosen(&row, &section.learn).map_err(|column| no_column(source, "learn", &column, &row))?;
-        let judge = chosen(&row, &section.judge).map_err(|column| no_column(source, "judge", &column, &row))?;
+        let name = row.get("file").ok_or_else(|| no_file_column(index, line))?;
+        let no_column = |key: &str, column: &str| no_column(source, ("reality", key), column, &row);
+        let learn = chosen(&row, &section.learn).map_err(|column| no_column("learn", &column))?;
+        let judge = chosen(&row, &section.judge).map_err(|column| no_column("judge", &column))?;
         let judge = judge && !section.judge.is_empty();
         if learn && judge {
-            return Err(at_line("both `learn` and `judge` choose this log"));
+            return Err(at_line(index, line, "both `learn` and `judge` choose this log"));
         }
         if learn || judge {
             wanted.push(Wanted { path: folder.join(name), row, held_out: judge });
@@ -128,14 +124,26 @@ fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<W
     Ok(wanted)
 }
 
-type Row = IndexMap<String, String>;
+fn at_line(index: &Path, line: usize, message: &str) -> FileError {
+    FileError { path: index.to_owned(), line, column: 0, message: message.to_owned(), help: None }
+}
 
-fn read_index(index: &Path, source: &Source) -> Result<Vec<(usize, Row)>, FileError> {
+pub(super) fn no_file_column(index: &Path, line: usize) -> FileError {
+    at_line(index, line, "the index has no column `file`")
+}
+
+/// A row of an index: cell by column.
+pub(super) type Row = IndexMap<String, String>;
+
+/// The rows of the index of `section`, with their lines.
+pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, Row)>, FileError> {
     let unreadable = |e: csv::Error| {
         let message = format!("{}: {e}", index.display());
-        let help = "reality.index is taken from the experiment file's folder; point it to where the data is, or use --set \
-                    reality.index=PATH";
-        source.error(&["reality", "index"], &message, Some(help.to_owned()))
+        let help = format!(
+            "{section}.index is taken from the experiment file's folder; point it to where the data is, or use --set \
+             {section}.index=PATH"
+        );
+        source.error(&[section, "index"], &message, Some(help))
     };
     let mut reader = csv::Reader::from_path(index).map_err(unreadable)?;
     let columns: Vec<String> = reader.headers().map_err(unreadable)?.iter().map(str::to_owned).collect();
@@ -167,29 +175,29 @@ fn chosen(row: &Row, conditions: &IndexMap<String, Choice>) -> Result<bool, Stri
     Ok(true)
 }
 
-fn no_column(source: &Source, key: &str, column: &str, row: &Row) -> FileError {
+fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &Row) -> FileError {
     let help = match nearest(column, row.keys().map(String::as_str)) {
         Some(name) => format!("did you mean `{name}`?"),
         None => format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", ")),
     };
-    source.error(&["reality", key, column], &format!("the index has no column `{column}`"), Some(help))
+    source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
 }
 
-fn scenario(
-    one: &Wanted,
+/// The situation of a log, with what the columns of its row set; `section` is where the columns stand in the file.
+pub(super) fn scenario(
+    (path, row): (&Path, &Row),
     log: &Log,
-    section: &LogsSection,
+    (section, columns): (&str, &IndexMap<String, ColumnSection>),
     source: &Source,
     robot: &Robot,
 ) -> Result<Scenario, FileError> {
-    let replaying = replaying(&one.path, log, robot, source)?;
+    let replaying = replaying(path, log, robot, source)?;
     if let Some(e) = missing_position(log, robot) {
-        return Err(lacking(&one.path, source, &e));
+        return Err(lacking(path, source, &e));
     }
-    let settings = section
-        .columns
+    let settings = columns
         .iter()
-        .map(|(target, column)| setting(target, column, &one.row, source, robot))
+        .map(|(target, column)| setting((section, target), column, row, source, robot))
         .collect::<Result<_, _>>()?;
     Ok(Scenario { settings, ..replaying })
 }
@@ -210,15 +218,15 @@ pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) 
 }
 
 fn setting(
-    name: &str,
+    (section, name): (&str, &str),
     column: &ColumnSection,
     row: &Row,
     source: &Source,
     robot: &Robot,
 ) -> Result<(Target, f64), FileError> {
-    let keys = ["reality", "columns", name];
+    let keys = [section, "columns", name];
     let target = Target::parse(name, robot).map_err(|e| source.error(&keys, &e.to_string(), None))?;
-    let cell = row.get(&column.column).ok_or_else(|| no_column(source, "columns", &column.column, row))?;
+    let cell = row.get(&column.column).ok_or_else(|| no_column(source, (section, "columns"), &column.column, row))?;
     let value: f64 = cell.trim().parse().map_err(|_| {
         source.error(&keys, &format!("column `{}` holds `{cell}`, which is not a number", column.column), None)
     })?;
@@ -241,17 +249,30 @@ fn missing_position(log: &Log, robot: &Robot) -> Option<LogError> {
     robot.movable().find_map(|(_, link)| log.values(&format!("q_{}", link.joint.name)).err())
 }
 
-/// Position and velocity of every joint at the first sample that has them; the robot's own start where none has. A log
-/// that does not say what a joint was told cannot be replayed.
+/// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
+/// say what a joint was told cannot be replayed.
 fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
-    let first = |name: String| log.channel(&name).and_then(|c| c.values.iter().copied().find(|x| x.is_finite()));
     robot
         .movable()
         .map(|(_, link)| {
             let joint = &link.joint;
             log.values(&format!("cmd_{}", joint.name))?;
-            let q = first(format!("q_{}", joint.name)).unwrap_or(joint.start);
-            Ok((q, first(format!("dq_{}", joint.name)).unwrap_or(0.0)))
+            Ok(start_of(log, &joint.name).unwrap_or((joint.start, 0.0)))
         })
         .collect()
+}
+
+/// Where a joint is when the log begins, and how fast it moves: by a parabola through the first positions, as a single
+/// reading errs by the sensor's noise and a difference of two by far more. A log without noise is taken at its word.
+fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
+    let first = |prefix: &str| {
+        let channel = log.channel(&format!("{prefix}_{joint}"))?;
+        channel.values.iter().copied().find(|x| x.is_finite())
+    };
+    let reading = (first("q")?, first("dq").unwrap_or(0.0));
+    let positions = &log.channel(&format!("q_{joint}"))?.values;
+    if Noise::of(positions).is_none_or(|noise| noise.is_negligible()) {
+        return Some(reading);
+    }
+    Some(smooth::start(log.clock_s(), positions).map_or(reading, |motion| (motion.value, motion.velocity)))
 }

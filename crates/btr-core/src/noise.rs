@@ -1,0 +1,161 @@
+//! The noise floor of a measured series: how far its readings are from what they measure.
+//!
+//! Motion is smooth, white noise is not. Differences of order p take away every polynomial of a lower degree and weaken a
+//! motion of frequency w by (w·dt)^p, while white noise only grows by the root of the binomial C(2p, p) (J. von Neumann, R. H.
+//! Kent, H. R. Bellinson and B. I. Hart, "The mean square successive difference", Annals of Mathematical Statistics 12, 1941,
+//! for p = 1). The lowest estimate over several orders is taken, so that fast motion is no noise; the median over short blocks,
+//! so that impacts and steps are none.
+
+/// What is known of a sensor's errors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of the white noise without quantisation, in the unit of the series.
+    pub white: f64,
+    /// Step of the readings; 0 where there is none.
+    pub quantum: f64,
+    /// Least standard deviation that is believed; above zero.
+    least: f64,
+}
+
+/// Orders of the differences that are tried.
+const ORDERS: std::ops::RangeInclusive<usize> = 3..=10;
+/// Differences in a block.
+const BLOCK: usize = 32;
+/// No sensor resolves a smaller share of the range it shows.
+const FINEST: f64 = 1e-5;
+
+impl Noise {
+    /// Estimated from readings alone; NaN are missing samples. `None` when fewer than a dozen readings are there.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let there: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
+        if there.len() < 12 {
+            return None;
+        }
+        let (low, high) = there.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        let quantum = quantum(there).unwrap_or(0.0);
+        let rough = ORDERS.filter_map(|order| roughness(values, order)).fold(f64::INFINITY, f64::min);
+        // The differences see quantisation as well, as soon as the motion runs through its steps.
+        let white = if rough.is_finite() { (rough * rough - quantum * quantum / 12.0).max(0.0).sqrt() } else { 0.0 };
+        let least = FINEST * (high - low).max(FINEST * high.abs().max(low.abs())).max(f64::MIN_POSITIVE / FINEST);
+        Some(Noise { white, quantum, least })
+    }
+
+    /// The standard deviation of a reading, quantisation included: sigma² = white² + quantum²/12, never zero.
+    pub fn sigma(&self) -> f64 {
+        (self.white.powi(2) + self.quantum.powi(2) / 12.0).sqrt().max(self.least)
+    }
+
+    /// True for readings that err by nothing that could be noticed: those of a simulation.
+    pub fn is_negligible(&self) -> bool {
+        self.sigma() <= self.least
+    }
+}
+
+/// Standard deviation of white noise that would make the differences of this order as large as they are: the median over
+/// blocks. `None` when no stretch of samples is long enough.
+fn roughness(values: &[f64], order: usize) -> Option<f64> {
+    let mut blocks = Vec::new();
+    for run in values.split(|x| !x.is_finite()) {
+        let mut differences = run.to_vec();
+        for _ in 0..order.min(run.len()) {
+            differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        }
+        let long_enough = |block: &&[f64]| block.len() >= BLOCK / 4;
+        let mean_square = |block: &[f64]| block.iter().map(|d| d * d).sum::<f64>() / block.len() as f64;
+        blocks.extend(differences.chunks(BLOCK).filter(long_enough).map(mean_square));
+    }
+    // C(2p, p): the sum of the squared binomials that weigh the samples.
+    let gain = (1..=order).fold(1.0, |c, k| c * (order + k) as f64 / k as f64);
+    Some((median(&mut blocks)? / gain).sqrt())
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The step that all readings are multiples of, up to a common offset and the digits they were written with; `None` where
+/// there is none, or where the readings lie too far apart to tell.
+pub fn quantum(mut readings: Vec<f64>) -> Option<f64> {
+    /// Gaps of more steps than this are too uncertain to count.
+    const FAR: f64 = 20.0;
+    /// Root mean square distance from a multiple, in steps. Numbers that know no step have 0.29.
+    const OFF: f64 = 0.1;
+    readings.sort_by(f64::total_cmp);
+    let range = readings.last()? - readings.first()?;
+    // The same reading twice, or one that differs in the last bits.
+    let gaps: Vec<f64> = readings.windows(2).map(|p| p[1] - p[0]).filter(|gap| *gap > 1e-9 * range).collect();
+    let mut step = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    let near = |step: f64| gaps.iter().copied().filter(move |gap| *gap < FAR * step);
+    if gaps.len() < 2 || 2 * near(step).count() < gaps.len() {
+        return None;
+    }
+    // The smallest gap errs most, relative to its size; the others know the step better.
+    let (along, square) = near(step).fold((0.0, 0.0), |(along, square), gap| {
+        let steps = (gap / step).round();
+        (along + steps * gap, square + steps * steps)
+    });
+    step = along / square;
+    let off = near(step).map(|gap| (gap / step - (gap / step).round()).powi(2)).sum::<f64>();
+    ((off / near(step).count() as f64).sqrt() < OFF).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::random::stream;
+    use rand::RngExt;
+
+    /// Fast motion: 5 Hz and 2 Hz at 200 Hz sampling, with steps of the velocity.
+    fn motion(n: u32) -> Vec<f64> {
+        let at = |t: f64| (31.4 * t).sin() + 0.4 * (12.6 * t + 1.0).sin() + 0.2 * (3.0 * t).sin().abs();
+        (0..n).map(|i| at(0.005 * f64::from(i))).collect()
+    }
+
+    fn noisy(n: u32, sigma: f64, quantum: f64) -> Vec<f64> {
+        let mut rng = stream(3, &[1]);
+        let mut gaussian = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        let round = |x: f64| if quantum > 0.0 { (x / quantum).round() * quantum } else { x };
+        motion(n).iter().map(|x| round(x + sigma * gaussian())).collect()
+    }
+
+    #[test]
+    fn noise_is_found_under_fast_motion_and_quantisation() {
+        for (sigma, quantum) in [(5e-4, 0.0), (1e-2, 0.0), (5e-4, 1.7e-3), (1e-3, 1.5e-3), (0.0, 1.5e-3), (2e-3, 1e-3)]
+        {
+            let noise = Noise::of(&noisy(3000, sigma, quantum)).unwrap();
+            let truth = (sigma * sigma + quantum * quantum / 12.0_f64).sqrt();
+            assert!((noise.sigma() / truth - 1.0).abs() < 0.1, "{sigma} {quantum}: {noise:?}, {truth}");
+            assert!((noise.quantum - quantum).abs() < 1e-3 * quantum.max(1e-9), "{sigma} {quantum}: {noise:?}");
+        }
+    }
+
+    #[test]
+    fn holes_and_jumps_are_no_noise() {
+        let mut values = noisy(3000, 1e-3, 0.0);
+        values.iter_mut().step_by(211).for_each(|x| *x = f64::NAN);
+        values[1000..].iter_mut().for_each(|x| *x += 0.7);
+        let sigma = Noise::of(&values).unwrap().sigma();
+        assert!((sigma / 1e-3 - 1.0).abs() < 0.1, "{sigma}");
+    }
+
+    #[test]
+    fn the_floor_is_never_zero_and_simulations_have_none() {
+        for values in [motion(1000), vec![0.0; 50], vec![3.0; 50]] {
+            let noise = Noise::of(&values).unwrap();
+            assert!(noise.sigma() > 0.0 && noise.is_negligible(), "{noise:?}");
+        }
+        assert!(!Noise::of(&noisy(500, 1e-4, 0.0)).unwrap().is_negligible());
+        assert!(Noise::of(&[1.0; 5]).is_none() && Noise::of(&[f64::NAN; 50]).is_none());
+    }
+
+    #[test]
+    fn a_step_survives_six_written_digits() {
+        let step = std::f64::consts::TAU / 4096.0;
+        let written = |x: f64| format!("{:.5e}", (x / step).round() * step).parse::<f64>().unwrap();
+        let found = quantum(motion(2000).into_iter().map(written).collect()).unwrap();
+        assert!((found / step - 1.0).abs() < 1e-3, "{found} {step}");
+        assert!(quantum(motion(2000)).is_none());
+    }
+}

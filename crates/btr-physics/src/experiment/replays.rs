@@ -1,0 +1,103 @@
+//! A model beside the logs that somebody names on the command line: each log is a situation of its own.
+
+use super::build::Builder;
+use super::file::{ColumnSection, File, RealitySection};
+use super::parse::{FileError, Source};
+use super::scenarios::{self, Row, Situations};
+use crate::io;
+use crate::model::{Model, Scenario};
+use crate::robot::Robot;
+use btr_core::log::Log;
+use indexmap::IndexMap;
+use std::path::{Path, PathBuf};
+
+/// A model, the logs that it is to repeat, and what was noticed while they were read.
+pub struct Replays {
+    /// With one scenario per log, in their order; those from `learn` on are held out.
+    pub model: Model,
+    /// What was recorded, from time zero.
+    pub logs: Vec<Log>,
+    /// What is odd about the logs, though they can be used.
+    pub warnings: Vec<String>,
+}
+
+/// The model of a file with one scenario per log: what the log says the robot was told, from where the log starts. An index
+/// of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
+///
+/// # Errors
+/// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt from and
+/// held out.
+pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Result<Replays, FileError> {
+    let file = source.parse()?;
+    let builder = Builder { file: &file, source };
+    let robot = builder.robot()?;
+    if let Some(both) = learn.iter().find(|path| held_out.contains(path)) {
+        let message = format!("{} is to be learnt from and held out at once", both.display());
+        return Err(source.error(&[], &message, None));
+    }
+    if learn.is_empty() {
+        return Err(source.error(&[], "no log to learn from", None));
+    }
+    let known = Known::of(&file, source)?;
+    let mut all = Situations { scenarios: Vec::new(), learn: learn.len(), logs: Vec::new(), warnings: Vec::new() };
+    for path in learn.iter().chain(held_out) {
+        let (log, noticed) = io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+        let noticed = noticed.iter().map(ToString::to_string).chain(scenarios::doubts(&log, &file));
+        let noticed = noticed.chain(known.misses(path));
+        all.warnings.extend(noticed.map(|warning| format!("{}: {warning}", path.display())));
+        all.scenarios.push(known.scenario(path, &log, &robot, source)?);
+        all.logs.push(log);
+    }
+    let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
+    Ok(Replays { model: builder.model(all)?, logs, warnings })
+}
+
+/// What an index says about logs.
+struct Known<'a> {
+    section: &'static str,
+    rows: Vec<(PathBuf, Row)>,
+    columns: Option<&'a IndexMap<String, ColumnSection>>,
+}
+
+impl<'a> Known<'a> {
+    fn of(file: &'a File, source: &Source) -> Result<Self, FileError> {
+        let (section, index, columns) = match (&file.logs, &file.reality) {
+            (Some(logs), _) => ("logs", Some(&logs.index), &logs.columns),
+            (None, Some(RealitySection::Logs(logs))) => ("reality", logs.index.as_ref(), &logs.columns),
+            _ => return Ok(Known { section: "logs", rows: Vec::new(), columns: None }),
+        };
+        // Without columns the index only says which logs there are, and these have been named.
+        let Some(index) = index.filter(|_| !columns.is_empty()) else {
+            return Ok(Known { section, rows: Vec::new(), columns: None });
+        };
+        let index = source.folder().join(index);
+        let folder = index.parent().unwrap_or(Path::new(""));
+        let mut rows = Vec::new();
+        for (line, row) in scenarios::read_index(&index, source, section)? {
+            let name = row.get("file").ok_or_else(|| scenarios::no_file_column(&index, line))?;
+            rows.push((folder.join(name), row));
+        }
+        Ok(Known { section, rows, columns: Some(columns) })
+    }
+
+    /// The row of a log: that of its path, or else that of its name, for logs that were copied elsewhere.
+    fn row(&self, log: &Path) -> Option<&Row> {
+        let same = |path: &Path| path.canonicalize().ok().is_some_and(|p| log.canonicalize().is_ok_and(|l| l == p));
+        let by_path = self.rows.iter().find(|(path, _)| same(path));
+        by_path.or_else(|| self.rows.iter().find(|(path, _)| path.file_name() == log.file_name())).map(|(_, row)| row)
+    }
+
+    fn misses(&self, log: &Path) -> Option<String> {
+        let unknown = self.columns.is_some() && self.row(log).is_none();
+        unknown.then(|| "the index does not know it; what its columns set keeps the model's own value".to_owned())
+    }
+
+    fn scenario(&self, path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
+        let none = IndexMap::new();
+        let columns = self.columns.unwrap_or(&none);
+        match self.row(path) {
+            Some(row) => scenarios::scenario((path, row), log, (self.section, columns), source, robot),
+            None => scenarios::scenario((path, &Row::new()), log, (self.section, &none), source, robot),
+        }
+    }
+}
