@@ -84,11 +84,7 @@ impl Beside {
     /// A simulation that blew up.
     pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
         let s: Vec<f64> = self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect();
-        let halves = match step {
-            Step::Usual => 1,
-            Step::Halved => 2,
-        };
-        self.model.rollout(&s, scenario, &self.placed(u), halves)
+        self.model.rollout(&s, scenario, &self.placed(u), step)
     }
 
     /// The effects that are switched on at a point.
@@ -121,9 +117,9 @@ impl Beside {
         let recorded = &self.recorded[part.scenario];
         let (mut channels, mut present) = (Vec::new(), 0);
         let mut start = 0;
-        for (name, sigma) in compared(&self.model) {
+        for name in compared(&self.model) {
             let Some(channel) = recorded.channel(&name).filter(|c| c.role == Role::Measured) else { continue };
-            let sigma = if sigma > 0.0 { sigma } else { sigma_of(&channel.values) };
+            let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
             present += channel.values[part.samples.clone()].iter().filter(|x| x.is_finite()).count();
@@ -210,24 +206,12 @@ fn parts(model: &Model, recorded: &[Log]) -> Vec<Part> {
     first.chain(last).collect()
 }
 
-/// Names of the channels that are compared, with their noise where the model file tells it.
-fn compared(model: &Model) -> Vec<(String, f64)> {
-    let noise = &model.setup.noise;
-    let position = noise.position.hypot(noise.position_quantum / 12f64.sqrt());
-    let of = |joint: &crate::robot::Joint| match joint.actuator {
-        Actuator::Prescribed => (format!("tau_{}", joint.name), noise.torque),
-        _ => (format!("q_{}", joint.name), position),
-    };
-    model.robot.movable().map(|(_, link)| of(&link.joint)).collect()
-}
-
-/// The noise of a series by its third differences, which smooth motion hardly has.
-fn sigma_of(values: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> =
-        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|x| x.is_finite()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
-    (median / 0.6745 / 20f64.sqrt()).max(1e-12)
+/// Names of the channels that are compared.
+fn compared(model: &Model) -> impl Iterator<Item = String> {
+    model.robot.movable().map(|(_, link)| match link.joint.actuator {
+        Actuator::Prescribed => format!("tau_{}", link.joint.name),
+        _ => format!("q_{}", link.joint.name),
+    })
 }
 
 /// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.

@@ -75,10 +75,31 @@ impl Model {
         noise: Option<u64>,
         step: Step,
     ) -> Result<Log, WorldError> {
+        self.run_once(s, c, scenario, &[], step, noise)
+    }
+
+    /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
+    ///
+    /// # Errors
+    /// A point outside S, an effect that fits nothing, or a simulation that blew up.
+    pub fn rollout(&self, s: &[f64], scenario: usize, further: &[Placed], step: Step) -> Result<Log, WorldError> {
+        self.run_once(s, &self.drive.space().nominal(), scenario, further, step, None)
+    }
+
+    fn run_once(
+        &self,
+        s: &[f64],
+        c: &[f64],
+        scenario: usize,
+        further: &[Placed],
+        step: Step,
+        noise: Option<u64>,
+    ) -> Result<Log, WorldError> {
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, effects, mut setup) = self.at(s, scenario);
+        let (mut robot, mut effects, mut setup) = self.at(s, scenario);
+        effects.extend_from_slice(further);
         if step == Step::Halved {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
             setup.dt_s /= 2.0;
@@ -86,23 +107,6 @@ impl Model {
         let drive = self.drive_at(c, scenario)?;
         drive.place(&mut robot);
         sim::simulate(&robot, &effects, &setup, drive.as_ref(), noise)
-    }
-
-    /// Runs simulation `s` of a scenario with its nominal controller, with further effects, and with the usual time step
-    /// divided by `finer`.
-    ///
-    /// # Errors
-    /// A point outside S, an effect that fits nothing, or a simulation that blew up.
-    pub fn rollout(&self, s: &[f64], scenario: usize, further: &[Placed], finer: u32) -> Result<Log, WorldError> {
-        self.simulations.check(s)?;
-        self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, mut effects, mut setup) = self.at(s, scenario);
-        effects.extend_from_slice(further);
-        setup.sample_s = Some(setup.sample_s.unwrap_or(setup.dt_s));
-        setup.dt_s /= f64::from(finer);
-        let drive = self.drive_at(&self.drive.space().nominal(), scenario)?;
-        drive.place(&mut robot);
-        sim::simulate(&robot, &effects, &setup, drive.as_ref(), None)
     }
 
     /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.

@@ -3,6 +3,7 @@
 
 use crate::assemble;
 use crate::model::Model;
+use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 
@@ -42,7 +43,7 @@ impl Scales {
             })
             .collect();
         for log in 0..model.learn.min(recorded.len()) {
-            let simulated = model.rollout(&model.simulations().nominal(), log, &[], 1)?;
+            let simulated = model.rollout(&model.simulations().nominal(), log, &[], Step::Usual)?;
             for (joint, _, scale) in &mut joints {
                 scale.torque = scale.torque.max(rms(simulated.values(&format!("tau_{joint}"))?));
                 scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));
