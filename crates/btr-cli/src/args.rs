@@ -51,6 +51,18 @@ pub(crate) enum Verb {
     /// Run a model: replay a log's commands, or its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(Simulate),
+    /// Find out which physical effect the model lacks
+    #[command(
+        after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap\n\n\
+        Without --held-out the last third of each log is held out."
+    )]
+    Diagnose(Diagnose),
+    /// Write an effect into a model, free to fit
+    #[command(after_help = "Example:\n  btr add arm.toml coulomb_friction@elbow -o arm2.toml")]
+    Add(Add),
+    /// Fit what is in doubt to logs, and see the error fall
+    #[command(after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml")]
+    Fit(Fit),
     /// List the physical effects, or tell all about one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
     Effects {
@@ -113,4 +125,52 @@ pub(crate) struct Simulate {
     /// Where to write what the sensors say; .mcap or .csv
     #[arg(short, long, value_name = "LOG")]
     pub(crate) output: PathBuf,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Beside {
+    /// The model (TOML)
+    pub(crate) model: PathBuf,
+    /// The logs to learn from (MCAP or CSV)
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Logs to judge on, which nothing is fitted to
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    pub(crate) held_out: Vec<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Diagnose {
+    #[command(flatten)]
+    pub(crate) beside: Beside,
+    /// The most effects to name
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub(crate) max_effects: usize,
+    /// Exit with 1 unless this is the verdict: effect_missing, nothing_missing or unexplained
+    #[arg(long, value_name = "VERDICT")]
+    pub(crate) expect: Option<String>,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Add {
+    /// The model (TOML)
+    pub(crate) model: PathBuf,
+    /// What to add; without a site it sits everywhere it can
+    #[arg(required = true, value_name = "EFFECT[@SITE]")]
+    pub(crate) effects: Vec<String>,
+    /// Where to write the model
+    #[arg(short, long, value_name = "MODEL")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Fit {
+    #[command(flatten)]
+    pub(crate) beside: Beside,
+    /// An effect to add first
+    #[arg(long, value_name = "EFFECT[@SITE]")]
+    pub(crate) add: Vec<String>,
+    /// Where to write the fitted model
+    #[arg(short, long, value_name = "MODEL")]
+    pub(crate) output: Option<PathBuf>,
 }

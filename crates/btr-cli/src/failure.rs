@@ -72,3 +72,21 @@ impl From<btr_core::world::WorldError> for Failure {
         Failure::new("simulation", error.to_string(), help)
     }
 }
+
+impl From<btr_physics::verbs::ProblemError> for Failure {
+    fn from(error: btr_physics::verbs::ProblemError) -> Self {
+        use btr_physics::verbs::ProblemError;
+        match error {
+            ProblemError::File(error) => error.into(),
+            ProblemError::World(error) => error.into(),
+            ProblemError::Add(error) => error.into(),
+        }
+    }
+}
+
+impl From<btr_physics::verbs::AddError> for Failure {
+    fn from(error: btr_physics::verbs::AddError) -> Self {
+        let help = error.help();
+        Failure::new("add", error.to_string(), help)
+    }
+}

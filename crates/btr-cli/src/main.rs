@@ -42,6 +42,9 @@ fn run(args: &Args) -> Result<ExitCode, Failure> {
     match &args.verb {
         Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
         Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),
+        Verb::Add(add) => cmd::add::run(add, &args.global),
+        Verb::Fit(fit) => cmd::fit::run(fit, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),

@@ -37,6 +37,8 @@ pub struct Knob {
     pub spread: f64,
     /// Reach of a finite difference.
     pub reach: f64,
+    /// Whether it switches something on that is off at 0.
+    pub amplitude: bool,
 }
 
 impl Knob {

@@ -15,6 +15,8 @@ use std::sync::Arc;
 
 /// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
 const WEAK: f64 = 33.0;
+/// The same for shapes, in factors of two.
+const SHAPE: f64 = 3.0;
 /// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
 
@@ -30,6 +32,7 @@ pub struct Beside {
     doubtful: Vec<usize>,
     candidates: Vec<Candidate>,
     logs: Vec<Recorded>,
+    scales: Scales,
     /// What stands behind each candidate.
     effects: Vec<&'static dyn Effect>,
 }
@@ -55,6 +58,7 @@ impl Beside {
             candidates: Vec::new(),
             logs: Vec::new(),
             effects: Vec::new(),
+            scales,
             parts: parts(&model, &recorded),
             model,
             recorded,
@@ -62,7 +66,7 @@ impl Beside {
         beside.logs = beside.parts.iter().map(|part| beside.measured(part)).collect::<Result<_, _>>()?;
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
             for site in sites(effect, &beside.model) {
-                beside.offer(effect, site, &scales);
+                beside.offer(effect, site);
             }
         }
         Ok(beside)
@@ -76,6 +80,11 @@ impl Beside {
     /// The logs, in the order of the model's scenarios.
     pub fn recorded(&self) -> &[Log] {
         &self.recorded
+    }
+
+    /// What is large and what is small for this robot.
+    pub(crate) fn scales(&self) -> &Scales {
+        &self.scales
     }
 
     /// What is simulated at a point in one scenario.
@@ -135,14 +144,15 @@ impl Beside {
     }
 
     /// Adds an effect at a site to what may be missing.
-    fn offer(&mut self, effect: &'static dyn Effect, site: String, scales: &Scales) {
+    fn offer(&mut self, effect: &'static dyn Effect, site: String) {
         let card = effect.card();
         let (mut amplitudes, mut shapes) = (Vec::new(), Vec::new());
         for param in card.params {
             let list = if param.shape { &mut shapes } else { &mut amplitudes };
             list.push(self.knobs.len());
             let name = format!("{}.{}@{site}", card.name, param.name);
-            self.knobs.push(knob(name, param, scales.of_unit(param.unit, &site), own(param, &self.model.setup)));
+            let scale = self.scales.of_unit(param.unit, &site);
+            self.knobs.push(knob(name, param, scale, own(param, &self.model.setup)));
         }
         let start =
             |values: &&[f64]| shapes.iter().zip(values.iter()).map(|(&k, v)| self.knobs[k].coordinate(*v)).collect();
@@ -223,7 +233,11 @@ fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
         Some((card.params.iter().find(|p| p.name == param)?, site))
     });
     let (law, size, spread) = match effect {
-        Some((param, site)) if dim.scale == Scale::Linear => {
+        // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
+        Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
+            (Law::Exponential, std::f64::consts::LN_2, SHAPE)
+        }
+        Some((param, site)) if dim.scale == Scale::Linear && !param.shape => {
             (Law::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
         }
         _ if dim.min > 0.0 && nominal > 0.0 => (Law::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
@@ -237,7 +251,8 @@ fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
         law,
         bounds: (0.0, 0.0),
         spread,
-        reach: REACH.0,
+        reach: if effect.is_some() { REACH.1 } else { REACH.0 },
+        amplitude: law == Law::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
     };
     knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
     knob
@@ -255,7 +270,7 @@ fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
                 p.hint * scale,
                 size,
                 ((p.bounds.0 / p.hint).ln() / size, (p.bounds.1 / p.hint).ln() / size),
-                3.0,
+                SHAPE,
             )
         }
         p if p.shape => {
@@ -266,7 +281,12 @@ fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
         p if p.off.is_nan() => (Law::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
         p => (Law::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
     };
-    Knob { name, unit: param.unit.to_owned(), origin, size, law, bounds, spread, reach: REACH.1 }
+    let unit = param.unit.to_owned();
+    Knob { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
+}
+
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
 }
 
 /// What the model has where the effect would put its own value.

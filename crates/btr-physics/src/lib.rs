@@ -33,3 +33,4 @@ pub mod site;
 mod stretch;
 pub mod task;
 pub mod urdf;
+pub mod verbs;

@@ -3,12 +3,16 @@
 
 use crate::assemble;
 use crate::model::Model;
+use crate::robot::{JointKind, Robot};
 use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 
 /// The desk arm that the cards' hints are made for.
 const DESK: Scale = Scale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
+
+/// Standard gravity, in m/s².
+const G: f64 = 9.81;
 
 /// What a joint usually does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +69,26 @@ impl Scales {
             scale.inertia = or(scale.inertia, whole.inertia, DESK.inertia);
         }
         Ok(Scales { joints, whole })
+    }
+
+    /// A guess from the robot alone, without knowing what it does: motors carry its weight, at a desk arm's speed.
+    pub(crate) fn guess(robot: &Robot) -> Self {
+        let carried = assemble::carried_inertia(robot, &assemble::bodies(robot));
+        let mass = robot.mass_kg();
+        let scale = |inertia: f64, slides: bool| {
+            let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
+            Scale { torque: mass * G * arm, speed: DESK.speed, inertia, mass }
+        };
+        let joints: Vec<_> = robot
+            .movable()
+            .zip(carried)
+            .map(|((_, link), inertia)| {
+                let slides = link.joint.kind == JointKind::Prismatic;
+                (link.joint.name.clone(), link.name.clone(), scale(inertia, slides))
+            })
+            .collect();
+        let whole = joints.iter().map(|(_, _, scale)| *scale).max_by(|a, b| a.torque.total_cmp(&b.torque));
+        Scales { joints, whole: whole.unwrap_or(DESK) }
     }
 
     /// By how much a hint in this unit is to be scaled at a site.

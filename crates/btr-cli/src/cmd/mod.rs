@@ -1,9 +1,13 @@
 //! One file per verb.
 
+pub(crate) mod add;
 pub(crate) mod coevolve;
 pub(crate) mod completions;
 pub(crate) mod convert;
+pub(crate) mod diagnose;
 pub(crate) mod effects;
+pub(crate) mod fit;
 pub(crate) mod info;
+pub(crate) mod ladder;
 pub(crate) mod schema;
 pub(crate) mod simulate;

@@ -5,13 +5,12 @@
 //! removed again where others make them superfluous. The answer may be that nothing is missing, or that nothing known
 //! explains the error.
 
-mod judge;
 mod race;
 mod screen;
 
+use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
-use judge::{Measure, chi};
-use race::{Rival, held_out_squares, race};
+use race::{Rival, race};
 use screen::screen;
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
 use super::screen::{Start, with};
-use crate::fit::{Bench, Effort, Fit, Logs, columns};
+use crate::fit::{Bench, Effort, Fit, columns};
 use nalgebra::DMatrix;
 
 /// How many start the race, and how many are fitted with all effort whatever their rank.
@@ -59,11 +59,4 @@ fn begin(bench: &Bench, base: &Fit, start: &Start) -> Option<Rival> {
     }
     fit.jacobian = Some(jacobian);
     Some(Rival { candidate: start.candidate, fit })
-}
-
-/// A fit's sum of squares on the held-out logs, its own step error there included; `None` where it blows up.
-pub(super) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
-    let residual = bench.residual(u, Logs::HeldOut)?;
-    let error = bench.step_error(u, &residual, Logs::HeldOut);
-    Some(crate::fit::squares(&crate::fit::corrected(residual, &error)))
 }

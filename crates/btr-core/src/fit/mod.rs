@@ -2,8 +2,11 @@
 
 mod bench;
 mod estimate;
+mod fitted;
+pub(crate) mod judge;
 mod solve;
 
 pub use bench::{Bench, Logs, Residual, corrected, squares};
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
-pub use solve::{Effort, Fit, columns, cost};
+pub use fitted::{Fitted, fitted};
+pub use solve::{Effort, Ended, Fit, columns, cost};

@@ -4,6 +4,7 @@
 use super::bench::{Bench, Logs, Residual, corrected, squares};
 use crate::family::{Knob, Step};
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 /// The most Jacobians and steps of one call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,18 @@ impl Effort {
     pub const FULL: Effort = Effort { jacobians: 5, steps: 20 };
     /// What a race allows: no differences, a few steps.
     pub const RACE: Effort = Effort { jacobians: 0, steps: 6 };
+}
+
+/// Why a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// Nothing moves any more.
+    Converged,
+    /// The effort is spent.
+    Effort,
+    /// No direction can be found, or nothing can be simulated around here.
+    Stuck,
 }
 
 /// A Jacobian is renewed when the cost has fallen below this share of what it was there.
@@ -81,19 +94,23 @@ impl Fit {
     }
 
     /// Goes downhill as far as the effort allows.
-    pub fn solve(&mut self, bench: &Bench, effort: Effort) {
+    pub fn solve(&mut self, bench: &Bench, effort: Effort) -> Ended {
         let (start, better, worse, hopeless) = DAMPING;
         let (mut damping, mut spent) = (start, 0);
         let mut cost_there = self.cost;
+        let mut renewal = self.jacobian.is_none();
         for _ in 0..effort.steps {
-            if self.jacobian.is_none() || (!self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians) {
+            renewal |= !self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians;
+            if renewal {
                 if spent == effort.jacobians {
-                    return;
+                    return Ended::Effort;
                 }
                 self.differentiate(bench);
-                (spent, cost_there) = (spent + 1, self.cost);
+                (spent, cost_there, damping) = (spent + 1, self.cost, start);
             }
-            let Some(next) = self.step(bench, damping) else { return };
+            let Some(next) = self.step(bench, damping) else {
+                return if self.fresh { Ended::Converged } else { Ended::Stuck };
+            };
             let fall = self.cost - next.cost;
             let stalled = fall < STALL.0 * self.cost || fall < STALL.1;
             if fall > 0.0 {
@@ -102,23 +119,14 @@ impl Fit {
             } else {
                 damping *= worse;
             }
-            if stalled && (fall > 0.0 || damping > hopeless) {
-                if self.is_fresh_enough(fall, damping) || spent == effort.jacobians {
-                    return;
-                }
-                self.differentiate(bench);
-                (spent, cost_there, damping) = (spent + 1, self.cost, start);
-            } else if fall <= 0.0 && !self.fresh && spent < effort.jacobians {
-                self.differentiate(bench);
-                (spent, cost_there, damping) = (spent + 1, self.cost, start);
+            // A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
+            let exhausted = fall > 0.0 || damping > hopeless;
+            if stalled && exhausted && (self.fresh || spent == effort.jacobians) {
+                return if spent == effort.jacobians && !self.fresh { Ended::Effort } else { Ended::Converged };
             }
+            renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
         }
-    }
-
-    /// A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
-    fn is_fresh_enough(&self, fall: f64, damping: f64) -> bool {
-        let (_, _, _, hopeless) = DAMPING;
-        self.fresh && (fall <= 0.0 || damping > hopeless)
+        Ended::Effort
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be

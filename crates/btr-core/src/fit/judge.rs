@@ -1,14 +1,15 @@
 //! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
 //! leaves.
 
-use crate::fit::{Bench, Fit, Logs};
+use super::bench::{Bench, Logs, corrected, squares};
+use super::solve::Fit;
 
 /// Samples further apart than this many correlation times count as independent (Sokal's window rule).
 const WINDOW: f64 = 5.0;
 
 /// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Measure {
+pub(crate) struct Measure {
     /// Variance of the residual, in multiples of the noise's; at least 1.
     variance: f64,
     /// Samples that carry one independent piece of information.
@@ -18,26 +19,33 @@ pub(super) struct Measure {
 }
 
 impl Measure {
-    pub(super) fn of(bench: &Bench, best: &Fit) -> Self {
+    pub(crate) fn of(bench: &Bench, best: &Fit) -> Self {
         let samples = bench.samples(Logs::Learn) as f64;
         Measure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
     }
 
     /// B: the smaller, the better. Differences above ten are decisive.
-    pub(super) fn criterion(&self, fit: &Fit) -> f64 {
+    pub(crate) fn criterion(&self, fit: &Fit) -> f64 {
         let scale = self.variance * self.memory;
         fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
     }
 
     /// What the covariance of estimates is to be multiplied with.
-    pub(super) fn inflation(&self) -> f64 {
+    pub(crate) fn inflation(&self) -> f64 {
         self.variance * self.memory
     }
 }
 
 /// Root mean square of a residual whose missing samples are zero.
-pub(super) fn chi(squares: f64, samples: usize) -> f64 {
+pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
     (squares / samples.max(1) as f64).sqrt()
+}
+
+/// A point's sum of squares on the held-out logs, its own step error there included; `None` where it blows up.
+pub(crate) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
+    let residual = bench.residual(u, Logs::HeldOut)?;
+    let error = bench.step_error(u, &residual, Logs::HeldOut);
+    Some(squares(&corrected(residual, &error)))
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.

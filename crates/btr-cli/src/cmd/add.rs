@@ -1,0 +1,33 @@
+//! `btr add`: an effect written into a model, free to fit.
+
+use super::ladder;
+use crate::args::{Add, Global};
+use crate::failure::Failure;
+use btr_physics::experiment;
+use btr_physics::io::{IoError, write_whole};
+use btr_physics::verbs::{Addition, add};
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
+    let source = ladder::source(&args.model, global)?;
+    let model = experiment::model(&source)?;
+    let additions =
+        args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;
+    let text = add(&source, &model.robot, &additions)?;
+    write_text(&args.output, &text)?;
+    if global.json {
+        println!("{}", serde_json::json!({ "ok": true, "model": args.output, "added": args.effects }));
+    } else if !global.quiet {
+        println!("{}: {} added, free to fit", args.output.display(), args.effects.join(", "));
+        println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a text file, whole or not at all.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    write_whole(path, |out| out.write_all(text.as_bytes()))
+        .map_err(|source| Failure::from(IoError::File { path: path.to_owned(), source }))
+}

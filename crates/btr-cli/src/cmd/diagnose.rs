@@ -1,0 +1,82 @@
+//! `btr diagnose`: which physical effect is missing, in words and numbers.
+
+use super::ladder;
+use crate::args::{Diagnose, Global};
+use crate::failure::{Failure, MISSED};
+use crate::table::{Table, number};
+use btr_core::diagnose::{Question, Verdict};
+use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
+use std::process::ExitCode;
+
+pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
+    let source = ladder::source(&args.beside.model, global)?;
+    let problem = Problem::new(source, &args.beside.logs, &args.beside.held_out)?;
+    problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let question = Question { max_effects: args.max_effects };
+    let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
+    let Some((report, _)) = verbs::diagnose(&problem, question, &tell) else {
+        let help = "run `btr simulate` with the same log to see where".to_owned();
+        return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
+    };
+    if global.json {
+        println!("{}", serde_json::json!(report));
+    } else {
+        show(&report, args);
+    }
+    let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
+    Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(MISSED) })
+}
+
+fn word_of(verdict: Verdict) -> String {
+    serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
+}
+
+fn show(report: &DiagnoseReport, args: &Diagnose) {
+    println!("\n{}\n", ladder::table(&report.error_ladder).render());
+    println!("{}", sentence(report));
+    for effect in &report.effects {
+        println!(
+            "\n{}@{}   probability {}   delta BIC {}",
+            effect.effect,
+            effect.site,
+            number(effect.probability),
+            number(effect.delta_bic)
+        );
+        if !effect.alike.is_empty() {
+            println!("  these logs cannot tell it from: {}", effect.alike.join(", "));
+        }
+        let mut table = Table::new(&ladder::ESTIMATES);
+        effect.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
+        println!("{}", table.render());
+    }
+    println!("\n{}", ladder::floors(&report.noise_floor));
+    println!("integrator's own error: {} x noise floor", number(report.integrator_error));
+    if !report.at_bound.is_empty() {
+        println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
+    }
+    println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
+    next_step(report, args);
+}
+
+fn sentence(report: &DiagnoseReport) -> String {
+    let named: Vec<String> = report.effects.iter().map(|e| format!("{} on {}", e.effect, e.site)).collect();
+    let share = format!("{:.0} % of the squared error is not noise", 100.0 * report.unexplained_share);
+    match (report.verdict, named.is_empty()) {
+        (Verdict::EffectMissing, _) => format!("missing: {}", named.join("; ")),
+        (Verdict::NothingMissing, _) => "nothing is missing: what remains is noise".to_owned(),
+        (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
+        (Verdict::Unexplained, false) => {
+            format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
+        }
+    }
+}
+
+/// What to type next.
+fn next_step(report: &DiagnoseReport, args: &Diagnose) {
+    if report.verdict != Verdict::EffectMissing {
+        return;
+    }
+    let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
+    let logs: Vec<String> = args.beside.logs.iter().map(|log| log.display().to_string()).collect();
+    println!("\nnext: btr fit {} {} {} -o fitted.toml", args.beside.model.display(), logs.join(" "), adds.join(" "));
+}

@@ -1,0 +1,55 @@
+//! `btr fit`: the error falls, live; then what is known of each number.
+
+use super::add::write_text;
+use super::ladder;
+use crate::args::{Fit, Global};
+use crate::failure::Failure;
+use crate::table::{Table, number};
+use btr_physics::adapt::adapted;
+use btr_physics::verbs::{self, FitReport, Problem};
+use std::process::ExitCode;
+
+pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
+    let source = ladder::source(&args.beside.model, global)?;
+    let problem = Problem::with(source, &args.add, &args.beside.logs, &args.beside.held_out)?;
+    problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let space = &problem.beside.model().simulations;
+    if space.is_empty() {
+        let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
+        return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
+    }
+    let Some((report, fit)) = verbs::fit(&problem, &|step| ladder::tell(step, global)) else {
+        let help = "run `btr simulate` with the same log to see where".to_owned();
+        return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
+    };
+    if let Some(output) = &args.output {
+        let text = adapted(&problem.source, space, &problem.values(&fit))
+            .map_err(|e| Failure::new("file", e.to_string(), None))?;
+        write_text(output, &text)?;
+    }
+    if global.json {
+        println!("{}", serde_json::json!(report));
+    } else {
+        show(&report);
+        if let Some(output) = &args.output {
+            println!("\n{}: the fitted model", output.display());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn show(report: &FitReport) {
+    println!("\n{}\n", ladder::table(&report.error_ladder).render());
+    let mut table = Table::new(&ladder::ESTIMATES);
+    report.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
+    println!("{}", table.render());
+    if let Some(why) = &report.withheld {
+        println!("\nno intervals: {why}; `btr diagnose` looks for it");
+    }
+    for direction in &report.null_directions {
+        println!("\n{}", direction.sentence);
+    }
+    println!("\n{}", ladder::floors(&report.noise_floor));
+    println!("integrator's own error: {} x noise floor", number(report.integrator_error));
+    println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
+}

@@ -1,0 +1,52 @@
+//! The error's fall, as `diagnose` and `fit` show it while it happens.
+
+use crate::args::Global;
+use crate::failure::Failure;
+use crate::table::{Table, number};
+use btr_physics::experiment::Source;
+use btr_physics::verbs::{Floor, LadderStep};
+use std::path::Path;
+
+/// The model's text with the settings of the command line.
+pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
+    let mut source = Source::read(model)?;
+    source.set(&global.settings)?;
+    Ok(source)
+}
+
+/// Tells a step on stderr as it is reached.
+pub(crate) fn tell(step: &LadderStep, global: &Global) {
+    if !global.quiet {
+        let held_out = step.held_out.map_or(String::new(), |x| format!(", {} held out", number(x)));
+        eprintln!("{:<44} {} x noise floor{held_out}", step.step, number(step.train));
+    }
+}
+
+/// The ladder as a table.
+pub(crate) fn table(ladder: &[LadderStep]) -> Table {
+    let mut table = Table::new(&["step", "error (x noise floor)", "held out"]);
+    for step in ladder {
+        let held_out = step.held_out.map_or("-".to_owned(), number);
+        table.row(vec![step.step.clone(), number(step.train), held_out]);
+    }
+    table
+}
+
+/// The noise floors in a line.
+pub(crate) fn floors(floors: &[Floor]) -> String {
+    let each = floors.iter().map(|floor| format!("{} {} {}", floor.channel, number(floor.sigma), floor.unit));
+    format!("noise floor: {}", each.collect::<Vec<_>>().join(", "))
+}
+
+/// A value with its interval.
+pub(crate) fn estimate(table: &mut Table, estimate: &btr_core::fit::Estimate) {
+    let interval = match (estimate.ci95, estimate.at_bound) {
+        (_, true) => "at its bound".to_owned(),
+        (Some([low, high]), _) => format!("{} .. {}", number(low), number(high)),
+        (None, _) => "withheld".to_owned(),
+    };
+    table.row(vec![estimate.name.clone(), number(estimate.value), estimate.unit.clone(), interval]);
+}
+
+/// The head of a table of such values.
+pub(crate) const ESTIMATES: [&str; 4] = ["parameter", "value", "unit", "95 % interval"];

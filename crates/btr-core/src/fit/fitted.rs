@@ -1,0 +1,91 @@
+//! The whole way from a model as it stands to values with intervals.
+
+use super::bench::{Bench, Logs, squares};
+use super::estimate::{Estimate, NullDirection, estimates, null_directions};
+use super::judge::{Measure, chi, held_out_squares};
+use super::solve::{Effort, Ended, Fit};
+
+/// Above this error the residual has structure, and intervals would be wrong with confidence.
+const STRUCTURED: f64 = 1.5;
+/// Where amplitudes that are off are started from, beside off: some effects have no slope there.
+const STARTS: [f64; 2] = [0.4, 1.5];
+/// What each start may spend before the best goes on.
+const TRIAL: Effort = Effort { jacobians: 1, steps: 6 };
+
+/// A finished fit.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The point and what is known around it.
+    pub fit: Fit,
+    /// Every free number.
+    pub parameters: Vec<Estimate>,
+    /// Error on the logs to learn from, in multiples of the noise floor.
+    pub train: f64,
+    /// Error on held-out logs.
+    pub held_out: Option<f64>,
+    /// What these logs do not tell.
+    pub null_directions: Vec<NullDirection>,
+    /// What was done, and the two errors after it.
+    pub ladder: Vec<(String, f64, Option<f64>)>,
+    /// Why it ended.
+    pub ended: Ended,
+    /// Why there are no intervals, where there are none.
+    pub withheld: Option<String>,
+    /// The integrator's own error in multiples of the noise floor.
+    pub integrator_error: f64,
+}
+
+/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on held-out
+/// ones. `None` where the model blows up as it stands.
+pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
+    let knobs = bench.family.knobs();
+    let mut ladder = Vec::new();
+    let mut climb = |step: &str, fit: &Fit| {
+        let train = chi(fit.squares(), bench.samples(Logs::Learn));
+        let held_out = held_out_squares(bench, &fit.u).filter(|_| !bench.logs(Logs::HeldOut).is_empty());
+        let held_out = held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut)));
+        tell(step, train, held_out);
+        ladder.push((step.to_owned(), train, held_out));
+    };
+    let doubtful = bench.family.doubtful().to_vec();
+    let mut fit = Fit::at(bench, doubtful.clone(), vec![0.0; knobs.len()], &[])?;
+    fit.renew_step_error(bench);
+    climb("model as it stands", &fit);
+    let off: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].amplitude).collect();
+    let mut starts = vec![fit.clone()];
+    for size in STARTS.iter().filter(|_| !off.is_empty()) {
+        let mut u = fit.u.clone();
+        off.iter().for_each(|&k| u[k] = knobs[k].clamp(*size));
+        starts.extend(Fit::at(bench, doubtful.clone(), u, &fit.step_error));
+    }
+    if starts.len() > 1 {
+        starts.iter_mut().for_each(|start| _ = start.solve(bench, TRIAL));
+        fit = starts.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        climb("best of several starts", &fit);
+    }
+    fit.jacobian = None;
+    fit.solve(bench, Effort::FULL);
+    fit.renew_step_error(bench);
+    let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
+    climb("fitted", &fit);
+    fit.differentiate(bench);
+    let (_, train, held_out) = ladder.last()?.clone();
+    let error = held_out.unwrap_or(train);
+    let withheld = (error > STRUCTURED).then(|| {
+        format!(
+            "the error is still {error:.1} times the noise floor: something is missing, and any interval would be wrong"
+        )
+    });
+    let inflation = Measure::of(bench, &fit).inflation();
+    Some(Fitted {
+        parameters: estimates(bench.family, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
+        null_directions: null_directions(bench.family, &fit),
+        integrator_error: chi(squares(&fit.step_error), bench.samples(Logs::Learn)),
+        fit,
+        train,
+        held_out,
+        ladder,
+        ended,
+        withheld,
+    })
+}

@@ -1,0 +1,136 @@
+//! `diagnose`: which physical effect is missing.
+
+use super::{Floor, LadderStep, Problem};
+use btr_core::diagnose::{Diagnosis, Found, Question, Rung, Verdict};
+use btr_core::fit::{Bench, Estimate};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Where an effect sits.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum Site {
+    /// On one joint or link, or on `base` or `*`.
+    One(String),
+    /// On several.
+    Several(Vec<String>),
+}
+
+impl std::fmt::Display for Site {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Site::One(site) => f.write_str(site),
+            Site::Several(sites) => f.write_str(&sites.join(", ")),
+        }
+    }
+}
+
+/// An effect that is missing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EffectReport {
+    /// Its name.
+    pub effect: String,
+    /// Where it sits.
+    pub site: Site,
+    /// `effect@site` of what these logs cannot tell from it.
+    pub alike: Vec<String>,
+    /// How much of the belief it has among all that was fitted beside it.
+    pub probability: f64,
+    /// By how much it lowers the information criterion.
+    pub delta_bic: f64,
+    /// What it takes.
+    pub parameters: Vec<Estimate>,
+}
+
+/// The answer, with the keys of `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct DiagnoseReport {
+    /// Always true: failures are another document.
+    pub ok: bool,
+    /// The answer in a word.
+    pub verdict: Verdict,
+    /// What is missing; with the verdict `unexplained`, what helps and does not explain.
+    pub effects: Vec<EffectReport>,
+    /// How the error fell, in multiples of the noise floor.
+    pub error_ladder: Vec<LadderStep>,
+    /// The noise floors.
+    pub noise_floor: Vec<Floor>,
+    /// The share of the squared error that remains and is not noise.
+    pub unexplained_share: f64,
+    /// The integrator's own error in multiples of the noise floor.
+    pub integrator_error: f64,
+    /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
+    pub at_bound: Vec<String>,
+    /// Simulated logs.
+    pub rollouts: usize,
+    /// Wall time.
+    pub seconds: f64,
+}
+
+/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
+pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> Option<(DiagnoseReport, Diagnosis)> {
+    let began = Instant::now();
+    let bench = Bench::new(&problem.beside);
+    let diagnosis = btr_core::diagnose::diagnose(&bench, question, tell)?;
+    let report = DiagnoseReport {
+        ok: true,
+        verdict: diagnosis.verdict,
+        effects: grouped(&diagnosis.effects),
+        error_ladder: diagnosis.ladder.iter().map(LadderStep::from).collect(),
+        noise_floor: problem.floors(),
+        unexplained_share: diagnosis.unexplained_share,
+        integrator_error: diagnosis.integrator_error,
+        at_bound: diagnosis.at_bound.clone(),
+        rollouts: diagnosis.rollouts,
+        seconds: began.elapsed().as_secs_f64(),
+    };
+    Some((report, diagnosis))
+}
+
+impl From<&Rung> for LadderStep {
+    fn from(rung: &Rung) -> Self {
+        LadderStep { step: rung.step.clone(), train: rung.train, held_out: rung.held_out }
+    }
+}
+
+/// One effect on several sites is one effect.
+fn grouped(found: &[Found]) -> Vec<EffectReport> {
+    let mut reports: Vec<EffectReport> = Vec::new();
+    for one in found {
+        match reports.iter_mut().find(|report| report.effect == one.effect) {
+            Some(report) => report.join(one),
+            None => reports.push(EffectReport {
+                effect: one.effect.clone(),
+                site: Site::One(one.site.clone()),
+                alike: one.alike.clone(),
+                probability: one.probability,
+                delta_bic: one.delta_bic,
+                parameters: one.parameters.clone(),
+            }),
+        }
+    }
+    reports
+}
+
+impl EffectReport {
+    fn join(&mut self, other: &Found) {
+        let mut sites = match &self.site {
+            Site::One(site) => vec![site.clone()],
+            Site::Several(sites) => sites.clone(),
+        };
+        sites.push(other.site.clone());
+        self.site = Site::Several(sites);
+        self.alike.extend(other.alike.iter().cloned());
+        self.probability = self.probability.min(other.probability);
+        self.delta_bic += other.delta_bic;
+        self.parameters.extend(other.parameters.iter().cloned());
+    }
+
+    /// `effect@site` for each of its sites.
+    pub fn names(&self) -> Vec<String> {
+        match &self.site {
+            Site::One(site) => vec![format!("{}@{site}", self.effect)],
+            Site::Several(sites) => sites.iter().map(|site| format!("{}@{site}", self.effect)).collect(),
+        }
+    }
+}

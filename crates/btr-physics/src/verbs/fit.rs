@@ -1,0 +1,79 @@
+//! `fit`: the numbers in doubt at their best, with what is known of each.
+
+use super::{Floor, LadderStep, Problem};
+use btr_core::family::Family;
+use btr_core::fit::{Bench, Ended, Estimate, Fit, NullDirection};
+use serde::Serialize;
+use std::time::Instant;
+
+/// The answer, with the keys of `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitReport {
+    /// Always true: failures are another document.
+    pub ok: bool,
+    /// Sum of squares in multiples of the noise, with the priors' share.
+    pub cost: f64,
+    /// Every number in doubt.
+    pub parameters: Vec<Estimate>,
+    /// Error on the logs that were learnt from, in multiples of the noise floor.
+    pub train: f64,
+    /// Error on held-out logs.
+    pub held_out: Option<f64>,
+    /// Combinations that these logs do not tell.
+    pub null_directions: Vec<NullDirection>,
+    /// How the error fell.
+    pub error_ladder: Vec<LadderStep>,
+    /// Why the search ended.
+    pub stop_reason: Ended,
+    /// Why there are no intervals, where there are none.
+    pub withheld: Option<String>,
+    /// The noise floors.
+    pub noise_floor: Vec<Floor>,
+    /// The integrator's own error in multiples of the noise floor.
+    pub integrator_error: f64,
+    /// Simulated logs.
+    pub rollouts: usize,
+    /// Wall time.
+    pub seconds: f64,
+}
+
+/// Fits what is in doubt; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
+pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit)> {
+    let began = Instant::now();
+    let bench = Bench::new(&problem.beside);
+    let heard = |step: &str, train: f64, held_out: Option<f64>| {
+        tell(&LadderStep { step: step.to_owned(), train, held_out });
+    };
+    let fitted = btr_core::fit::fitted(&bench, &heard)?;
+    let ladder = fitted.ladder.iter().map(|(step, train, held_out)| LadderStep {
+        step: step.clone(),
+        train: *train,
+        held_out: *held_out,
+    });
+    let report = FitReport {
+        ok: true,
+        cost: fitted.fit.cost,
+        parameters: fitted.parameters,
+        train: fitted.train,
+        held_out: fitted.held_out,
+        null_directions: fitted.null_directions,
+        error_ladder: ladder.collect(),
+        stop_reason: fitted.ended,
+        withheld: fitted.withheld,
+        noise_floor: problem.floors(),
+        integrator_error: fitted.integrator_error,
+        rollouts: bench.rollouts(),
+        seconds: began.elapsed().as_secs_f64(),
+    };
+    Some((report, fitted.fit))
+}
+
+impl Problem {
+    /// The values of what is in doubt at a fit, in the order of the model's space.
+    pub fn values(&self, fit: &Fit) -> Vec<f64> {
+        let dims = self.beside.model().simulations.dims();
+        let value =
+            |(&k, dim): (&usize, &btr_core::space::Dim)| self.beside.knobs()[k].value(fit.u[k]).clamp(dim.min, dim.max);
+        self.beside.doubtful().iter().zip(dims).map(value).collect()
+    }
+}

@@ -1,0 +1,109 @@
+//! What people ask of a model and its logs: which effect is missing, add it, fit. The command line and Python call these.
+
+mod add;
+mod diagnose;
+mod fit;
+
+pub use add::{AddError, Addition, add};
+pub use diagnose::{DiagnoseReport, EffectReport, Site, diagnose};
+pub use fit::{FitReport, fit};
+
+use crate::beside::Beside;
+use crate::experiment::{FileError, Source, replays};
+use btr_core::world::WorldError;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A model beside the logs it is asked about.
+pub struct Problem {
+    /// The model's text.
+    pub source: Source,
+    /// The model, the logs, and everything that may be varied.
+    pub beside: Beside,
+    /// What is odd about the logs, though they can be used.
+    pub warnings: Vec<String>,
+}
+
+/// Why a question cannot be asked.
+#[derive(Debug, thiserror::Error)]
+pub enum ProblemError {
+    /// The model file or a log makes no sense.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The model cannot be simulated.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// What was to be added does not fit the model.
+    #[error(transparent)]
+    Add(#[from] AddError),
+}
+
+impl Problem {
+    /// Reads the logs and puts the model beside them; without held-out logs, the last part of each log is held out.
+    ///
+    /// # Errors
+    /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
+    pub fn new(source: Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Result<Self, ProblemError> {
+        let replays = replays(&source, learn, held_out)?;
+        let beside = Beside::new(Arc::new(replays.model), replays.logs, &[])?;
+        Ok(Problem { source, beside, warnings: replays.warnings })
+    }
+
+    /// The same with effects added to the model, their bounds made for what the robot does in the logs.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new); an effect or a site that is not there.
+    pub fn with(
+        source: Source,
+        additions: &[String],
+        learn: &[PathBuf],
+        held_out: &[PathBuf],
+    ) -> Result<Self, ProblemError> {
+        let bare = Problem::new(source, learn, held_out)?;
+        if additions.is_empty() {
+            return Ok(bare);
+        }
+        let robot = &bare.beside.model().robot;
+        let additions: Vec<Addition> =
+            additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
+        let text = add::add_scaled(&bare.source, bare.beside.scales(), &additions)?;
+        Problem::new(Source { text, ..bare.source }, learn, held_out)
+    }
+}
+
+/// One step of the error's fall, in multiples of the noise floor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LadderStep {
+    /// What was done.
+    pub step: String,
+    /// On the logs that were learnt from.
+    pub train: f64,
+    /// On held-out logs.
+    pub held_out: Option<f64>,
+}
+
+/// The noise floor of each measured channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Floor {
+    /// The channel.
+    pub channel: String,
+    /// Its unit.
+    pub unit: String,
+    /// Standard deviation of its readings' errors.
+    pub sigma: f64,
+}
+
+impl Problem {
+    /// The noise floors that errors are measured in: of each channel in the first log that has it.
+    pub fn floors(&self) -> Vec<Floor> {
+        use btr_core::family::Family;
+        let mut floors: Vec<Floor> = Vec::new();
+        for channel in self.beside.logs().iter().flat_map(|log| &log.channels) {
+            if floors.iter().all(|floor| floor.channel != channel.name) {
+                floors.push(Floor { channel: channel.name.clone(), unit: channel.unit.clone(), sigma: channel.sigma });
+            }
+        }
+        floors
+    }
+}
