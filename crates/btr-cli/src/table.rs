@@ -21,21 +21,30 @@ impl Table {
 
     /// The table as text, one line per row.
     pub(crate) fn render(&self) -> String {
+        self.lines(|k| k == 0)
+    }
+
+    /// The same with every column to the left: for text without numbers.
+    pub(crate) fn render_left(&self) -> String {
+        self.lines(|_| true)
+    }
+
+    fn lines(&self, left: impl Fn(usize) -> bool) -> String {
         let all = || std::iter::once(&self.header).chain(&self.rows);
         let width = |k: usize| all().filter_map(|r| r.get(k)).map(|c| c.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.header.len()).map(width).collect();
-        let mut lines: Vec<String> = all().map(|row| line(row, &widths)).collect();
+        let mut lines: Vec<String> = all().map(|row| line(row, &widths, &left)).collect();
         lines.insert(1, widths.iter().map(|w| "-".repeat(*w)).collect::<Vec<_>>().join("  "));
         lines.join("\n")
     }
 }
 
-fn line(row: &[String], widths: &[usize]) -> String {
+fn line(row: &[String], widths: &[usize], left: &impl Fn(usize) -> bool) -> String {
     let cells = row
         .iter()
         .zip(widths)
         .enumerate()
-        .map(|(k, (cell, &width))| if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
+        .map(|(k, (cell, &width))| if left(k) { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
     cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
 }
 

@@ -1,8 +1,9 @@
-//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE`.
+//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as
+//! well: `formula.PARAM@SITE`, the site as its effect has it).
 //!
 //! A site may be a comma list and contain `*`; one value then holds for everything that it matches.
 
-use crate::effect::{self, EFFECTS, Effect, Placed, SiteKind};
+use crate::effect::{self, EFFECTS, Effect, FORMULA, Placed, SiteKind};
 use crate::robot::{Actuator, Robot};
 use crate::sim::Setup;
 use crate::site::matches;
@@ -26,6 +27,8 @@ enum Quantity {
     Motor(MotorValue),
     GroundFriction,
     Effect(&'static dyn Effect, usize),
+    /// A parameter of a user's law, which only the model knows.
+    Formula,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +118,7 @@ impl Target {
             Quantity::Mass => "kg",
             Quantity::Length | Quantity::GroundFriction => "1",
             Quantity::Effect(effect, param) => effect.card().params[param].unit,
+            Quantity::Formula => "SI",
             Quantity::Motor(value) => value.unit(),
         }
     }
@@ -133,7 +137,20 @@ impl Target {
                 let value = there.map_or(effect.card().params[param].off, |p| p.values[param]);
                 value.is_finite().then_some(value)
             }
+            Quantity::Formula => common(placed.iter().filter_map(|p| Some(p.values[self.of_formula(p)?]))),
         }
+    }
+
+    /// Checks that the model has the law, if it is a law's parameter.
+    ///
+    /// # Errors
+    /// [`ParameterError::Absent`] otherwise.
+    pub fn check_formula(&self, placed: &[Placed]) -> Result<(), ParameterError> {
+        if matches!(self.quantity, Quantity::Formula) && placed.iter().all(|p| self.of_formula(p).is_none()) {
+            let why = format!("no formula at `{}` has a parameter of that name", self.site);
+            return Err(ParameterError::Absent { name: self.name.clone(), why });
+        }
+        Ok(())
     }
 
     /// Gives it a value. Lengths are factors on what they are now, so they belong on a fresh copy of the model.
@@ -160,7 +177,23 @@ impl Target {
                 });
                 placed[index].values[param] = value;
             }
+            Quantity::Formula => {
+                for there in placed {
+                    if let Some(param) = self.of_formula(there) {
+                        there.values[param] = value;
+                    }
+                }
+            }
         }
+    }
+
+    /// Where a law has the parameter, if it is the law that is meant.
+    fn of_formula(&self, placed: &Placed) -> Option<usize> {
+        let card = placed.effect.card();
+        let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
+        let (effect, name) = what.split_once('.')?;
+        let meant = card.name == effect && placed.site == self.site;
+        meant.then(|| card.params.iter().position(|param| param.name == name))?
     }
 
     fn is_at(&self, effect: &dyn Effect, placed: &Placed) -> bool {
@@ -197,6 +230,9 @@ fn quantity(name: &str) -> Result<Quantity, ParameterError> {
         return Ok(*quantity);
     }
     let found = name.split_once('.').and_then(|(effect, param)| {
+        if effect == FORMULA.name {
+            return Some(Quantity::Formula);
+        }
         let effect = effect::find(effect)?;
         Some(Quantity::Effect(effect, effect.card().params.iter().position(|p| p.name == param)?))
     });
@@ -220,7 +256,7 @@ impl Quantity {
                 SiteKind::Joint => true,
                 SiteKind::Link => false,
             },
-            Quantity::Motor(_) => true,
+            Quantity::Motor(_) | Quantity::Formula => true,
             Quantity::Mass | Quantity::Length => false,
         };
         let names: Vec<(usize, &str)> = if of_joints {

@@ -3,15 +3,20 @@
 use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
-use btr_physics::effect::{Card, EFFECTS, Param, find};
+use btr_physics::effect::{Card, EFFECTS, FORMULA, Param, SiteKind};
 use btr_physics::experiment::nearest;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 
+/// Every card; formulas share one.
+fn all() -> impl Iterator<Item = &'static Card> {
+    EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
+}
+
 pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<ExitCode, Failure> {
     let cards: Vec<&Card> = match name {
-        None => EFFECTS.iter().map(|e| e.card()).collect(),
-        Some(name) => vec![find(name).map(|e| e.card()).ok_or_else(|| unknown(name))?],
+        None => all().collect(),
+        Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
     };
     if global.json {
         let effects: Vec<Value> = cards.iter().map(|card| describe(card)).collect();
@@ -25,7 +30,7 @@ pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<ExitCode, Failu
 }
 
 fn unknown(name: &str) -> Failure {
-    let known = || EFFECTS.iter().map(|e| e.card().name);
+    let known = || all().map(|card| card.name);
     let help = match nearest(name, known()) {
         Some(name) => format!("did you mean `{name}`?"),
         None => format!("known: {}", known().collect::<Vec<_>>().join(", ")),
@@ -34,22 +39,62 @@ fn unknown(name: &str) -> Failure {
 }
 
 fn list(cards: &[&Card]) {
-    let mut table = Table::new(&["effect", "parameters", "law"]);
+    let mut table = Table::new(&["effect", "on", "parameters"]);
     for card in cards {
-        let params: Vec<String> = card.params.iter().map(|p| format!("{} ({})", p.name, p.unit)).collect();
-        table.row(vec![card.name.to_owned(), params.join(", "), card.law.to_owned()]);
+        table.row(vec![card.name.to_owned(), site(card), params(card)]);
     }
-    println!("{}\n\n`btr effects NAME` tells how one shows and where its law is from.", table.render());
+    let help = "~ only shapes the effect; `btr effects NAME` tells the law of one, how it shows and where it is from.";
+    println!("{}\n\n{help}", table.render_left());
+}
+
+/// Names and units, each unit once for neighbours that share it.
+fn params(card: &Card) -> String {
+    if card.params.is_empty() {
+        return "its own".to_owned();
+    }
+    let name = |p: &Param| if p.shape { format!("~{}", p.name) } else { p.name.to_owned() };
+    let units = card.params.chunk_by(|a, b| a.unit == b.unit).map(|same| {
+        let names: Vec<String> = same.iter().map(name).collect();
+        format!("{} ({})", names.join(", "), same[0].unit)
+    });
+    units.collect::<Vec<_>>().join(", ")
 }
 
 fn tell(card: &Card) {
-    println!("{}\n\n  law     {}\n  shows   {}\n  source  {}\n", card.name, card.law, card.tell, card.cite);
+    println!("{}\n\n  law     {}\n  sits    {}", card.name, card.law, on(card));
+    println!("  shows   {}\n  source  {}", card.tell, card.cite);
+    if !card.alike.is_empty() {
+        println!("  alike   {}: hard to tell from these", card.alike.join(", "));
+    }
+    if card.params.is_empty() {
+        return;
+    }
     let mut table = Table::new(&["parameter", "unit", "min", "max", "off", "typical"]);
     for p in card.params {
-        let numbers = [p.bounds.0, p.bounds.1, p.off, p.hint].map(shown);
-        table.row([p.name.to_owned(), p.unit.to_owned()].into_iter().chain(numbers).collect());
+        let off = if p.shape { "shape".to_owned() } else { shown(p.off) };
+        let [min, max, hint] = [p.bounds.0, p.bounds.1, p.hint].map(shown);
+        table.row(vec![p.name.to_owned(), p.unit.to_owned(), min, max, off, hint]);
     }
-    println!("{}", table.render());
+    println!("\n{}", table.render());
+    if card.params.iter().any(|p| p.shape) {
+        println!("\nA shape only shapes the effect; the other parameters switch it on.");
+    }
+}
+
+/// What it sits on, in a word.
+fn site(card: &Card) -> String {
+    format!("{:?}", card.site).to_lowercase()
+}
+
+/// How its site is written.
+fn on(card: &Card) -> &'static str {
+    match card.site {
+        SiteKind::Joint => "on joints: site = \"knee\", \"L*,R*\", \"*\"",
+        SiteKind::Link => "on links: site = \"shank\", \"base\", \"*\"",
+        SiteKind::Base => "on the base: site = \"base\"",
+        SiteKind::Ground => "on the ground: site = \"*\"",
+        SiteKind::Robot => "on the robot as a whole: site = \"*\"",
+    }
 }
 
 /// Off values are infinite for limits and NaN where the model's own value stands.
@@ -65,9 +110,9 @@ fn describe(card: &Card) -> Value {
     let finite = |x: f64| x.is_finite().then_some(x);
     let param = |p: &Param| {
         json!({ "name": p.name, "unit": p.unit, "min": p.bounds.0, "max": finite(p.bounds.1), "off": finite(p.off),
-                "typical": p.hint })
+                "typical": p.hint, "shape": p.shape })
     };
     let params: Vec<Value> = card.params.iter().map(param).collect();
-    json!({ "effect": card.name, "site": format!("{:?}", card.site).to_lowercase(), "law": card.law, "shows": card.tell,
-            "source": card.cite, "parameters": params })
+    json!({ "effect": card.name, "site": site(card), "law": card.law, "shows": card.tell,
+            "source": card.cite, "alike": card.alike, "starts": card.starts, "parameters": params })
 }

@@ -109,10 +109,26 @@ fn effects() {
         "effect = \"coulomb_friction\"\ntorque = \"much\"",
         "effect = \"coulomb_friction\"\ntorque = nan",
         "effect = \"payload\"\nmass = -3.0",
+        "effect = \"cogging\"\namplitude = 0.1\norder = 0.0",
+        "effect = \"armature\"\nlaw = \"q\"",
         "torque = 0.1",
     ];
     let wrong: Vec<String> = wrong.iter().map(|effect| placed(effect)).collect();
     insta::assert_snapshot!("effects", all("[drive]", &wrong.iter().map(String::as_str).collect::<Vec<_>>()));
+    let formulas = [
+        "on = \"torque\"",
+        "law = \"-a*q\"",
+        "on = \"speed\"\nlaw = \"-a*q\"",
+        "on = \"torque\"\nlaw = \"-a*q\"",
+        "on = \"torque\"\nlaw = \"-a*(q\"\na = 0.1",
+        "on = \"torque\"\nlaw = \"-a*q\"\na = 0.1\nb = 0.2",
+        "on = \"torque\"\nlaw = \"-dq*q\"\ndq = 0.1",
+        "on = \"torque\"\nlaw = \"-a*q\"\na = nan",
+        "on = \"torque\"\nlaw = \"-a*q\"\na = 0.1\nsite = \"hing\"",
+    ];
+    let formulas: Vec<String> = formulas.iter().map(|law| placed(&format!("effect = \"formula\"\n{law}"))).collect();
+    insta::assert_snapshot!("formulas", all("[drive]", &formulas.iter().map(String::as_str).collect::<Vec<_>>()));
+    insta::assert_snapshot!("formula_in_doubt", with(MASS, "\"formula.a@hinge\" = { bounds = [0.0, 1.0] }"));
     let hidden = "kind = \"twin\"\neffects = [{ effect = \"payloud\" }]";
     insta::assert_snapshot!("hidden_effect", with("kind = \"twin\"", hidden));
     insta::assert_snapshot!("effects_verb", Lab::new().complaint("effects armatur"));

@@ -60,13 +60,38 @@ fn effects_are_listed_and_told() {
     let all = lab.json("effects");
     let list = lab.ok("effects");
     let effects = all["effects"].as_array().unwrap();
-    assert!(effects.len() >= 7);
+    assert!(effects.len() >= 31);
     for effect in effects {
         let name = effect["effect"].as_str().unwrap();
         assert!(list.contains(name), "{name}");
         let one = lab.ok(&format!("effects {name}"));
         assert!(one.contains(effect["law"].as_str().unwrap()) && one.contains("source"), "{one}");
     }
+    insta::assert_snapshot!("effects_list", list);
+    insta::assert_snapshot!("effects_cogging", lab.ok("effects cogging"));
+    insta::assert_snapshot!("effects_formula", lab.ok("effects formula"));
+}
+
+#[test]
+fn a_formula_does_what_the_effect_of_that_law_does_and_its_parameter_can_be_in_doubt() {
+    let effect = |text: &str| format!("[[effects]]\nsite = \"hinge\"\n{text}\n\n[drive]");
+    let mine = effect("effect = \"formula\"\non = \"torque\"\nlaw = \"-c*dq\"\nc = 0.1");
+    let library = effect("effect = \"viscous_friction\"\ncoefficient = 0.1");
+    let told = |name: &str, text: &str, parameter: &str| {
+        let lab = Lab::with(&[("[drive]", text), ("\"mass@bob\"", parameter)]);
+        lab.ok(&format!("simulate small.toml -q -o {name}.csv"));
+        lab.read(&format!("{name}.csv"))
+    };
+    let last = |csv: &str| csv.lines().last().unwrap().split(',').nth(2).unwrap().parse::<f64>().unwrap();
+    let [plain, oil, formula] = [
+        told("plain", "[drive]", "\"mass@bob\""),
+        told("oil", &library, "\"mass@bob\""),
+        told("formula", &mine, "\"mass@bob\""),
+    ]
+    .map(|csv| last(&csv));
+    assert!((formula - oil).abs() < 1e-6 * (oil - plain).abs(), "{plain} {oil} {formula}");
+    let doubted = last(&told("doubt", &mine, "\"formula.c@hinge\""));
+    assert_eq!(doubted.to_bits(), formula.to_bits());
 }
 
 #[test]

@@ -141,7 +141,10 @@ impl fmt::Debug for dyn Effect {
     }
 }
 
+mod formula;
 mod rotor;
+
+pub use formula::{FORMULA, FormulaError, On, formula};
 
 /// Declares the effects' files and lists them.
 macro_rules! effects {
@@ -238,10 +241,11 @@ impl Placed {
         Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.hint).collect() }
     }
 
-    /// Whether it does nothing: all its parameters but the shapes are off.
+    /// Whether it does nothing: all its parameters but the shapes are off. A formula may have none, and acts.
     pub fn is_off(&self) -> bool {
         let params = self.values.iter().zip(self.effect.card().params);
-        params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
+        !self.values.is_empty()
+            && params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
     }
 
     /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the parameter's
@@ -259,8 +263,9 @@ impl Placed {
         };
         match self.values.iter().zip(card.params).find(|(value, param)| !fits(**value, param)) {
             Some((value, param)) => {
-                let (name, unit) = (param.name, param.unit);
-                Err(setup_error(format!("`{}.{name}` cannot be {value} {unit}", card.name)))
+                let (name, unit) = (param.name, if param.unit == "1" { "" } else { param.unit });
+                let message = format!("`{}.{name}` cannot be {value} {unit}", card.name);
+                Err(setup_error(message.trim_end().to_owned()))
             }
             None => Ok(()),
         }

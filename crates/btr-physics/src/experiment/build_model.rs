@@ -3,7 +3,7 @@
 use super::build::Builder;
 use super::file::{ActuatorSection, EffectSection, NoiseSection, ParameterSection};
 use super::parse::FileError;
-use crate::effect::{self, Placed, SiteKind};
+use crate::effect::{self, Effect, FormulaError, Placed, SiteKind};
 use crate::parameter::Target;
 use crate::robot::{Actuator, Base, DutyLoop, Robot};
 use crate::sensor::Noise;
@@ -120,8 +120,11 @@ impl Builder<'_> {
     fn effect(&self, section: &EffectSection, at: (&str, usize), robot: &Robot) -> Result<Placed, FileError> {
         let index = at.1.to_string();
         let keys: Vec<&str> = at.0.split('.').chain([index.as_str()]).collect();
+        if section.effect == effect::FORMULA.name {
+            return self.formula(section, &keys, robot);
+        }
         let Some(effect) = effect::find(&section.effect) else {
-            let known = effect::EFFECTS.iter().map(|e| e.card().name);
+            let known = effect::EFFECTS.iter().map(|e| e.card().name).chain([effect::FORMULA.name]);
             return Err(self.unknown(&[&keys[..], &["effect"]].concat(), "effect", &section.effect, known));
         };
         let params = effect.card().params;
@@ -135,14 +138,52 @@ impl Builder<'_> {
             ));
         }
         let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
+        let law = [("law", section.law.is_some()), ("on", section.on.is_some())];
+        if let Some((key, _)) = law.iter().find(|(_, given)| *given) {
+            let message = format!("{} has a law of its own; only a formula takes `{key}`", section.effect);
+            return Err(self.error(&[&keys[..], &[key]].concat(), message, None));
+        }
+        self.placed(effect, section, values, &keys, robot)
+    }
+
+    /// A user's own law.
+    fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<Placed, FileError> {
+        let (Some(on), Some(law)) = (section.on, &section.law) else {
+            let help =
+                "on = \"torque\" (or \"command\", \"reading\") and law = \"-a*sin(3*q)\" with a = 0.1".to_owned();
+            return Err(self.error(keys, "a formula needs `on` and `law`", Some(help)));
+        };
+        let names: Vec<&str> = section.values.keys().map(String::as_str).collect();
+        let effect = effect::formula(on, law, &names).map_err(|e| {
+            let key = match &e {
+                FormulaError::Unused(name) | FormulaError::Taken(name) => name,
+                _ => "law",
+            };
+            let help = "`btr effects formula` tells what a law can say".to_owned();
+            self.error(&[keys, &[key]].concat(), &e, Some(help))
+        })?;
+        if let Some((name, value)) = section.values.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(self.error(&[keys, &[name.as_str()]].concat(), format!("{name} = {value} is no number"), None));
+        }
+        self.placed(effect, section, section.values.values().copied().collect(), keys, robot)
+    }
+
+    fn placed(
+        &self,
+        effect: &'static dyn Effect,
+        section: &EffectSection,
+        values: Vec<f64>,
+        keys: &[&str],
+        robot: &Robot,
+    ) -> Result<Placed, FileError> {
         let placed = Placed { effect, site: section.site.clone(), values };
         if placed.check_site(robot).is_err() {
             let (what, known) = sites(effect.card().site, robot);
-            return Err(self.unknown(&[&keys[..], &["site"]].concat(), what, &placed.site, known));
+            return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
         }
         placed.check().map_err(|e| {
             let help = format!("`btr effects {}` tells which values make sense", section.effect);
-            self.error(&keys, e, Some(help))
+            self.error(keys, e, Some(help))
         })?;
         Ok(placed)
     }
@@ -157,6 +198,7 @@ impl Builder<'_> {
         for (name, section) in &self.file.parameters {
             let keys = ["parameters", name.as_str()];
             let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
+            target.check_formula(effects).map_err(|e| self.error(&keys, e, None))?;
             let own = target.nominal(robot, effects, setup);
             let dim = dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?;
             Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;

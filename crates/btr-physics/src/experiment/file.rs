@@ -1,6 +1,7 @@
 //! What stands in a model or experiment file, as it is written. A model file is an experiment file without the sections
 //! that steer a run.
 
+use crate::effect::On;
 use crate::io::Mapping;
 use crate::robot::Base;
 use crate::sim::EngineName;
@@ -258,6 +259,12 @@ pub struct EffectSection {
     /// Joint, link, `base`, `*` or a pattern.
     #[serde(default = "everywhere")]
     pub site: String,
+    /// Formula: what the law gives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub on: Option<On>,
+    /// Formula: an expression over `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub law: Option<String>,
     /// Its parameters by name; those left out have their off value.
     #[serde(flatten)]
     pub values: IndexMap<String, f64>,

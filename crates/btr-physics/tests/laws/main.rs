@@ -7,6 +7,7 @@ mod determinism;
 mod drive;
 mod effects;
 mod engines;
+mod formula;
 mod free;
 mod friction;
 mod joint;

@@ -107,7 +107,7 @@ fn approached(effect: &[Placed], side: f64) -> f64 {
 fn backlash_loses_its_gap_between_two_directions() {
     let rigid = approached(&[], 1.0) - approached(&[], -1.0);
     let gap = placed("backlash", "hinge", &[0.08]);
-    let lost = approached(&[gap.clone()], 1.0) - approached(&[gap], -1.0) - rigid;
+    let lost = approached(std::slice::from_ref(&gap), 1.0) - approached(std::slice::from_ref(&gap), -1.0) - rigid;
     assert!((lost - 0.08).abs() < 1e-3, "{lost} rad");
 }
 

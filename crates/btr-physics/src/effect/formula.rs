@@ -1,0 +1,245 @@
+//! A user's own law as text: on a joint's torque, its command or its reading.
+//!
+//! A torque that jumps, as with `sign(dq)`, makes a light joint tremble by what the jump does in a step: for dry friction
+//! there are effects that hold at rest.
+//!
+//! A law is compiled once. Effects live as long as the program, and so do compiled laws: one for each distinct text that a
+//! process meets, a few hundred bytes each.
+
+use super::{Card, Effect, Param, SiteKind};
+use crate::engine::{Affine, Dof};
+use crate::motor::JointState;
+use btr_core::log::Log;
+use exmex::{Express, FlatEx, FloatOpsFactory, MakeOperators, Operator};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+/// What `btr effects` says about formulas; each one has a card of its own with its law and its parameters.
+pub static FORMULA: Card = Card {
+    name: "formula",
+    law: "law = \"an expression\" on = \"torque\", \"command\" or \"reading\"; its own parameters by name: a = 0.1",
+    site: SiteKind::Joint,
+    cite: "the model file",
+    tell: "as its law says; it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, \
+           + - * / ^ ( ) abs sign min max sqrt exp ln sin cos tan atan atan2 tanh floor round PI",
+    params: &[],
+    starts: &[],
+    alike: &[],
+};
+
+/// What every law knows of its joint, in the order of [`Scene`].
+const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
+
+/// Values of [`VARIABLES`].
+type Scene = [f64; VARIABLES.len()];
+
+/// The most names in a law, so that a step needs no memory of its own.
+const MOST_NAMES: usize = 16;
+
+/// What a law gives.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum On {
+    /// A torque beside the motor's, in N·m (N).
+    Torque,
+    /// The command that reaches the servo.
+    Command,
+    /// The position that the servo and the log read; the velocity stays the joint's.
+    Reading,
+}
+
+/// What is wrong with a law.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FormulaError {
+    /// It cannot be read.
+    #[error("the law cannot be read: {0}")]
+    Syntax(String),
+    /// A name that is neither a variable nor a parameter.
+    #[error("the law's `{name}` is not known; there are {}", known.join(", "))]
+    Unknown {
+        /// The name.
+        name: String,
+        /// Variables and parameters.
+        known: Vec<String>,
+    },
+    /// A parameter that the law does not have.
+    #[error("`{0}` does not occur in the law")]
+    Unused(String),
+    /// A parameter that cannot have this name.
+    #[error("`{0}` means something else in every law")]
+    Taken(String),
+    /// More names than [`MOST_NAMES`].
+    #[error("a law can have {MOST_NAMES} different names at most")]
+    TooMany,
+}
+
+/// The functions of laws: those of floats, and a sign that is 0 at 0.
+#[derive(Clone, Debug)]
+struct Functions;
+
+impl MakeOperators<f64> for Functions {
+    fn make<'a>() -> Vec<Operator<'a, f64>> {
+        let mut all = FloatOpsFactory::<f64>::make();
+        all.push(Operator::make_unary("sign", |x: f64| if x > 0.0 { 1.0 } else { -f64::from(x < 0.0) }));
+        all
+    }
+}
+
+/// A compiled law.
+struct Formula {
+    card: &'static Card,
+    on: On,
+    law: FlatEx<f64, Functions>,
+    /// For each name in the law, in its order: the place among variables and parameters.
+    places: Vec<usize>,
+}
+
+/// What tells laws apart: what they are on, text and names of parameters.
+type Key = (On, String, Vec<String>);
+
+/// All laws so far.
+static COMPILED: Mutex<BTreeMap<Key, &'static Formula>> = Mutex::new(BTreeMap::new());
+
+/// The effect of a law with parameters of these names.
+///
+/// # Errors
+/// A law that cannot be read, unknown names, parameters that it does not have.
+pub fn formula(on: On, law: &str, params: &[&str]) -> Result<&'static dyn Effect, FormulaError> {
+    let key = (on, law.to_owned(), params.iter().map(|&name| name.to_owned()).collect());
+    let mut compiled = COMPILED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(&known) = compiled.get(&key) {
+        return Ok(known);
+    }
+    let formula: &'static Formula = Box::leak(Box::new(Formula::new(on, law, params)?));
+    compiled.insert(key, formula);
+    Ok(formula)
+}
+
+impl Formula {
+    fn new(on: On, text: &str, params: &[&str]) -> Result<Self, FormulaError> {
+        let syntax = |e: exmex::ExError| FormulaError::Syntax(e.msg().to_owned());
+        let law = FlatEx::<f64, Functions>::parse(text).map_err(syntax)?;
+        if let Some(&taken) = params.iter().find(|name| VARIABLES.contains(name)) {
+            return Err(FormulaError::Taken(taken.to_owned()));
+        }
+        let known: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
+        let place = |name: &String| known.iter().position(|known| known == name).ok_or_else(|| name.clone());
+        let places: Result<Vec<usize>, String> = law.var_names().iter().map(place).collect();
+        let places = places.map_err(|name| {
+            let known = known.iter().map(|&known| known.to_owned()).collect();
+            FormulaError::Unknown { name, known }
+        })?;
+        if let Some(unused) = (VARIABLES.len()..known.len()).find(|place| !places.contains(place)) {
+            return Err(FormulaError::Unused(known[unused].to_owned()));
+        }
+        if places.len() > MOST_NAMES {
+            return Err(FormulaError::TooMany);
+        }
+        let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
+        let params: Vec<Param> = params.iter().map(own).collect();
+        let card = Box::leak(Box::new(Card { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
+        Ok(Formula { card, on, law, places })
+    }
+
+    /// The law's value; NaN where it has none.
+    fn at(&self, p: &[f64], scene: &Scene) -> f64 {
+        let mut values = [0.0; MOST_NAMES];
+        for (value, &place) in values.iter_mut().zip(&self.places) {
+            *value = if place < scene.len() { scene[place] } else { p[place - scene.len()] };
+        }
+        self.law.eval(&values[..self.places.len()]).unwrap_or(f64::NAN)
+    }
+}
+
+fn leaked(text: &str) -> &'static str {
+    Box::leak(text.to_owned().into_boxed_str())
+}
+
+/// What the law sees of a joint. A motor that is switched off is told to stay where it is.
+fn scene(memory: &mut [f64], state: &JointState) -> Scene {
+    let command = if state.command.is_nan() { state.q } else { state.command };
+    let mut ddq = 0.0;
+    if let [started, before, ..] = memory {
+        if *started > 0.0 {
+            ddq = (state.dq - *before) / state.dt_s;
+        }
+        (*started, *before) = (1.0, state.dq);
+    }
+    [state.q, state.dq, ddq, command, state.torque, state.time_s]
+}
+
+/// The memory says whether the run has begun, and holds the velocity of the last step and how far the reading is from the
+/// joint.
+impl Effect for Formula {
+    fn card(&self) -> &'static Card {
+        self.card
+    }
+
+    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
+        3
+    }
+
+    /// What the law says of the step's beginning, and its slope over the velocity as damping in the step: friction that
+    /// grows with the speed then cannot make it unstable.
+    fn torque(&self, p: &[f64], memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+        if self.on != On::Torque {
+            return;
+        }
+        let here = scene(memory, state);
+        let dq = state.dq;
+        let at = |dq: f64| {
+            let mut scene = here;
+            scene[1] = dq;
+            self.at(p, &scene)
+        };
+        let nearby = 1e-4 * (1.0 + dq.abs());
+        let damping = ((at(dq - nearby) - at(dq + nearby)) / (2.0 * nearby)).max(0.0);
+        dof.torque.add(&Affine { constant: at(dq) + damping * dq, stiffness: 0.0, damping });
+    }
+
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+        if self.on != On::Command || state.command.is_nan() {
+            return state.command;
+        }
+        self.at(p, &scene(memory, state))
+    }
+
+    fn encoder(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> (f64, f64) {
+        if self.on != On::Reading {
+            return (state.q, state.dq);
+        }
+        let reading = self.at(p, &scene(memory, state));
+        if let [.., ahead] = memory {
+            *ahead = reading - state.q;
+        }
+        (reading, state.dq)
+    }
+
+    /// Within a step the reading moves as the joint does.
+    fn transmit(&self, _p: &[f64], memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+        match (self.on, memory) {
+            (On::Reading, [.., ahead]) => Affine { constant: motor.constant - motor.stiffness * *ahead, ..motor },
+            _ => motor,
+        }
+    }
+
+    fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
+        if self.on != On::Reading {
+            return;
+        }
+        let clock = log.clock_s().to_vec();
+        let [q, dq, cmd, tau] = ["q", "dq", "cmd", "tau"].map(|kind| {
+            log.values(&format!("{kind}_{joint}")).map_or_else(|_| vec![0.0; clock.len()], <[f64]>::to_vec)
+        });
+        let mut memory = [0.0; 3];
+        let Some(readings) = log.values_mut(&format!("q_{joint}")) else { return };
+        for (i, reading) in readings.iter_mut().enumerate() {
+            let dt_s = if i > 0 { clock[i] - clock[i - 1] } else { 1.0 };
+            let (time_s, command, torque) = (clock[i], cmd[i], tau[i]);
+            let state = JointState { time_s, dt_s, q: q[i], dq: dq[i], inertia: 0.0, torque, load: 0.0, command };
+            *reading = self.at(p, &scene(&mut memory, &state));
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A user's own laws.
+
+use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, run_with};
+use btr_core::log::Log;
+use btr_physics::effect::{FormulaError, On, Placed, formula};
+use btr_physics::pendulum::pendulum;
+use btr_physics::robot::Actuator;
+
+fn law(on: On, text: &str, params: &[(&str, f64)]) -> Placed {
+    let names: Vec<&str> = params.iter().map(|(name, _)| *name).collect();
+    let values = params.iter().map(|(_, value)| *value).collect();
+    Placed { effect: formula(on, text, &names).unwrap(), site: "elbow".to_owned(), values }
+}
+
+fn told(effects: &[Placed]) -> Log {
+    run_with(&arm(), effects, &fast(0.001, 1.0), &Told(|t: f64| 0.4 * (5.0 * t).sin()))
+}
+
+fn apart(a: &Log, b: &Log, channel: &str) -> f64 {
+    let pairs = a.values(channel).unwrap().iter().zip(b.values(channel).unwrap());
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn laws_that_the_library_has_do_the_same() {
+    let same = [
+        (law(On::Torque, "-c*dq", &[("c", 0.3)]), placed("viscous_friction", "elbow", &[0.3])),
+        (law(On::Torque, "-c*dq*abs(dq)", &[("c", 0.2)]), placed("quadratic_drag", "elbow", &[0.2])),
+        (law(On::Torque, "a*sin(5*q + 0.3)", &[("a", 0.4)]), placed("cogging", "elbow", &[0.4, 5.0, 0.3])),
+        (law(On::Reading, "q + o", &[("o", 0.05)]), placed("encoder_offset", "elbow", &[0.05])),
+        (law(On::Command, "cmd - min(max(cmd - q, -0.03), 0.03)", &[]), placed("command_deadband", "elbow", &[0.03])),
+    ];
+    let plain = told(&[]);
+    for (mine, library) in same {
+        let (name, mine, library) = (mine.effect.card().law, told(&[mine]), told(&[library]));
+        let (shows, error) = (apart(&plain, &library, "q_elbow"), apart(&mine, &library, "q_elbow"));
+        assert!(error < 0.03 * shows, "{name}: {error} of {shows} rad");
+    }
+}
+
+#[test]
+fn friction_that_grows_with_the_speed_is_stable_at_any_step() {
+    let fastest = |effects: &[Placed]| {
+        let log = run_with(&arm(), effects, &fast(0.008, 2.0), &Told(|t: f64| 0.4 * (5.0 * t).sin()));
+        log.values("dq_elbow").unwrap().iter().fold(0.0, |a: f64, b| a.max(b.abs()))
+    };
+    let plain = fastest(&[]);
+    for text in ["-50*dq", "-5*dq*abs(dq)", "-50*dq^3"] {
+        let braked = fastest(&[law(On::Torque, text, &[])]);
+        assert!(braked < 1.001 * plain, "{text}: {braked} rad/s, without it {plain}");
+    }
+}
+
+#[test]
+fn a_law_knows_time_torque_command_and_acceleration() {
+    let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: f64::INFINITY });
+    let end = |text: &str| {
+        let effects = [Placed { site: "hinge".to_owned(), ..law(On::Torque, text, &[]) }];
+        last(&run_with(&robot, &effects, &fast_weightless(0.0005, 1.0), &hold(2.0)), "dq_hinge")
+    };
+    assert!((end("t") - 2.5).abs() < 1e-3, "{}", end("t"));
+    assert!((end("tau") - 4.0).abs() < 1e-2, "{}", end("tau"));
+    assert!((end("cmd") - 4.0).abs() < 1e-9, "{}", end("cmd"));
+    assert!((end("-0.5*ddq") - 4.0 / 3.0).abs() < 1e-2, "as with half a kg·m² more: {}", end("-0.5*ddq"));
+}
+
+#[test]
+fn a_law_that_adds_nothing_changes_little() {
+    for (on, text) in [(On::Torque, "0*q"), (On::Command, "cmd"), (On::Reading, "q")] {
+        let error = apart(
+            &run(&arm(), &fast(0.001, 1.0), &hold(0.2)),
+            &run_with(&arm(), &[law(on, text, &[])], &fast(0.001, 1.0), &hold(0.2)),
+            "q_elbow",
+        );
+        assert!(error < 1e-12, "{text} on {on:?}: {error}");
+    }
+}
+
+#[test]
+fn the_same_law_is_compiled_once() {
+    let [one, two] = [(); 2].map(|()| formula(On::Torque, "-k*q", &["k"]).unwrap());
+    assert!(std::ptr::eq(one.card(), two.card()));
+    assert!(!std::ptr::eq(one.card(), formula(On::Command, "-k*q", &["k"]).unwrap().card()));
+}
+
+#[test]
+fn wrong_laws_are_refused() {
+    let refused = |text: &str, params: &[&str]| formula(On::Torque, text, params).unwrap_err();
+    for text in ["", "-a*", "sin(", "q q", ")q", "1..2", "q +* 2"] {
+        assert!(matches!(refused(text, &[]), FormulaError::Syntax(_)), "{text}");
+    }
+    assert!(matches!(refused("-a*q", &[]), FormulaError::Unknown { name, .. } if name == "a"));
+    assert_eq!(refused("q", &["a"]), FormulaError::Unused("a".to_owned()));
+    assert_eq!(refused("q", &["q"]), FormulaError::Taken("q".to_owned()));
+    let names: Vec<String> = (0..20).map(|i| format!("p{i}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    assert_eq!(refused(&names.join("+"), &names), FormulaError::TooMany);
+}
