@@ -6,6 +6,7 @@ mod failure;
 mod figures;
 mod plot;
 mod progress;
+
 mod table;
 
 use args::{Args, Verb};
@@ -42,6 +43,8 @@ fn run(args: &Args) -> Result<ExitCode, Failure> {
     match &args.verb {
         Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
         Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::Check(check) => cmd::check::run(check, &args.global),
+        Verb::Compare(compare) => cmd::compare::run(compare, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),

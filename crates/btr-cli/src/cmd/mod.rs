@@ -1,6 +1,8 @@
 //! One file per verb.
 
+pub(crate) mod check;
 pub(crate) mod coevolve;
+pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod effects;
