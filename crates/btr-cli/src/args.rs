@@ -51,6 +51,13 @@ pub(crate) enum Verb {
     /// Run a model: replay a log's commands, or its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(Simulate),
+    /// Judge logs before anything is fitted to them: clock, sensors, how late the joints follow their commands
+    #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv")]
+    Check(Check),
+    /// Tell where a model fails: per channel, per joint and regime of motion
+    #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
+        btr compare leg.toml logs/*.csv --report where.html --max-chi 1.5")]
+    Compare(Compare),
     /// Find out which physical effect the model lacks
     #[command(
         after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap\n\n\
@@ -125,6 +132,30 @@ pub(crate) struct Simulate {
     /// Where to write what the sensors say; .mcap or .csv
     #[arg(short, long, value_name = "LOG")]
     pub(crate) output: PathBuf,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Check {
+    /// The model or experiment (TOML)
+    pub(crate) model: PathBuf,
+    /// Recorded logs (MCAP or CSV)
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct Compare {
+    /// The model or experiment (TOML)
+    pub(crate) model: PathBuf,
+    /// Recorded logs (MCAP or CSV)
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Write plots of everything into one HTML file
+    #[arg(long, value_name = "HTML")]
+    pub(crate) report: Option<PathBuf>,
+    /// End with exit code 1 when a channel's error is above so many noise floors
+    #[arg(long, value_name = "X")]
+    pub(crate) max_chi: Option<f64>,
 }
 
 #[derive(ClapArgs)]

@@ -6,6 +6,7 @@ mod failure;
 mod figures;
 mod plot;
 mod progress;
+
 mod table;
 
 use args::{Args, Verb};
@@ -42,6 +43,8 @@ fn run(args: &Args) -> Result<ExitCode, Failure> {
     match &args.verb {
         Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
         Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::Check(check) => cmd::check::run(check, &args.global),
+        Verb::Compare(compare) => cmd::compare::run(compare, &args.global),
         Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),
         Verb::Add(add) => cmd::add::run(add, &args.global),
         Verb::Fit(fit) => cmd::fit::run(fit, &args.global),

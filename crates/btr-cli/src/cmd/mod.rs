@@ -1,7 +1,9 @@
 //! One file per verb.
 
 pub(crate) mod add;
+pub(crate) mod check;
 pub(crate) mod coevolve;
+pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod diagnose;

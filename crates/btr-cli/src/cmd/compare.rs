@@ -1,0 +1,169 @@
+//! `btr compare`: where a model fails.
+
+use crate::args::{Compare, Global};
+use crate::failure::{Failure, MISSED};
+use crate::table::{Table, maybe, number};
+use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
+use btr_core::family::Step;
+use btr_core::log::Log;
+use btr_core::world::{Simulator, WorldError};
+use btr_physics::experiment::{self, Replays, Source};
+use indexmap::IndexMap;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::process::ExitCode;
+
+/// Failures in the terminal; `-v` and `--json` have all.
+const SHOWN: usize = 8;
+
+/// Everything that was found, with what it was found in.
+pub(crate) struct Outcome {
+    pub(crate) model: String,
+    pub(crate) replays: Replays,
+    pub(crate) names: Vec<String>,
+    pub(crate) comparison: Comparison,
+    /// How much the time step alone changes each simulated channel, in noise floors.
+    pub(crate) integrator: IndexMap<String, f64>,
+}
+
+impl Outcome {
+    fn integrator_error(&self) -> f64 {
+        self.integrator.values().copied().fold(0.0, f64::max)
+    }
+}
+
+pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> {
+    if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
+        return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
+    }
+    let mut source = Source::read(&args.model)?;
+    source.set(&global.settings)?;
+    let outcome = outcome(&source, args)?;
+    if outcome.comparison.channels.is_empty() {
+        let help = "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names";
+        return Err(Failure::new("log", "no channel is both measured and simulated", Some(help.to_owned())));
+    }
+    if global.json {
+        println!("{}", document(&outcome));
+    } else {
+        outcome.replays.warnings.iter().filter(|_| !global.quiet).for_each(|w| eprintln!("warning: {w}"));
+        println!("{}", text(&outcome, if global.verbose { usize::MAX } else { SHOWN }));
+    }
+    let worst = outcome.comparison.worst().map_or(0.0, |channel| channel.chi);
+    let missed = args.max_chi.is_some_and(|gate| worst > gate);
+    Ok(if missed { ExitCode::from(MISSED) } else { ExitCode::SUCCESS })
+}
+
+/// Simulates every log twice, once with half the time step, and compares.
+fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
+    let replays = experiment::replays(source, &args.logs, &[])?;
+    let model = &replays.model;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let simulate = |k: usize| -> Result<(Log, Log), WorldError> {
+        let run = |step| model.simulate_in_steps(&s, &c, k, None, step);
+        Ok((run(Step::Usual)?, run(Step::Halved)?))
+    };
+    let simulated: Vec<(Log, Log)> =
+        (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
+    let names: Vec<String> = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
+    let episodes: Vec<Episode> = names
+        .iter()
+        .zip(&replays.logs)
+        .zip(&simulated)
+        .map(|((name, real), (simulated, _))| Episode { name, real, simulated })
+        .collect();
+    let comparison = compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings));
+    let integrator = comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, &simulated))).collect();
+    let model = args.model.display().to_string();
+    Ok(Outcome { model, replays, names, comparison, integrator })
+}
+
+/// Root mean square error of a simulated channel that comes from its time step, in noise floors: for a method of first order
+/// twice what halving the step changes (L. F. Richardson 1911).
+fn integrator_error(channel: &ChannelError, simulated: &[(Log, Log)]) -> f64 {
+    let pairs = simulated.iter().filter_map(|(usual, halved)| {
+        Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))
+    });
+    let (sum, n) = pairs.flat_map(|(usual, halved)| usual.iter().zip(halved)).fold((0.0, 0.0), |(sum, n), (a, b)| {
+        let error = 2.0 * (b - a);
+        if error.is_finite() { (sum + error * error, n + 1.0) } else { (sum, n) }
+    });
+    if n > 0.0 { f64::sqrt(sum / n) / channel.noise_floor } else { 0.0 }
+}
+
+fn text(outcome: &Outcome, most: usize) -> String {
+    let comparison = &outcome.comparison;
+    let header = ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "chi", "white", "step error"];
+    let mut channels = Table::new(&header);
+    for c in &comparison.channels {
+        channels.row(vec![
+            c.name.clone(),
+            c.unit.clone(),
+            number(c.rmse),
+            c.fit_percent.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.1}")),
+            number(c.bias),
+            c.lag_s.map_or_else(|| "-".to_owned(), |lag| format!("{:.1}", 1e3 * lag)),
+            number(c.noise_floor),
+            format!("{:.2}", c.chi),
+            if c.white { "yes" } else { "no" }.to_owned(),
+            maybe(outcome.integrator.get(&c.name).copied()),
+        ]);
+    }
+    let failures = comparison.failures();
+    let mut lines = vec![channels.render(), String::new()];
+    match failures.len() {
+        0 => lines.push("No joint fails in any regime: what is left is noise.".to_owned()),
+        n if n > most => lines.push(format!("Where it fails ({most} of {n}; -v shows all)")),
+        _ => lines.push("Where it fails".to_owned()),
+    }
+    for cell in failures.iter().take(most) {
+        let share = format!("{:.0} % of the squared error", 100.0 * cell.share);
+        lines.push(format!("  {}", cell.hint));
+        lines.push(format!("    {share}; most of it in {} from {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
+    }
+    if outcome.integrator_error() > 0.5 {
+        let error = number(outcome.integrator_error());
+        lines.push(format!("\nThe time step alone errs by {error} noise floors: raise simulation.steps_per_control"));
+    }
+    lines.join("\n")
+}
+
+fn document(outcome: &Outcome) -> Value {
+    let channel = |c: &ChannelError| {
+        json!({
+            "name": c.name,
+            "unit": c.unit,
+            "samples": c.samples,
+            "rmse": c.rmse,
+            "fit_percent": c.fit_percent,
+            "bias": c.bias,
+            "lag_s": c.lag_s,
+            "noise_floor": c.noise_floor,
+            "chi": c.chi,
+            "white": c.white,
+            "independent": c.independent,
+            "integrator_error": outcome.integrator.get(&c.name),
+        })
+    };
+    let failure = |cell: &&Cell| {
+        json!({
+            "joint": cell.joint,
+            "regime": cell.regime.name(),
+            "log": cell.log,
+            "t0": cell.t0_s,
+            "t1": cell.t1_s,
+            "rmse": cell.rmse,
+            "chi": cell.chi,
+            "share": cell.share,
+            "follows": cell.clue.map(|found| found.clue),
+            "hint": cell.hint,
+        })
+    };
+    json!({
+        "ok": true,
+        "channels": outcome.comparison.channels.iter().map(channel).collect::<Vec<_>>(),
+        "failures": outcome.comparison.failures().iter().map(failure).collect::<Vec<_>>(),
+        "integrator_error": outcome.integrator_error(),
+        "warnings": outcome.replays.warnings,
+    })
+}
