@@ -7,7 +7,7 @@ use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
-use btr_physics::effect::Placed;
+use btr_physics::effect::{self, On, Placed};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::sim;
@@ -24,6 +24,16 @@ const GAINS: f64 = 0.1;
 const SIZES: (f64, f64) = (0.7, 1.5);
 /// Limits bind from about here on; see the scales of the robot.
 const LIMITS: (f64, f64) = (0.5, 0.9);
+
+/// Laws that are in no library: `on` what, and the law.
+const OUTSIDE: [(On, &str); 6] = [
+    (On::Torque, "-8*max(0,q-0.2)^2"),
+    (On::Torque, "0.35*sin(19*t)"),
+    (On::Torque, "-0.25*sign(dq)*max(0,sin(5*t))"),
+    (On::Torque, "-1.2*dq*max(0,q)"),
+    (On::Command, "cmd+0.08*sin(3*t)*cmd"),
+    (On::Torque, "-0.6*min(1,t/4)*sin(4*q)"),
+];
 
 /// All cases of a kind.
 pub(crate) fn cases(kind: &str, effects: &[String], seeds: std::ops::Range<u64>, size: f64) -> Vec<Case> {
@@ -42,6 +52,11 @@ pub(crate) fn cases(kind: &str, effects: &[String], seeds: std::ops::Range<u64>,
                 let first = pick();
                 let second = std::iter::repeat_with(pick).find(|name| *name != first);
                 cases.push(Reality::new(seed).case(&[first, second.unwrap_or_default()], size));
+            }
+            "outside" => {
+                for law in 0..OUTSIDE.len() {
+                    cases.push(Reality::new(seed).outside(law));
+                }
             }
             _ => {
                 for name in &names {
@@ -115,6 +130,17 @@ impl Reality {
         self.rng = stream(self.seed, &[3]);
         let family = self.beside(&placed);
         Case { name: names.join(" + "), seed: self.seed, planted, outside: false, family }
+    }
+
+    /// A law that the library does not have.
+    fn outside(mut self, law: usize) -> Case {
+        let joints: Vec<String> = self.model.robot.movable().map(|(_, link)| link.joint.name.clone()).collect();
+        let joint = &joints[(self.rng.random::<f64>() * joints.len() as f64) as usize];
+        let (on, text) = OUTSIDE[law];
+        let effect = effect::formula(on, text, &[]).unwrap_or_else(|e| quit(&e));
+        let placed = Placed { effect, site: joint.clone(), values: Vec::new() };
+        let family = self.beside(&[placed]);
+        Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, family }
     }
 
     fn plant(&mut self, bare: &Beside, name: &str, size: f64) -> Planted {

@@ -8,8 +8,12 @@ mod excite;
 mod score;
 
 use btr_core::diagnose::{Question, Rung, diagnose};
+use btr_core::family::Family;
 use btr_core::fit::Bench;
+use btr_core::log::Log;
+use btr_physics::io::{self, Meta};
 use score::{Case, Outcome, summary};
+use std::path::Path;
 use std::time::Instant;
 
 const HELP: &str = "\
@@ -18,6 +22,7 @@ hidden_effects [KIND] [OPTIONS]
   --effects A,B    only these; every effect that fits the robot unless given
   --seeds A..B     1..4 unless given; tuning uses seeds below 1000, reports those from 1000 on
   --size X         effects X times their realistic size; 1 unless given
+  --write DIR      write the logs of the first case and stop
   --verbose        every step of the ladder
   --quiet          only the summary";
 
@@ -29,11 +34,19 @@ struct Options {
     size: f64,
     quiet: bool,
     verbose: bool,
+    write: Option<String>,
 }
 
 fn options() -> Result<Options, String> {
-    let mut options =
-        Options { kind: "one".into(), effects: vec![], seeds: 1..4, size: 1.0, quiet: false, verbose: false };
+    let mut options = Options {
+        kind: "one".into(),
+        effects: vec![],
+        seeds: 1..4,
+        size: 1.0,
+        quiet: false,
+        verbose: false,
+        write: None,
+    };
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} needs a value"));
@@ -47,6 +60,7 @@ fn options() -> Result<Options, String> {
                 let number = |x: &str| x.parse::<u64>().map_err(|_| "--seeds takes whole numbers".to_owned());
                 options.seeds = number(a)?..number(b)?;
             }
+            "--write" => options.write = Some(value()?),
             "--quiet" => options.quiet = true,
             "--verbose" => options.verbose = true,
             _ => return Err(HELP.to_owned()),
@@ -64,6 +78,13 @@ fn main() {
         }
     };
     let cases = arm::cases(&options.kind, &options.effects, options.seeds.clone(), options.size);
+    if let Some(folder) = &options.write {
+        match cases.first().map(|case| write(case, Path::new(folder))) {
+            Some(Err(error)) => eprintln!("{error}"),
+            _ => println!("{}", cases.first().map_or(String::new(), Case::describe)),
+        }
+        return;
+    }
     let mut outcomes = Vec::new();
     for case in cases {
         let outcome = run(case, options.verbose);
@@ -73,6 +94,22 @@ fn main() {
         outcomes.push(outcome);
     }
     println!("{}", summary(&outcomes));
+}
+
+/// The logs of a case as CSV, rounded to a micro-unit.
+fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder)?;
+    for (recorded, log) in case.family.logs().iter().zip(case.family.recorded()) {
+        let mut rounded = Log::new(log.clock_s().iter().map(|t| (t * 1e6).round() / 1e6).collect())?;
+        for (name, channel) in log.channels() {
+            let values = channel.values.iter().map(|x| (x * 1e6).round() / 1e6).collect();
+            rounded.insert(name, channel.unit.clone(), channel.role, values)?;
+        }
+        let kind = if recorded.held_out { "held_out" } else { "learn" };
+        let path = folder.join(format!("{kind}_{}.csv", recorded.name.replace(' ', "_")));
+        io::write_log(&path, &rounded, &Meta::default())?;
+    }
+    Ok(())
 }
 
 /// One diagnosis.

@@ -24,6 +24,14 @@ pub(crate) struct Case {
     pub family: Beside,
 }
 
+impl Case {
+    /// What is hidden in it.
+    pub(crate) fn describe(&self) -> String {
+        let values = self.planted.iter().flat_map(|p| &p.values).map(|(name, x)| format!("{name} = {x:.4}"));
+        values.collect::<Vec<_>>().join(", ")
+    }
+}
+
 /// What was said about it.
 pub(crate) struct Outcome {
     case: String,
