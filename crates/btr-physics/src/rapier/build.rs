@@ -17,6 +17,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// Principal moments below this (kg·m²) are raised to it: Rapier inverts them.
 const LEAST_INERTIA: f64 = 1e-9;
 
+/// A softer floor (N/m) is taken as this: a spring without any stiffness has no frequency.
+const LEAST_STIFFNESS: f64 = 1e-3;
+
 /// The integrator's settings; a soft floor is so soft under `mass_kg`.
 pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup, mass_kg: f64) {
     let parameters = &mut world.integration_parameters;
@@ -38,7 +41,7 @@ pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup, mass_kg: f64) {
 
 /// Rapier's springs have a frequency and a damping ratio, whatever mass it is that a contact feels.
 fn softness(compliance: &Compliance, mass_kg: f64) -> SpringCoefficients<f64> {
-    let angular_frequency = (compliance.stiffness / mass_kg).sqrt();
+    let angular_frequency = (compliance.stiffness.max(LEAST_STIFFNESS) / mass_kg).sqrt();
     SpringCoefficients::new(angular_frequency / TAU, compliance.damping / (2.0 * mass_kg * angular_frequency))
 }
 

@@ -135,6 +135,13 @@ fn a_soft_floor_gives_way_by_weight_over_stiffness() {
 }
 
 #[test]
+fn a_floor_without_stiffness_does_not_carry() {
+    let floor = Setup { ground: Some(Ground::hard(0.5)), ..setup(0.002, 0.5) };
+    let log = run_with(&slab(), &[placed("contact_compliance", "*", &[0.0, 0.0])], &floor, &hold(0.0));
+    assert!((last(&log, "base_z") - 0.02 + 0.5 * G * 0.25).abs() < 0.02, "{} m", last(&log, "base_z"));
+}
+
+#[test]
 fn a_soft_floor_bounces_at_its_frequency_and_damps() {
     let z = |damping: f64| on_a_soft_floor(damping).values("base_z").unwrap().to_vec();
     let lowest = z(2.0).iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| i as f64 * 0.0005).unwrap();

@@ -5,6 +5,8 @@ use btr_core::log::Log;
 use btr_physics::effect::{FormulaError, On, Placed, formula};
 use btr_physics::pendulum::pendulum;
 use btr_physics::robot::Actuator;
+use btr_physics::sim::simulate;
+use proptest::prelude::*;
 
 fn law(on: On, text: &str, params: &[(&str, f64)]) -> Placed {
     let names: Vec<&str> = params.iter().map(|(name, _)| *name).collect();
@@ -95,4 +97,16 @@ fn wrong_laws_are_refused() {
     let names: Vec<String> = (0..20).map(|i| format!("p{i}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     assert_eq!(refused(&names.join("+"), &names), FormulaError::TooMany);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+    /// Whatever is typed is refused, or runs, or ends the simulation with an error.
+    #[test]
+    fn no_text_makes_it_panic(text in "(q|dq|cmd|t|sin|max|sign|abs|[-+*/^(), {}.0-9eE]|PI|é){0,12}") {
+        if let Ok(effect) = formula(On::Torque, &text, &[]) {
+            let placed = Placed { effect, site: "*".to_owned(), values: vec![] };
+            let _ = simulate(&arm(), &[placed], &fast(0.001, 0.01), &hold(0.1), None);
+        }
+    }
 }
