@@ -2,7 +2,7 @@
 
 use crate::excite::{self, Commands, DURATION_S, TICK_S};
 use crate::score::{Case, Planted};
-use btr_core::family::{Family, Knob, Law};
+use btr_core::family::{Family, Knob, Law, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
 use btr_physics::beside::Beside;
@@ -20,10 +20,14 @@ const FINER: f64 = 4.0;
 /// How far the reality's masses and gains are off, at most.
 const MASSES: f64 = 0.2;
 const GAINS: f64 = 0.1;
-/// Amplitudes of hidden effects, in typical sizes.
+/// Proportions of the amplitudes of hidden effects, in typical sizes, before they are scaled.
 const SIZES: (f64, f64) = (0.7, 1.5);
 /// Limits bind from about here on; see the scales of the robot.
-const LIMITS: (f64, f64) = (0.5, 0.9);
+const LIMITS: (f64, f64) = (0.3, 0.5);
+/// What a hidden effect changes of the motion, in multiples of the noise: evenly over the orders of magnitude.
+const SHOWS: (f64, f64) = (3.0, 40.0);
+/// How often an effect is scaled towards that.
+const SCALINGS: usize = 12;
 
 /// Laws that are in no library: `on` what, and the law.
 const OUTSIDE: [(On, &str); 6] = [
@@ -41,7 +45,8 @@ pub(crate) fn cases(kind: &str, effects: &[String], seeds: std::ops::Range<u64>,
     let bare = Reality::new(0).beside(&[]);
     let mut names: Vec<String> = bare.candidates().iter().map(|c| c.effect.clone()).collect();
     names.dedup();
-    names.retain(|name| wanted(name));
+    // The base does not move and has no IMU.
+    names.retain(|name| wanted(name) && name != "imu_bias");
     let mut cases = Vec::new();
     for seed in seeds {
         match kind {
@@ -119,14 +124,12 @@ impl Reality {
         log
     }
 
-    /// Effects of the library, somewhere, of some size.
+    /// Effects of the library, somewhere, each of a size that shows: so many sigma between the motions with and without it.
     fn case(mut self, names: &[String], size: f64) -> Case {
         let bare = self.beside(&[]);
         self.rng = stream(self.seed, &[2, names.len() as u64, fingerprint(&names.join(","))]);
         let planted: Vec<Planted> = names.iter().map(|name| self.plant(&bare, name, size)).collect();
-        let mut u = vec![0.0; bare.knobs().len()];
-        planted.iter().flat_map(|p| &p.coordinates).for_each(|(knob, x)| u[*knob] = *x);
-        let placed = bare.placed(&u);
+        let placed: Vec<Placed> = planted.iter().flat_map(|p| p.placed(&bare)).collect();
         self.rng = stream(self.seed, &[3]);
         let family = self.beside(&placed);
         Case { name: names.join(" + "), seed: self.seed, planted, outside: false, family }
@@ -143,6 +146,7 @@ impl Reality {
         Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, family }
     }
 
+    /// An effect at a site drawn by lot, with amplitudes in typical proportions, scaled until it shows as wanted.
     fn plant(&mut self, bare: &Beside, name: &str, size: f64) -> Planted {
         let sites: Vec<usize> =
             (0..bare.candidates().len()).filter(|&i| bare.candidates()[i].effect == *name).collect();
@@ -150,25 +154,53 @@ impl Reality {
         let candidate = &bare.candidates()[index];
         let mut coordinates = Vec::new();
         for &knob in &candidate.amplitudes {
-            coordinates.push((knob, self.amplitude(&bare.knobs()[knob], size)));
+            coordinates.push((knob, self.amplitude(&bare.knobs()[knob])));
         }
         let start = &candidate.starts[(self.rng.random::<f64>() * candidate.starts.len() as f64) as usize];
         for (&knob, &shape) in candidate.shapes.iter().zip(start) {
             coordinates.push((knob, shape));
         }
-        let values =
-            coordinates.iter().map(|(k, u)| (bare.knobs()[*k].name.clone(), bare.knobs()[*k].value(*u))).collect();
-        Planted { effect: name.to_owned(), site: candidate.site.clone(), coordinates, values }
+        let wanted = size * SHOWS.0 * (SHOWS.1 / SHOWS.0).powf(self.rng.random());
+        let mut planted =
+            Planted { effect: name.to_owned(), site: candidate.site.clone(), coordinates, values: Vec::new() };
+        for _ in 0..SCALINGS {
+            let shown = shows(bare, &planted);
+            if (shown / wanted - 1.0).abs() < 0.1 {
+                break;
+            }
+            let factor = (wanted / shown.max(1e-3)).clamp(0.2, 5.0);
+            for (knob, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
+                *u = bare.knobs()[*knob].clamp(*u * factor);
+            }
+        }
+        let value = |(k, u): &(usize, f64)| (bare.knobs()[*k].name.clone(), bare.knobs()[*k].value(*u));
+        planted.values = planted.coordinates.iter().map(value).collect();
+        planted
     }
 
-    fn amplitude(&mut self, knob: &Knob, size: f64) -> f64 {
+    fn amplitude(&mut self, knob: &Knob) -> f64 {
         let share: f64 = self.rng.random();
-        if knob.law == Law::Inverse {
-            return size * (LIMITS.0 + share * (LIMITS.1 - LIMITS.0));
-        }
         let sign = if knob.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
-        knob.clamp(sign * size * (SIZES.0 + share * (SIZES.1 - SIZES.0)))
+        let sizes = if knob.law == Law::Inverse { LIMITS } else { SIZES };
+        knob.clamp(sign * (sizes.0 + share * (sizes.1 - sizes.0)))
     }
+}
+
+/// Root mean square of what an effect changes in the training episodes, in multiples of the noise.
+fn shows(bare: &Beside, planted: &Planted) -> f64 {
+    let mut u = vec![0.0; bare.knobs().len()];
+    let learn = bare.logs().iter().filter(|log| !log.held_out).count();
+    let residuals = |u: &[f64]| -> Vec<f64> {
+        (0..learn).flat_map(|log| bare.residual(u, log, Step::Usual).unwrap_or_default()).collect()
+    };
+    let without = residuals(&u);
+    planted.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
+    let with = residuals(&u);
+    if with.len() != without.len() {
+        return f64::INFINITY;
+    }
+    let squares: f64 = with.iter().zip(&without).map(|(a, b)| (a - b).powi(2)).sum();
+    (squares / without.len() as f64).sqrt()
 }
 
 /// A replay of commands from rest at the first of them.

@@ -129,15 +129,9 @@ fn run(case: Case, verbose: bool) -> Outcome {
     };
     let diagnosis = diagnose(&bench, Question::default(), &tell);
     let seconds = began.elapsed().as_secs_f64();
-    if verbose && let Some(d) = &diagnosis {
-        println!("integrator {:.3}", d.integrator_error);
-        let rows = d.fit.residual.len() / 12;
-        for (k, block) in d.fit.residual.chunks(rows).enumerate() {
-            let ms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64).sqrt();
-            let mean = block.iter().sum::<f64>() / block.len() as f64;
-            let c1: f64 = block.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / block.iter().map(|v| v * v).sum::<f64>();
-            println!("  block {k}: rms {:.3} first 50 {:.3} mean {mean:.3} c1 {c1:.3}", ms(block), ms(&block[..50]));
-        }
+    for round in diagnosis.iter().filter(|_| verbose).flat_map(|d| &d.rounds) {
+        let ranked = round.iter().map(|r| format!("{} {:.3} ({:.0})", r.name, r.train, r.delta_bic));
+        println!("    round: {}", ranked.collect::<Vec<_>>().join(", "));
     }
     Outcome::new(case, diagnosis, seconds)
 }

@@ -1,8 +1,9 @@
 //! What came out of a diagnosis, and the tables over many.
 
 use btr_core::diagnose::{Diagnosis, Verdict};
+use btr_core::family::Family;
 use btr_physics::beside::Beside;
-use btr_physics::effect::find;
+use btr_physics::effect::{Placed, find};
 
 /// An effect that is there.
 pub(crate) struct Planted {
@@ -12,6 +13,15 @@ pub(crate) struct Planted {
     pub coordinates: Vec<(usize, f64)>,
     /// The same by name, in SI units.
     pub values: Vec<(String, f64)>,
+}
+
+impl Planted {
+    /// The effect itself.
+    pub(crate) fn placed(&self, bare: &Beside) -> Vec<Placed> {
+        let mut u = vec![0.0; bare.knobs().len()];
+        self.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
+        bare.placed(&u)
+    }
 }
 
 /// A reality beside the model.
@@ -48,6 +58,9 @@ pub(crate) struct Outcome {
     seconds: f64,
 }
 
+/// Once the parameters in doubt are fitted, an error below this is no evidence of anything.
+const VISIBLE: f64 = 1.1;
+
 /// How good that is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Score {
@@ -59,6 +72,8 @@ enum Score {
     Extra,
     /// Some of what is there, and nothing that is not.
     Part,
+    /// Nothing named, and nothing to be seen: the parameters in doubt make up for it.
+    Absorbed,
     /// Nothing named.
     Silent,
     /// Something that is not there, named as the explanation.
@@ -89,10 +104,15 @@ impl Outcome {
         };
         let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
         let error = |rung: Option<&btr_core::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
+        let before = error(diagnosis.ladder.get(1).or(diagnosis.ladder.first()));
+        let score = match score(&case, &truth, &found, &diagnosis) {
+            Score::Silent if before < VISIBLE => Score::Absorbed,
+            score => score,
+        };
         Outcome {
-            score: score(&case, &truth, &found, &diagnosis),
+            score,
+            before,
             intervals: intervals(&case, &diagnosis),
-            before: error(diagnosis.ladder.get(1).or(diagnosis.ladder.first())),
             after: error(diagnosis.ladder.last()),
             verdict: Some(diagnosis.verdict),
             rollouts: diagnosis.rollouts,
@@ -174,11 +194,19 @@ fn intervals(case: &Case, diagnosis: &Diagnosis) -> (usize, usize) {
 
 /// Counts and medians.
 pub(crate) fn summary(outcomes: &[Outcome]) -> String {
-    let n = outcomes.len();
-    let mut text = format!("\n{n} cases");
-    for score in
-        [Score::Exact, Score::Equivalent, Score::Extra, Score::Part, Score::Silent, Score::Unexplained, Score::Wrong]
-    {
+    let seen: Vec<&Outcome> = outcomes.iter().filter(|o| o.score != Score::Absorbed).collect();
+    let n = seen.len();
+    let mut text = format!("\n{} cases, {n} of them visible", outcomes.len());
+    for score in [
+        Score::Exact,
+        Score::Equivalent,
+        Score::Extra,
+        Score::Part,
+        Score::Silent,
+        Score::Absorbed,
+        Score::Unexplained,
+        Score::Wrong,
+    ] {
         let count = outcomes.iter().filter(|o| o.score == score).count();
         if count > 0 {
             text += &format!(
@@ -189,7 +217,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
         }
     }
     let median = |of: &dyn Fn(&Outcome) -> f64| {
-        let mut values: Vec<f64> = outcomes.iter().map(of).collect();
+        let mut values: Vec<f64> = seen.iter().map(|o| of(o)).collect();
         values.sort_by(f64::total_cmp);
         values.get(n / 2).copied().unwrap_or(f64::NAN)
     };

@@ -131,10 +131,17 @@ impl<'a> Reference<'a> {
         if self.tick.checked_add(1) == Some(tick) {
             std::mem::swap(&mut self.last, &mut self.next);
         } else {
-            self.drive.command(tick as f64 * self.control_s, &mut self.last);
+            self.ask(tick);
+            std::mem::swap(&mut self.last, &mut self.next);
         }
-        self.drive.command((tick + 1) as f64 * self.control_s, &mut self.next);
+        self.ask(tick + 1);
         self.tick = tick;
+    }
+
+    /// What is told from this tick to the one after it, into `next`.
+    fn ask(&mut self, tick: usize) {
+        let (start_s, end_s) = (tick as f64 * self.control_s, (tick + 1) as f64 * self.control_s);
+        self.drive.over(start_s, end_s, &mut self.next);
     }
 
     /// The reference of joint `i` on the line from the last to the next one.

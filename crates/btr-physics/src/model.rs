@@ -100,6 +100,9 @@ impl Model {
         self.rollouts.fetch_add(1, Ordering::Relaxed);
         let (mut robot, mut effects, mut setup) = self.at(s, scenario);
         effects.extend_from_slice(further);
+        if self.scenarios[scenario].replay.is_some() {
+            read_back(&mut robot, &effects, self.scenarios[scenario].start.len())?;
+        }
         if step == Step::Halved {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
             setup.dt_s /= 2.0;
@@ -161,6 +164,20 @@ impl Model {
 fn place(robot: &mut Robot, start: &[(f64, f64)]) {
     let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
     moving.zip(start).for_each(|(link, (q, _))| link.joint.start = *q);
+}
+
+/// A recorded start is what the encoders said: where the joints were depends on the effects on these.
+fn read_back(robot: &mut Robot, effects: &[Placed], recorded: usize) -> Result<(), WorldError> {
+    for placed in effects.iter().filter(|placed| !placed.is_off()) {
+        let joints = placed.joints(robot)?;
+        let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
+        for (i, link) in moving.enumerate().take(recorded) {
+            if joints.contains(&i) {
+                link.joint.start = placed.effect.start(&placed.values, link.joint.start);
+            }
+        }
+    }
+    Ok(())
 }
 
 impl Simulator for Model {

@@ -85,9 +85,22 @@ pub struct Rung {
     pub held_out: Option<f64>,
 }
 
+/// A candidate that was fitted in a round.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ranked {
+    /// `effect@site`.
+    pub name: String,
+    /// Error on the logs to learn from.
+    pub train: f64,
+    /// By how much it lowers B; negative where it is not worth its parameters.
+    pub delta_bic: f64,
+}
+
 /// The whole diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
+    /// What was fitted in each round, best first.
+    pub rounds: Vec<Vec<Ranked>>,
     /// The answer.
     pub verdict: Verdict,
     /// What is missing, or helps without explaining.
@@ -116,6 +129,7 @@ struct State {
     chosen: Vec<Found>,
     ladder: Vec<Rung>,
     rivals: Vec<(usize, Vec<f64>)>,
+    rounds: Vec<Vec<Ranked>>,
 }
 
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
@@ -136,8 +150,14 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     let family = bench.family;
     let origin = vec![0.0; family.knobs().len()];
     let mut fit = Fit::at(bench, family.doubtful().to_vec(), origin, &[])?;
-    let mut state =
-        State { held_out: None, fit: fit.clone(), chosen: Vec::new(), ladder: Vec::new(), rivals: Vec::new() };
+    let mut state = State {
+        held_out: None,
+        fit: fit.clone(),
+        chosen: Vec::new(),
+        ladder: Vec::new(),
+        rivals: Vec::new(),
+        rounds: Vec::new(),
+    };
     fit.renew_step_error(bench);
     state.fit = fit;
     state.climb(bench, "model as it stands".to_owned(), tell);
@@ -189,6 +209,13 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     let before = measure.criterion(&state.fit);
     let winner = rivals.first()?.clone();
     let best = measure.criterion(&winner.fit);
+    let candidates = bench.family.candidates();
+    let ranked = |r: &Rival| Ranked {
+        name: candidates[r.candidate].name(),
+        train: chi(r.fit.squares(), bench.samples(Logs::Learn)),
+        delta_bic: before - measure.criterion(&r.fit),
+    };
+    state.rounds.push(rivals.iter().map(ranked).collect());
     let learnt = 1.0 - winner.fit.squares() / state.fit.squares();
     let held_out = state.held_out.is_none_or(|base| {
         held_out_squares(bench, &winner.fit.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base)
@@ -198,7 +225,6 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     }
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let candidates = bench.family.candidates();
     let alike: Vec<&Rival> = rivals.iter().skip(1).filter(|r| measure.criterion(&r.fit) - best <= DECISIVE).collect();
     state.rivals = alike.iter().map(|r| (r.candidate, r.fit.u.clone())).collect();
     let found = Found {
@@ -219,7 +245,7 @@ impl State {
         self.fit = rival.fit;
         self.fit.renew_step_error(bench);
         self.fit.jacobian = None;
-        self.fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+        self.fit.solve(bench, Effort::FULL);
         let step = format!("+ {}@{}", found.effect, found.site);
         self.chosen.push(found);
         self.climb(bench, step, tell);
@@ -297,6 +323,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
         integrator_error: chi(crate::fit::squares(&state.fit.step_error), bench.samples(Logs::Learn)),
         at_bound: at_bound.collect(),
+        rounds: state.rounds,
         effects: state.chosen,
         ladder: state.ladder,
         rivals: state.rivals,

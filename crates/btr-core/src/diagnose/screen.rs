@@ -10,13 +10,15 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// Amplitudes of the probes, in typical sizes.
 const PROBES: [f64; 2] = [0.3, 1.5];
 /// Limits act from some threshold on and are probed around it; they are not scaled.
-const LIMITS: [f64; 5] = [0.35, 0.5, 0.7, 1.0, 1.6];
+const LIMITS: [f64; 6] = [0.12, 0.18, 0.27, 0.4, 0.6, 1.0];
 /// An amplitude so many times the probe's is as far as the probe is believed.
 const STRETCH: f64 = 4.0;
 /// With more starts than this, only the best few by the most telling log are probed in full.
 const FEW_STARTS: usize = 3;
 /// How many candidates are simulated where their probes promise most.
 const VERIFIED: usize = 16;
+/// Stiffness of what stands at a bound, relative to what the logs tell of it.
+const HELD: f64 = 1e9;
 /// Points that are simulated at once; bounds the memory.
 const BATCH: usize = 48;
 
@@ -89,11 +91,16 @@ impl<'a> Base<'a> {
         let jacobian = fit.jacobian.as_ref()?;
         let mut normal = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
-        for (k, &knob) in fit.active.iter().enumerate() {
-            let knob = &bench.family.knobs()[knob];
-            let weight = knob.spread.powi(-2);
+        for (k, &index) in fit.active.iter().enumerate() {
+            let knob = &bench.family.knobs()[index];
+            let (u, weight) = (fit.u[index], knob.spread.powi(-2));
             normal[(k, k)] += weight;
-            gradient[k] += weight * fit.u[fit.active[k]];
+            gradient[k] += weight * u;
+            // What a bound holds back cannot make up for anything.
+            if (u <= knob.bounds.0 && gradient[k] > 0.0) || (u >= knob.bounds.1 && gradient[k] < 0.0) {
+                normal[(k, k)] += HELD * (1.0 + normal[(k, k)]);
+                gradient[k] = 0.0;
+            }
         }
         Some(Base { fit, jacobian, factors: normal.cholesky()?, gradient })
     }

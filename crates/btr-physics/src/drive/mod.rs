@@ -31,6 +31,13 @@ pub trait Drive: Send + Sync {
     /// NaN means "not driven" (torque off).
     fn command(&self, time_s: f64, command: &mut [f64]);
 
+    /// The mean reference from `start_s` to `end_s`, for those that change at times of their own. It is what a robot was told
+    /// in a step whose beginning is no tick of its controller.
+    fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
+        let _ = end_s;
+        self.command(start_s, command);
+    }
+
     /// Puts the robot where the motion begins, for drives that begin somewhere of their own.
     fn place(&self, robot: &mut Robot) {
         let _ = robot;
@@ -40,6 +47,10 @@ pub trait Drive: Send + Sync {
 impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
     fn command(&self, time_s: f64, command: &mut [f64]) {
         (**self).command(time_s, command);
+    }
+
+    fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
+        (**self).over(start_s, end_s, command);
     }
 
     fn place(&self, robot: &mut Robot) {

@@ -4,18 +4,18 @@ use super::Drive;
 use crate::robot::Robot;
 use btr_core::log::Log;
 
-/// How much of the usual time between samples a stamp may be late.
-const LATE: f64 = 0.1;
+/// A stamp that is off by less than this share of the usual time between samples was only rounded.
+const ROUNDED: f64 = 1e-3;
 
 /// The commands of a log, each held until the next one.
 ///
-/// A missing command (NaN) switches the torque off, as does a channel `torque_on` that is below one half or missing. A joint
+/// A step that begins between two stamps is told the mean of what was held during it. A missing command (NaN) switches the torque off, as does a channel `torque_on` that is below one half or missing. A joint
 /// without a `cmd_<joint>` channel is never driven.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,
-    /// How much later than it was due a command may have been stamped, in s.
-    late_s: f64,
+    /// By how much stamps may be rounded, in s.
+    rounded_s: f64,
     commands: Vec<Option<Vec<f64>>>,
     torque_on: Option<Vec<f64>>,
 }
@@ -27,21 +27,51 @@ impl Replay {
         let start_s = log.clock_s().first().copied().unwrap_or(0.0);
         Replay {
             clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
-            late_s: LATE * log.usual_step_s().unwrap_or(0.0),
+            rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
             commands: robot.movable().map(|(_, link)| values(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
         }
     }
 }
 
+impl Replay {
+    /// The sample that is held at a time.
+    fn held(&self, time_s: f64) -> usize {
+        self.clock_s.partition_point(|&t| t <= time_s + self.rounded_s).saturating_sub(1)
+    }
+
+    /// What a joint is told by a sample; NaN while torque is off.
+    fn told(&self, joint: usize, sample: usize) -> f64 {
+        let on = self.torque_on.as_ref().is_none_or(|on| on.get(sample).is_some_and(|&on| on >= 0.5));
+        let values = self.commands.get(joint).and_then(Option::as_ref);
+        values.and_then(|values| values.get(sample)).copied().filter(|_| on).unwrap_or(f64::NAN)
+    }
+}
+
 impl Drive for Replay {
     fn command(&self, time_s: f64, command: &mut [f64]) {
-        // A command that is due now counts, although its stamp was rounded or a little late.
-        let due = self.clock_s.partition_point(|&t| t <= time_s + self.late_s).saturating_sub(1);
-        let on = self.torque_on.as_ref().is_none_or(|on| on.get(due).is_some_and(|&on| on >= 0.5));
-        for (command, told) in command.iter_mut().zip(&self.commands) {
-            let told = told.as_ref().and_then(|values| values.get(due)).copied();
-            *command = told.filter(|_| on).unwrap_or(f64::NAN);
+        let sample = self.held(time_s);
+        command.iter_mut().enumerate().for_each(|(joint, command)| *command = self.told(joint, sample));
+    }
+
+    fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
+        let (first, last) = (self.held(start_s), self.held(end_s - 2.0 * self.rounded_s));
+        if last <= first {
+            return self.command(start_s, command);
+        }
+        for (joint, command) in command.iter_mut().enumerate() {
+            let (mut sum, mut told_s) = (0.0, 0.0);
+            for sample in first..=last {
+                let begins = if sample == first { start_s } else { self.clock_s[sample] };
+                let ends = if sample == last { end_s } else { self.clock_s[sample + 1] };
+                let told = self.told(joint, sample);
+                if !told.is_nan() {
+                    sum += (ends - begins) * told;
+                    told_s += ends - begins;
+                }
+            }
+            // Torque is on in a step in which it is on for most of it.
+            *command = if 2.0 * told_s >= end_s - start_s { sum / told_s } else { f64::NAN };
         }
     }
 }

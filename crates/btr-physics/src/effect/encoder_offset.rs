@@ -31,6 +31,10 @@ impl Effect for EncoderOffset {
         Affine { constant: motor.constant - motor.stiffness * p[0], ..motor }
     }
 
+    fn start(&self, p: &[f64], reading: f64) -> f64 {
+        reading - p[0]
+    }
+
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
         if let Some(q) = log.values_mut(&format!("q_{joint}")) {
             q.iter_mut().for_each(|q| *q += p[0]);

@@ -33,6 +33,10 @@ impl Effect for EncoderScale {
         Affine { constant: motor.constant, stiffness: gain * motor.stiffness, damping: gain * motor.damping }
     }
 
+    fn start(&self, p: &[f64], reading: f64) -> f64 {
+        reading / (1.0 + p[0])
+    }
+
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
         for channel in ["q", "dq"] {
             if let Some(values) = log.values_mut(&format!("{channel}_{joint}")) {

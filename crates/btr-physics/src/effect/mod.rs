@@ -131,6 +131,10 @@ pub trait Effect: Sync {
     }
     /// Adds to what acts on the joint in the coming step.
     fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointState) {}
+    /// The position whose reading is `reading`: where a joint starts of which only the reading is known.
+    fn start(&self, _p: &[f64], reading: f64) -> f64 {
+        reading
+    }
     /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is added.
     fn sense(&self, _p: &[f64], _joint: &str, _log: &mut Log) {}
 }
