@@ -67,12 +67,34 @@ pub fn smooth(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
         .collect()
 }
 
-/// The state in which a series begins, by a parabola through its first samples; at the time of the very first tick of the
-/// clock. `None` where too few are there.
-pub fn start(clock_s: &[f64], values: &[f64]) -> Option<Motion> {
+/// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
+/// readings. At rest where the first readings differ by no more than that; else a parabola through as many of the first
+/// samples as a parabola fits. `None` where too few are there.
+pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
+    /// A fit is good while what it leaves is no more than so many sigma.
+    const GOOD: f64 = 1.5;
+    const FEWEST_AT_REST: usize = 5;
     let first_s = *clock_s.first()?;
-    let end_s = first_s + 2.0 * reach_s(clock_s);
-    parabola(clock_s, values, 0..clock_s.partition_point(|t| *t <= end_s), first_s)
+    let end = clock_s.partition_point(|t| *t <= first_s + 2.0 * reach_s(clock_s));
+    let there = |to: usize| (0..to).filter(|i| values[*i].is_finite());
+    let left = |to: usize, motion: &Motion, parameters: usize| {
+        let at = |t: f64| motion.value + t * (motion.velocity + 0.5 * t * motion.acceleration);
+        let squares: f64 = there(to).map(|i| (values[i] - at(clock_s[i] - first_s)).powi(2)).sum();
+        (squares / there(to).count().saturating_sub(parameters).max(1) as f64).sqrt()
+    };
+    let rest = |to: usize| {
+        let n = there(to).count();
+        let value = there(to).map(|i| values[i]).sum::<f64>() / n as f64;
+        let motion = Motion { value, velocity: 0.0, acceleration: 0.0 };
+        (n >= FEWEST_AT_REST && left(to, &motion, 1) <= GOOD * sigma).then_some(motion)
+    };
+    let moving = |to: usize| parabola(clock_s, values, 0..to, first_s).map(|motion| (to, motion));
+    if let Some(motion) = (FEWEST_AT_REST..=end).rev().find_map(rest) {
+        return Some(motion);
+    }
+    let good = |(to, motion): &(usize, Motion)| left(*to, motion, 3) <= GOOD * sigma;
+    let fits = || (FEWEST..=end).filter_map(moving);
+    fits().filter(good).last().or_else(|| fits().next()).map(|(_, motion)| motion)
 }
 
 /// How far a fit reaches to each side.
@@ -107,8 +129,21 @@ mod tests {
             assert!(near(motion.value, law(t)) && near(motion.velocity, 10.0 * t - 3.0), "{motion:?}");
             assert!((motion.acceleration - 10.0).abs() < 1e-6, "{motion:?}");
         }
-        let begin = start(&clock, &values).unwrap();
+        let begin = start(&clock, &values, 1e-6).unwrap();
         assert!(near(begin.value, 2.0) && near(begin.velocity, -3.0), "{begin:?}");
+    }
+
+    #[test]
+    fn what_rests_at_first_is_not_set_in_motion_by_what_comes_later() {
+        let law = |t: f64| if t < 0.06 { 0.0 } else { 40.0 * (t - 0.06).powi(2) };
+        let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
+        let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
+        let values: Vec<f64> = (0..40).map(|i| law(0.01 * f64::from(i)) + error(i)).collect();
+        let begin = start(&clock, &values, 1e-3).unwrap();
+        assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1e-3, "{begin:?}");
+        let moving: Vec<f64> = (0..40).map(|i| (9.0 * clock[i as usize]).sin() + error(i)).collect();
+        let begin = start(&clock, &moving, 1e-3).unwrap();
+        assert!((begin.velocity - 9.0).abs() < 0.4 && begin.value.abs() < 3e-3, "{begin:?}");
     }
 
     #[test]
@@ -118,6 +153,6 @@ mod tests {
         values[5..15].fill(f64::NAN);
         let motion = smooth(&clock, &values);
         assert!(motion[7].value.is_nan() && near(motion[20].value, 1.0) && near(motion[15].velocity, 0.0));
-        assert!(start(&clock[..2], &values[..2]).is_none() && smooth(&[], &[]).is_empty());
+        assert!(start(&clock[..2], &values[..2], 1.0).is_none() && smooth(&[], &[]).is_empty());
     }
 }
