@@ -68,34 +68,45 @@ pub fn smooth(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
 }
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
-/// readings: a parabola through as many of the first samples as a parabola fits. At rest where its velocity could as well be
-/// noise: most recordings begin so, and a servo set in motion by noise would swing for long. `None` where too few are there.
+/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set in
+/// motion by noise would swing for long. Else by a parabola through as many of the first samples as a parabola fits. `None`
+/// where too few are there.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
-    /// A fit is good while what it leaves is no more than so many sigma.
-    const GOOD: f64 = 1.5;
-    /// A velocity of fewer deviations is none.
-    const TELLING: f64 = 2.0;
     let first_s = *clock_s.first()?;
-    let end = clock_s.partition_point(|t| *t <= first_s + 2.0 * reach_s(clock_s));
-    let there = |to: usize| (0..to).filter(|i| values[*i].is_finite());
-    let good = |to: usize, motion: &Motion, parameters: usize| {
+    let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
+    let all = within(2.0 * reach_s(clock_s));
+    // Short, as a command may come at once.
+    let short = within(REACH_S.max(0.5 * reach_s(clock_s)));
+    resting(clock_s, values, short, sigma).or_else(|| moving(clock_s, values, all, sigma))
+}
+
+/// The mean of some readings; `None` where they have a slope beyond noise, or are fewer than three.
+fn resting(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
+    /// A slope of fewer standard deviations is none.
+    const TELLING: f64 = 2.0;
+    let there: Vec<(f64, f64)> = range.map(|i| (clock_s[i], values[i])).filter(|(_, x)| x.is_finite()).collect();
+    let n = there.len() as f64;
+    let (time, value) = there.iter().fold((0.0, 0.0), |(time, value), (t, x)| (time + t / n, value + x / n));
+    let (along, square) = there
+        .iter()
+        .fold((0.0, 0.0), |(along, square), (t, x)| (along + (t - time) * (x - value), square + (t - time).powi(2)));
+    // The slope has the deviation sigma/sqrt(sum of squared times).
+    let rests = there.len() >= 3 && along.abs() <= TELLING * sigma * square.sqrt();
+    rests.then_some(Motion { value, velocity: 0.0, acceleration: 0.0 })
+}
+
+/// The parabola at the first tick, through as many samples as it fits to `sigma`.
+fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
+    /// A fit is good while what it leaves is no more than so many sigma.
+    const GOOD: f64 = 1.3;
+    let good = |to: usize, motion: &Motion| {
         let at = |t: f64| motion.value + t * (motion.velocity + 0.5 * t * motion.acceleration);
-        let squares: f64 = there(to).map(|i| (values[i] - at(clock_s[i] - first_s)).powi(2)).sum();
-        squares <= (GOOD * sigma).powi(2) * there(to).count().saturating_sub(parameters) as f64
+        let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
+        let (n, squares) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        squares <= (GOOD * sigma).powi(2) * (n - 3.0)
     };
-    let fits = || (FEWEST..=end).filter_map(|to| Some((to, parabola(clock_s, values, 0..to, first_s)?)));
-    let (to, moving) = fits().filter(|(to, motion)| good(*to, motion, 3)).last().or_else(|| fits().next())?;
-    // The slope at the end of a parabola through n points over a time T has the deviation sigma·sqrt(192/n)/T.
-    let deviation = sigma * (192.0 / there(to).count() as f64).sqrt() / (clock_s[to - 1] - first_s);
-    if moving.velocity.abs() > TELLING * deviation {
-        return Some(moving);
-    }
-    let rest = |to: usize| {
-        let value = there(to).map(|i| values[i]).sum::<f64>() / there(to).count() as f64;
-        Motion { value, velocity: 0.0, acceleration: 0.0 }
-    };
-    let resting = (2..=end).map(|to| (to, rest(to))).filter(|(to, motion)| good(*to, motion, 1)).last();
-    Some(resting.map_or(Motion { velocity: 0.0, ..moving }, |(_, motion)| motion))
+    let fits = || (FEWEST..=range.end).filter_map(|to| Some((to, parabola(clock_s, values, 0..to, clock_s[0])?)));
+    fits().rev().find(|(to, motion)| good(*to, motion)).or_else(|| fits().next()).map(|(_, motion)| motion)
 }
 
 /// How far a fit reaches to each side.

@@ -82,7 +82,7 @@ fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
         .collect();
     let comparison = compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings));
     let integrator = comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, &simulated))).collect();
-    let model = args.model.display().to_string();
+    let model = args.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok(Outcome { model, replays, names, comparison, integrator })
 }
 

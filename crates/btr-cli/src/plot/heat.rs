@@ -1,4 +1,4 @@
-//! Heat maps: numbers in a grid, the darker the larger, each written in its cell.
+//! Heat maps: numbers in a grid, the stronger the larger, each written in its cell.
 
 use super::svg::{STYLE, escaped};
 use std::fmt::Write;
@@ -18,6 +18,8 @@ pub(crate) struct Heat {
 const CELL: (f64, f64) = (62.0, 24.0);
 const LEFT: f64 = 215.0;
 const LETTER: f64 = 6.6;
+/// The number in the strongest cell, at least: a map of small errors is to look like one.
+const LEAST_FULL: f64 = 10.0;
 
 /// The map as an SVG document.
 pub(crate) fn heat(map: &Heat) -> String {
@@ -25,7 +27,7 @@ pub(crate) fn heat(map: &Heat) -> String {
     // Long names are turned, so that narrow columns do for them.
     let turned = widest > CELL.0 - 6.0;
     let top = 34.0 + if turned { widest * 0.75 + 12.0 } else { 20.0 };
-    let title_width = 8.0 + 7.6 * map.title.chars().count() as f64;
+    let title_width = 8.0 + 8.8 * map.title.chars().count() as f64;
     let turn_room = if turned { 0.75 * widest } else { 0.0 };
     let width = (LEFT + CELL.0 * map.columns.len() as f64 + turn_room + 12.0).max(title_width);
     let height = top + CELL.1 * map.rows.len() as f64 + 8.0;
@@ -42,21 +44,23 @@ pub(crate) fn heat(map: &Heat) -> String {
             false => writeln!(out, "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{name}</text>", top - 8.0),
         };
     }
+    let numbers = map.rows.iter().flat_map(|(_, numbers)| numbers.iter().flatten().copied());
+    let full = numbers.filter(|x| x.is_finite()).fold(LEAST_FULL, f64::max);
     for (k, (name, numbers)) in map.rows.iter().enumerate() {
         let y = top + CELL.1 * k as f64;
         let text_y = y + CELL.1 / 2.0 + 4.0;
         let _ =
             writeln!(out, "<text x=\"{}\" y=\"{text_y:.1}\" text-anchor=\"end\">{}</text>", LEFT - 8.0, escaped(name));
         for (column, number) in numbers.iter().enumerate() {
-            cell(&mut out, LEFT + CELL.0 * column as f64, y, *number);
+            let strength = number.map_or(0.0, |number| strength(number, full));
+            cell(&mut out, (LEFT + CELL.0 * column as f64, y), *number, strength);
         }
     }
     out + "</svg>\n"
 }
 
-fn cell(out: &mut String, x: f64, y: f64, number: Option<f64>) {
+fn cell(out: &mut String, (x, y): (f64, f64), number: Option<f64>, strength: f64) {
     let (width, height) = (CELL.0 - 2.0, CELL.1 - 2.0);
-    let strength = number.map_or(0.0, strength);
     let _ = writeln!(out, "<rect class=\"cell\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width}\" height=\"{height}\"/>");
     let _ = writeln!(
         out,
@@ -68,9 +72,9 @@ fn cell(out: &mut String, x: f64, y: f64, number: Option<f64>) {
     let _ = writeln!(out, "<text{class} x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
 }
 
-/// From nothing at 1 to full at 30: by ratio, as errors differ by orders of magnitude.
-fn strength(number: f64) -> f64 {
-    (number.ln() / 30.0_f64.ln()).clamp(0.0, 1.0)
+/// From nothing at 1 to full: by ratio, as errors differ by orders of magnitude.
+fn strength(number: f64, full: f64) -> f64 {
+    (number.ln() / full.ln()).clamp(0.0, 1.0)
 }
 
 /// As few digits as a cell has room for.

@@ -34,8 +34,9 @@ fn joints(outcome: &Outcome) -> Vec<String> {
 
 fn summary(outcome: &Outcome) -> Section {
     let logs = outcome.names.join(", ");
+    let model = &outcome.model;
     let mut blocks = vec![
-        Block::Text(format!("Model {}, told what the logs say the robot was told: {logs}.", outcome.model)),
+        Block::Text(format!("{model}, told what the logs say the robot was told: {logs}.")),
         Block::Table {
             header: CHANNEL_HEADER.iter().map(|&cell| cell.to_owned()).collect(),
             rows: channel_rows(outcome),
@@ -71,13 +72,15 @@ fn failures(outcome: &Outcome) -> Section {
     };
     let rows = Regime::ALL.iter().filter(|regime| joints.iter().any(|joint| chi(joint, **regime).is_some()));
     let by_regime = Heat {
-        title: "Error by joint and regime (multiples of the noise floor)".to_owned(),
+        title: "By regime".to_owned(),
         columns: joints.clone(),
         rows: rows.map(|r| (r.words().to_owned(), joints.iter().map(|joint| chi(joint, *r)).collect())).collect(),
     };
-    let mut blocks = vec![list, Block::Wide(heat(&by_regime))];
-    blocks.extend((0..outcome.names.len()).take(LOGS_SHOWN).map(|log| Block::Wide(heat(&by_time(outcome, log)))));
-    Section { title: "Where it fails".to_owned(), blocks }
+    let over_time = (0..outcome.names.len()).take(LOGS_SHOWN).map(|log| heat(&by_time(outcome, log)));
+    let maps = std::iter::once(heat(&by_regime)).chain(over_time).collect();
+    let told =
+        "Errors of the joints' positions in multiples of the noise floor, by what the joint was doing and over time.";
+    Section { title: "Where it fails".to_owned(), blocks: vec![list, Block::Text(told.to_owned()), Block::Maps(maps)] }
 }
 
 /// The error of every joint in each twelfth of a log.
@@ -96,7 +99,7 @@ fn by_time(outcome: &Outcome, log: usize) -> Heat {
         (name, tracks.iter().map(|track| chi(track, window)).collect())
     };
     Heat {
-        title: format!("{}: error by joint and time (multiples of the noise floor)", outcome.names[log]),
+        title: format!("Over {}", outcome.names[log]),
         columns: tracks.iter().map(|track| track.joint.clone()).collect(),
         rows: (0..WINDOWS).map(row).collect(),
     }

@@ -37,8 +37,8 @@ pub(crate) enum Block {
     },
     /// Pictures side by side, as many as there is room for: SVG documents.
     Plots(Vec<String>),
-    /// A picture in its own size, to be scrolled where it is too wide.
-    Wide(String),
+    /// Pictures in their own size, to be scrolled where they are too wide.
+    Maps(Vec<String>),
 }
 
 const STYLE: &str = "
@@ -49,7 +49,8 @@ font:16px/1.5 system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif}
 h1{font-size:1.5rem;margin:.5rem 0}h2{font-size:1.2rem;margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line)}
 nav a{display:inline-block;margin:0 1rem .3rem 0;color:inherit}
 .plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,24rem),1fr));gap:.6rem}
-.plots svg{width:100%;height:auto;max-width:38rem}.scroll{overflow-x:auto}
+.plots svg{width:100%;height:auto;max-width:38rem}.maps{display:flex;flex-wrap:wrap;gap:1rem}
+.scroll{overflow-x:auto;max-width:100%}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.9rem}
 th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th:first-child,td:first-child{text-align:left}th{background:var(--head)}
@@ -60,9 +61,9 @@ impl Report {
     pub(crate) fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut out = format!(
-            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<nav>"
         );
         for (k, section) in self.sections.iter().enumerate() {
@@ -96,7 +97,10 @@ impl Block {
                 push(out, format_args!("<div class=\"scroll\"><table>\n{}{body}</table></div>\n", row(header, "th")));
             }
             Block::Plots(plots) => push(out, format_args!("<div class=\"plots\">\n{}</div>\n", plots.concat())),
-            Block::Wide(plot) => push(out, format_args!("<div class=\"scroll\">{plot}</div>\n")),
+            Block::Maps(maps) => {
+                let maps: String = maps.iter().map(|map| format!("<div class=\"scroll\">{map}</div>\n")).collect();
+                push(out, format_args!("<div class=\"maps\">\n{maps}</div>\n"));
+            }
         }
     }
 }
