@@ -154,7 +154,7 @@ pub(crate) struct Compare {
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
     /// End with exit code 1 when a channel's error is above so many noise floors
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub(crate) max_chi: Option<f64>,
 }
 

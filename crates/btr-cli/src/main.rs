@@ -6,6 +6,7 @@ mod failure;
 mod figures;
 mod plot;
 mod progress;
+mod report;
 
 mod table;
 

@@ -123,6 +123,8 @@ impl Quality {
 
 /// How late a joint is looked for, in s.
 const MOST_LAG_S: f64 = 0.5;
+/// A lag that is less certain than this, in s, is not told.
+const MOST_DOUBT_S: f64 = 0.05;
 
 /// Looks at a log.
 pub fn check(log: &Log) -> Quality {
@@ -274,6 +276,9 @@ fn about_command(joint: &str, command: &Channel, position: &Channel, lag: Option
         return finding(Topic::CommandLag, Severity::Fine, joint, sentence);
     }
     let (severity, sentence) = match lag {
+        Some(lag) if lag.likeness >= 0.5 && lag.sd_s > MOST_DOUBT_S => {
+            (Severity::Doubtful, format!("{joint} follows its command, but its motion does not tell how late"))
+        }
         Some(lag) if lag.likeness >= 0.5 => {
             let severity = if lag.seconds < -3.0 * lag.sd_s - 1e-3 { Severity::Bad } else { Severity::Fine };
             let why = if severity == Severity::Bad { ": clocks or channels are mixed up" } else { "" };

@@ -67,12 +67,46 @@ pub fn smooth(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
         .collect()
 }
 
-/// The state in which a series begins, by a parabola through its first samples; at the time of the very first tick of the
-/// clock. `None` where too few are there.
-pub fn start(clock_s: &[f64], values: &[f64]) -> Option<Motion> {
+/// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
+/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set in
+/// motion by noise would swing for long. Else by a parabola through as many of the first samples as a parabola fits. `None`
+/// where too few are there.
+pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     let first_s = *clock_s.first()?;
-    let end_s = first_s + 2.0 * reach_s(clock_s);
-    parabola(clock_s, values, 0..clock_s.partition_point(|t| *t <= end_s), first_s)
+    let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
+    let all = within(2.0 * reach_s(clock_s));
+    // Short, as a command may come at once.
+    let short = within(REACH_S.max(0.5 * reach_s(clock_s)));
+    resting(clock_s, values, short, sigma).or_else(|| moving(clock_s, values, all, sigma))
+}
+
+/// The mean of some readings; `None` where they have a slope beyond noise, or are fewer than three.
+fn resting(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
+    /// A slope of fewer standard deviations is none.
+    const TELLING: f64 = 2.0;
+    let there: Vec<(f64, f64)> = range.map(|i| (clock_s[i], values[i])).filter(|(_, x)| x.is_finite()).collect();
+    let n = there.len() as f64;
+    let (time, value) = there.iter().fold((0.0, 0.0), |(time, value), (t, x)| (time + t / n, value + x / n));
+    let (along, square) = there
+        .iter()
+        .fold((0.0, 0.0), |(along, square), (t, x)| (along + (t - time) * (x - value), square + (t - time).powi(2)));
+    // The slope has the deviation sigma/sqrt(sum of squared times).
+    let rests = there.len() >= 3 && along.abs() <= TELLING * sigma * square.sqrt();
+    rests.then_some(Motion { value, velocity: 0.0, acceleration: 0.0 })
+}
+
+/// The parabola at the first tick, through as many samples as it fits to `sigma`.
+fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
+    /// A fit is good while what it leaves is no more than so many sigma.
+    const GOOD: f64 = 1.3;
+    let good = |to: usize, motion: &Motion| {
+        let at = |t: f64| motion.value + t * (motion.velocity + 0.5 * t * motion.acceleration);
+        let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
+        let (n, squares) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        squares <= (GOOD * sigma).powi(2) * (n - 3.0)
+    };
+    let fits = || (FEWEST..=range.end).filter_map(|to| Some((to, parabola(clock_s, values, 0..to, clock_s[0])?)));
+    fits().rev().find(|(to, motion)| good(*to, motion)).or_else(|| fits().next()).map(|(_, motion)| motion)
 }
 
 /// How far a fit reaches to each side.
@@ -107,8 +141,21 @@ mod tests {
             assert!(near(motion.value, law(t)) && near(motion.velocity, 10.0 * t - 3.0), "{motion:?}");
             assert!((motion.acceleration - 10.0).abs() < 1e-6, "{motion:?}");
         }
-        let begin = start(&clock, &values).unwrap();
+        let begin = start(&clock, &values, 1e-6).unwrap();
         assert!(near(begin.value, 2.0) && near(begin.velocity, -3.0), "{begin:?}");
+    }
+
+    #[test]
+    fn what_rests_at_first_is_not_set_in_motion_by_what_comes_later() {
+        let law = |t: f64| if t < 0.06 { 0.0 } else { 40.0 * (t - 0.06).powi(2) };
+        let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
+        let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
+        let values: Vec<f64> = (0..40).map(|i| law(0.01 * f64::from(i)) + error(i)).collect();
+        let begin = start(&clock, &values, 1e-3).unwrap();
+        assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1.5e-3, "{begin:?}");
+        let moving: Vec<f64> = (0..40).map(|i| (9.0 * clock[i as usize]).sin() + error(i)).collect();
+        let begin = start(&clock, &moving, 1e-3).unwrap();
+        assert!((begin.velocity - 9.0).abs() < 0.4 && begin.value.abs() < 3e-3, "{begin:?}");
     }
 
     #[test]
@@ -118,6 +165,6 @@ mod tests {
         values[5..15].fill(f64::NAN);
         let motion = smooth(&clock, &values);
         assert!(motion[7].value.is_nan() && near(motion[20].value, 1.0) && near(motion[15].velocity, 0.0));
-        assert!(start(&clock[..2], &values[..2]).is_none() && smooth(&[], &[]).is_empty());
+        assert!(start(&clock[..2], &values[..2], 1.0).is_none() && smooth(&[], &[]).is_empty());
     }
 }

@@ -2,15 +2,18 @@
 
 use crate::args::{Compare, Global};
 use crate::failure::{Failure, MISSED};
+use crate::report;
 use crate::table::{Table, maybe, number};
 use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
 use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::experiment::{self, Replays, Source};
+use btr_physics::io;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Failures in the terminal; `-v` and `--json` have all.
@@ -43,6 +46,11 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
         let help = "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names";
         return Err(Failure::new("log", "no channel is both measured and simulated", Some(help.to_owned())));
     }
+    if let Some(path) = &args.report {
+        let html = report::compare::document(&outcome);
+        let written = io::write_whole(path, |out| out.write_all(html.as_bytes()));
+        written.map_err(|e| Failure::new("output", format!("{}: {e}", path.display()), None))?;
+    }
     if global.json {
         println!("{}", document(&outcome));
     } else {
@@ -74,7 +82,7 @@ fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
         .collect();
     let comparison = compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings));
     let integrator = comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, &simulated))).collect();
-    let model = args.model.display().to_string();
+    let model = args.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok(Outcome { model, replays, names, comparison, integrator })
 }
 
@@ -91,25 +99,33 @@ fn integrator_error(channel: &ChannelError, simulated: &[(Log, Log)]) -> f64 {
     if n > 0.0 { f64::sqrt(sum / n) / channel.noise_floor } else { 0.0 }
 }
 
-fn text(outcome: &Outcome, most: usize) -> String {
-    let comparison = &outcome.comparison;
-    let header = ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "chi", "white", "step error"];
-    let mut channels = Table::new(&header);
-    for c in &comparison.channels {
-        channels.row(vec![
+pub(crate) const CHANNEL_HEADER: [&str; 10] =
+    ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "chi", "white", "step error"];
+
+/// One row per channel, under [`CHANNEL_HEADER`].
+pub(crate) fn channel_rows(outcome: &Outcome) -> Vec<Vec<String>> {
+    let tenth = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.1}"));
+    let row = |c: &ChannelError| {
+        vec![
             c.name.clone(),
             c.unit.clone(),
             number(c.rmse),
-            c.fit_percent.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.1}")),
+            tenth(c.fit_percent),
             number(c.bias),
-            c.lag_s.map_or_else(|| "-".to_owned(), |lag| format!("{:.1}", 1e3 * lag)),
+            tenth(c.lag_s.map(|lag| 1e3 * lag)),
             number(c.noise_floor),
             format!("{:.2}", c.chi),
             if c.white { "yes" } else { "no" }.to_owned(),
             maybe(outcome.integrator.get(&c.name).copied()),
-        ]);
-    }
-    let failures = comparison.failures();
+        ]
+    };
+    outcome.comparison.channels.iter().map(row).collect()
+}
+
+fn text(outcome: &Outcome, most: usize) -> String {
+    let mut channels = Table::new(&CHANNEL_HEADER);
+    channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
+    let failures = outcome.comparison.failures();
     let mut lines = vec![channels.render(), String::new()];
     match failures.len() {
         0 => lines.push("No joint fails in any regime: what is left is noise.".to_owned()),

@@ -1,6 +1,7 @@
 //! Figures as SVG: panels with axes, lines, dots and a legend, readable on light and on dark paper.
 
 pub(crate) mod axis;
+pub(crate) mod heat;
 pub(crate) mod paper;
 mod svg;
 

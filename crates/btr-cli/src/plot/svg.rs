@@ -12,15 +12,16 @@ const TOP: f64 = 50.0;
 const BOTTOM: f64 = 46.0;
 
 /// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the colour-blind.
-const STYLE: &str = "<style>
+pub(super) const STYLE: &str = "<style>
 text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
 .title{font-size:14px;font-weight:600;fill:#111}
 .paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
 .main{stroke:#0b62b0}.second{stroke:#d9730d}.truth{stroke:#5c5c5c}.line,.dots{fill:none}
+.cell{fill:#eee}.heat{fill:#b3261e}.hot{fill:#fff}
 .line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.dots{stroke-width:3.4;stroke-linecap:round}
 @media(prefers-color-scheme:dark){text{fill:#c8c8c8}.title{fill:#eee}.paper{fill:#15181c}.frame{stroke:#666}
 .grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.truth{stroke:#a5a5a5}
-.shade{filter:invert(1)}}
+.shade{filter:invert(1)}.cell{fill:#23272e}.heat{fill:#e0584e}}
 </style>";
 
 /// Appends a formatted line; writing to a string cannot fail.
@@ -153,7 +154,7 @@ fn legend(panel: &Panel, out: &mut String) {
     }
 }
 
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 

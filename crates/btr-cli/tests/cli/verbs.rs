@@ -148,7 +148,7 @@ fn completions_and_the_manual_name_every_verb() {
 #[test]
 fn every_verb_has_help_with_an_example() {
     let lab = Lab::new();
-    for verb in ["coevolve", "simulate", "effects", "info", "convert", "schema", "completions"] {
+    for verb in ["coevolve", "simulate", "check", "compare", "effects", "info", "convert", "schema", "completions"] {
         let help = lab.ok(&format!("{verb} --help"));
         assert!(help.contains("Example") && help.contains(&format!("btr {verb}")), "{help}");
     }

@@ -159,8 +159,9 @@ fn clue(cell: &Cell, parts: &[Part]) -> Option<Found> {
         return Some(Found { clue: Clue::Constant, correlation: cell.bias.signum() });
     }
     let errors: Vec<f64> = gather(parts, |track| Some(&track.error));
-    let found = parts.first()?.track.clues.iter().filter_map(|(clue, _)| {
-        let series = gather(parts, |track| track.clues.iter().find(|(of, _)| of == clue).map(|(_, series)| series));
+    let clues = &parts.first()?.track.clues;
+    let found = clues.iter().enumerate().filter_map(|(k, (clue, _))| {
+        let series = gather(parts, |track| track.clues.get(k).filter(|(of, _)| of == clue).map(|(_, series)| series));
         Some(Found { clue: *clue, correlation: correlation(&errors, &series)? })
     });
     let best = found.max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))?;

@@ -6,11 +6,13 @@
 mod clue;
 mod failure;
 mod regime;
+mod spectrum;
 mod track;
 
 pub use clue::Clue;
 pub use failure::{Cell, Found};
 pub use regime::Regime;
+pub use spectrum::spectrum;
 pub use track::Track;
 
 use crate::lag::lag;

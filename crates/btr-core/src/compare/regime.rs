@@ -146,7 +146,7 @@ fn mask(regime: Regime, track: &Track, driven: &[bool]) -> Vec<bool> {
         Regime::Hold => speed(&|v| v.abs() <= still),
         Regime::Slow => speed(&|v| v.abs() > still && v.abs() < 0.25 * top),
         Regime::Fast => speed(&|v| v.abs() > still && v.abs() > 0.6 * top),
-        Regime::AfterReversal => after(track, &reversals(track), AFTER_REVERSAL_S),
+        Regime::AfterReversal => after(track, &track.reversals(), AFTER_REVERSAL_S),
         Regime::AfterStep => after(track, &steps(&track.command), AFTER_STEP_S),
         Regime::HighLoad => high_load(&track.load),
         Regime::Saturated => saturated(&track.load),
@@ -158,13 +158,6 @@ fn mask(regime: Regime, track: &Track, driven: &[bool]) -> Vec<bool> {
         Regime::High => third(track, 2),
         Regime::TorqueOff => driven.iter().map(|on| !on).collect(),
     }
-}
-
-/// The samples at which the direction of the motion has changed.
-fn reversals(track: &Track) -> Vec<usize> {
-    let directions = track.directions();
-    let changed = directions.windows(2).enumerate().filter(|(_, pair)| pair[0] * pair[1] < 0.0);
-    changed.map(|(i, _)| i + 1).collect()
 }
 
 /// The samples at which the command jumps: by a tenth of its range, and far more than it usually changes.

@@ -89,6 +89,13 @@ impl Track {
         }
         directions
     }
+
+    /// The samples at which the direction of the motion has changed.
+    pub fn reversals(&self) -> Vec<usize> {
+        let directions = self.directions();
+        let changed = directions.windows(2).enumerate().filter(|(_, pair)| pair[0] * pair[1] < 0.0);
+        changed.map(|(i, _)| i + 1).collect()
+    }
 }
 
 fn varies(values: &[f64]) -> bool {

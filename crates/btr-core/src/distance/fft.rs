@@ -6,20 +6,20 @@
 use std::f64::consts::TAU;
 
 /// Roots of unity for one length.
-pub(super) struct Fft {
+pub(crate) struct Fft {
     roots: Vec<(f64, f64)>,
 }
 
 impl Fft {
     /// Prepares transforms of `len` points, a power of two.
-    pub(super) fn new(len: usize) -> Self {
+    pub(crate) fn new(len: usize) -> Self {
         debug_assert!(len.is_power_of_two());
         let angle = |i: usize| -TAU * i as f64 / len as f64;
         Fft { roots: (0..len / 2).map(|i| (angle(i).cos(), angle(i).sin())).collect() }
     }
 
     /// Replaces `z` (real, imaginary) by its transform: Z_k = sum of z_n·exp(-2πi·k·n/N).
-    pub(super) fn transform(&self, z: &mut [(f64, f64)]) {
+    pub(crate) fn transform(&self, z: &mut [(f64, f64)]) {
         let len = z.len();
         for i in 0..len {
             let j = if len > 1 { i.reverse_bits() >> (usize::BITS - len.trailing_zeros()) } else { i };

@@ -6,7 +6,7 @@
 
 mod channels;
 mod dtw;
-mod fft;
+pub(crate) mod fft;
 mod fit;
 mod fitness;
 mod information;

@@ -262,8 +262,8 @@ fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
         .collect()
 }
 
-/// Where a joint is when the log begins, and how fast it moves: by a parabola through the first positions, as a single
-/// reading errs by the sensor's noise and a difference of two by far more. A log without noise is taken at its word.
+/// Where a joint is when the log begins, and how fast it moves: as the first positions together tell: a single
+/// reading errs by the sensor's noise, and a difference of two by far more. A log without noise is taken at its word.
 fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     let first = |prefix: &str| {
         let channel = log.channel(&format!("{prefix}_{joint}"))?;
@@ -271,8 +271,7 @@ fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     };
     let reading = (first("q")?, first("dq").unwrap_or(0.0));
     let positions = &log.channel(&format!("q_{joint}"))?.values;
-    if Noise::of(positions).is_none_or(|noise| noise.is_negligible()) {
-        return Some(reading);
-    }
-    Some(smooth::start(log.clock_s(), positions).map_or(reading, |motion| (motion.value, motion.velocity)))
+    let Some(noise) = Noise::of(positions).filter(|noise| !noise.is_negligible()) else { return Some(reading) };
+    let begin = smooth::start(log.clock_s(), positions, noise.sigma());
+    Some(begin.map_or(reading, |motion| (motion.value, motion.velocity)))
 }

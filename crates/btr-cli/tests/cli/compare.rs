@@ -1,0 +1,156 @@
+//! Where a model fails, and what logs are worth: `btr compare` and `btr check`.
+
+use crate::lab::Lab;
+use serde_json::Value;
+
+/// A servo that swings a pendulum, with a sensor that errs.
+const SWING: &str = r#"name = "swing"
+[robot]
+builtin = "pendulum"
+length_m = 0.5
+[actuators.hinge]
+kind = "position"
+kp = 60.0
+kd = 4.0
+[simulation]
+control_s = 0.01
+steps_per_control = 40
+sample_every = 40
+duration_s = 8.0
+[noise]
+position_rad = 0.0005
+position_quantum_rad = 0.0015
+velocity_rad_s = 0.02
+torque_n_m = 0.02
+[drive]
+kind = "sine"
+omega_rad_s = 4.0
+set = { "amplitude@hinge" = 0.6, "phase@hinge" = 0.0 }
+"#;
+
+/// A lab with `swing.toml`, and `log.csv` of a robot that has this effect as well.
+fn lab(effect: &str) -> Lab {
+    let lab = Lab::new();
+    lab.write("swing.toml", SWING);
+    lab.write("robot.toml", &format!("{SWING}[[effects]]\n{effect}\n"));
+    lab.ok("simulate robot.toml --seed 7 -q -o log.csv");
+    lab
+}
+
+const FRICTION: &str = "effect = \"coulomb_friction\"\ntorque = 0.5";
+const NONE: &str = "effect = \"coulomb_friction\"\ntorque = 0.0";
+
+#[test]
+fn a_right_model_leaves_noise() {
+    let lab = lab(NONE);
+    let found = lab.json("compare swing.toml log.csv --max-chi 1.3");
+    for channel in found["channels"].as_array().unwrap() {
+        let chi = channel["chi"].as_f64().unwrap();
+        assert!((0.9..1.3).contains(&chi), "{channel}");
+    }
+    assert!(found["channels"][0]["fit_percent"].as_f64().unwrap() > 99.0);
+    assert!(found["integrator_error"].as_f64().unwrap() < 1.0, "{found}");
+}
+
+#[test]
+fn friction_is_seen_at_its_joint_and_follows_the_sign_of_the_velocity() {
+    let lab = lab(FRICTION);
+    let found = lab.json("compare swing.toml log.csv");
+    let failures = found["failures"].as_array().unwrap();
+    assert!(failures[0]["joint"] == "hinge" && failures[0]["follows"] == "sign_of_velocity", "{}", failures[0]);
+    let throughout = failures.iter().find(|f| f["regime"] == "throughout").unwrap();
+    assert!(throughout["hint"].as_str().unwrap().contains("the sign of the velocity"), "{throughout}");
+    insta::assert_snapshot!("compare_table", lab.ok("compare swing.toml log.csv"));
+}
+
+#[test]
+fn the_documents_have_the_keys_that_others_rely_on() {
+    let lab = lab(FRICTION);
+    let found = lab.json("compare swing.toml log.csv");
+    let has = |value: &Value, keys: &[&str]| {
+        let object = value.as_object().unwrap();
+        keys.iter().for_each(|key| assert!(object.contains_key(*key), "{key} is not in {value}"));
+    };
+    has(&found, &["ok", "channels", "failures", "integrator_error"]);
+    has(
+        &found["channels"][0],
+        &["name", "unit", "rmse", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"],
+    );
+    has(&found["failures"][0], &["joint", "regime", "t0", "t1", "rmse", "hint"]);
+    let checked = lab.json("check swing.toml log.csv");
+    has(&checked["logs"][0], &["log", "verdict", "clock", "channels", "joints", "findings"]);
+    has(&checked["logs"][0]["findings"][0], &["topic", "severity", "channel", "sentence"]);
+}
+
+#[test]
+fn a_missed_gate_and_a_mistake_have_their_own_exit_codes() {
+    let lab = lab(FRICTION);
+    lab.exits("compare swing.toml log.csv --max-chi 2", 1);
+    lab.exits("compare swing.toml log.csv --max-chi 500", 0);
+    assert!(lab.complaint("compare swing.toml log.csv --max-chi -1").contains("--max-chi"));
+    assert!(lab.complaint("compare swing.toml no.csv").contains("no.csv"));
+    assert!(lab.complaint("compare swing.toml").contains("LOG"));
+    lab.write("blind.csv", "t,cmd_hinge\n0,0\n0.01,0.1\n0.02,0.2\n");
+    assert!(lab.complaint("compare swing.toml blind.csv").contains("q_hinge"));
+}
+
+#[test]
+fn the_report_is_whole_and_has_every_plot() {
+    let lab = lab(FRICTION);
+    lab.ok("compare swing.toml log.csv --report report.html -q");
+    let html = lab.read("report.html");
+    for plot in [
+        "hinge in log",
+        "Residual in log",
+        "Residual against velocity",
+        "Residual against position",
+        "Residual against load",
+        "Residual around reversals",
+        "Spectrum of the residual",
+        "Autocorrelation of the residual",
+        "By regime",
+        "Over log",
+    ] {
+        assert!(html.contains(&format!(">{plot}")), "no {plot}");
+    }
+    assert!(html.contains("default-src 'none'") && html.contains("prefers-color-scheme"));
+    assert!(!html.contains("NaN") && !html.contains("src=") && !html.contains("<script"));
+    closes_what_it_opens(&html);
+}
+
+/// Every tag is closed in its order.
+fn closes_what_it_opens(html: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    for tag in html.split('<').skip(1).filter(|tag| !tag.starts_with('!')) {
+        let inside = tag.split('>').next().unwrap();
+        let name = inside.trim_start_matches('/').split([' ', '/', '\n']).next().unwrap();
+        match () {
+            () if inside.starts_with('/') => assert_eq!(open.pop(), Some(name), "{tag}"),
+            () if inside.ends_with('/') => {}
+            () => open.push(name),
+        }
+    }
+    assert!(open.is_empty(), "{open:?}");
+}
+
+#[test]
+fn check_tells_what_logs_are_worth() {
+    let lab = lab(FRICTION);
+    let told = lab.ok("check swing.toml log.csv");
+    assert!(told.starts_with("log.csv: fine") && told.contains("hinge follows its command after"), "{told}");
+    let text = lab.read("log.csv");
+    // A fifth of the positions is lost.
+    let holed: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(k, line)| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            cells[2] = if k > 0 && k % 5 == 0 { "" } else { cells[2] };
+            cells.join(",")
+        })
+        .collect();
+    lab.write("holed.csv", &holed.join("\n"));
+    let told = lab.ok("check swing.toml holed.csv");
+    assert!(told.contains("doubtful") && told.contains("q_hinge lacks 20.0 % of its samples"), "{told}");
+    lab.ok("compare swing.toml holed.csv log.csv");
+}
