@@ -207,8 +207,6 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     let measure = Measure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
-    let winner = rivals.first()?.clone();
-    let best = measure.criterion(&winner.fit);
     let candidates = bench.family.candidates();
     let ranked = |r: &Rival| Ranked {
         name: candidates[r.candidate].name(),
@@ -216,16 +214,23 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         delta_bic: before - measure.criterion(&r.fit),
     };
     state.rounds.push(rivals.iter().map(ranked).collect());
-    let learnt = 1.0 - winner.fit.squares() / state.fit.squares();
-    let held_out = state.held_out.is_none_or(|base| {
-        held_out_squares(bench, &winner.fit.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base)
-    });
-    if !(before - best > DECISIVE && learnt > LEARNT_FALL && held_out) {
-        return None;
-    }
+    // The best that the held-out logs confirm: one that fits by accident is passed over.
+    let held_out = |r: &Rival| match state.held_out {
+        None => true,
+        Some(base) => held_out_squares(bench, &r.fit.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base),
+    };
+    let passes = |r: &&Rival| {
+        let learnt = 1.0 - r.fit.squares() / state.fit.squares();
+        before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && held_out(r)
+    };
+    let winner = rivals.iter().find(passes)?.clone();
+    let best = measure.criterion(&winner.fit);
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let alike: Vec<&Rival> = rivals.iter().skip(1).filter(|r| measure.criterion(&r.fit) - best <= DECISIVE).collect();
+    let alike: Vec<&Rival> = rivals
+        .iter()
+        .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
+        .collect();
     state.rivals = alike.iter().map(|r| (r.candidate, r.fit.u.clone())).collect();
     let found = Found {
         effect: candidates[winner.candidate].effect.clone(),

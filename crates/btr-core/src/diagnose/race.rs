@@ -5,7 +5,7 @@ use crate::fit::{Bench, Effort, Fit, columns};
 use nalgebra::DMatrix;
 
 /// How many start the race, and how many are fitted with all effort whatever their rank.
-const RUNNERS: usize = 6;
+const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
 const CLOSE: f64 = 1.5;

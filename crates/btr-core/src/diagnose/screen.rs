@@ -17,6 +17,8 @@ const STRETCH: f64 = 4.0;
 const FEW_STARTS: usize = 3;
 /// How many candidates are simulated where their probes promise most.
 const VERIFIED: usize = 16;
+/// A base that could lower its cost by a smaller share is at its optimum.
+const AT_REST: f64 = 0.01;
 /// Stiffness of what stands at a bound, relative to what the logs tell of it.
 const HELD: f64 = 1e9;
 /// Points that are simulated at once; bounds the memory.
@@ -51,9 +53,7 @@ struct Probe {
 
 /// All candidates but the chosen ones, most promising first, with the costs that were really simulated.
 pub(super) fn screen(bench: &Bench, base: &mut Fit, chosen: &[usize]) -> Vec<Start> {
-    if !base.fresh {
-        base.differentiate(bench);
-    }
+    base.differentiate_centrally(bench);
     let Some(prepared) = Base::new(bench, base) else { return Vec::new() };
     let mut promising: Vec<Start> = (0..bench.family.candidates().len())
         .filter(|candidate| !chosen.contains(candidate))
@@ -102,7 +102,12 @@ impl<'a> Base<'a> {
                 gradient[k] = 0.0;
             }
         }
-        Some(Base { fit, jacobian, factors: normal.cholesky()?, gradient })
+        let factors = normal.cholesky()?;
+        // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
+        if gradient.dot(&factors.solve(&gradient)) < AT_REST * fit.cost {
+            gradient.fill(0.0);
+        }
+        Some(Base { fit, jacobian, factors, gradient })
     }
 
     /// The best point of a candidate, by its probes.

@@ -93,6 +93,34 @@ impl Fit {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
+    /// The same by central differences, where the bounds leave room: directions in which nothing changes come out as such, and
+    /// not as the curvature of what forward differences see.
+    pub fn differentiate_centrally(&mut self, bench: &Bench) {
+        let knobs = bench.family.knobs();
+        let sides = |&knob: &usize| {
+            let (reach, (least, most)) = (knobs[knob].reach, knobs[knob].bounds);
+            let up = (self.u[knob] + reach).min(most);
+            let down = (self.u[knob] - reach).max(least);
+            [up, down].map(|u| {
+                let mut point = self.u.clone();
+                point[knob] = u;
+                point
+            })
+        };
+        let points: Vec<Vec<f64>> = self.active.iter().flat_map(sides).collect();
+        let there = bench.residuals(&points, Logs::Learn, Step::Usual);
+        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
+        for (k, &knob) in self.active.iter().enumerate() {
+            let width = points[2 * k][knob] - points[2 * k + 1][knob];
+            if let (Some(up), Some(down)) = (&there[2 * k], &there[2 * k + 1]) {
+                for (slope, (a, b)) in jacobian.column_mut(k).iter_mut().zip(up.iter().zip(down)) {
+                    *slope = (a - b) / width;
+                }
+            }
+        }
+        (self.jacobian, self.fresh) = (Some(jacobian), true);
+    }
+
     /// Goes downhill as far as the effort allows.
     pub fn solve(&mut self, bench: &Bench, effort: Effort) -> Ended {
         let (start, better, worse, hopeless) = DAMPING;
