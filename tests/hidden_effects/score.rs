@@ -42,6 +42,8 @@ pub(crate) struct Outcome {
     score: Score,
     before: f64,
     after: f64,
+    /// What the error looks like where nothing explains it.
+    law: String,
     /// Parameters of the planted effects with an interval, and how many of the intervals hold the truth.
     intervals: (usize, usize),
     rollouts: usize,
@@ -79,6 +81,7 @@ impl Outcome {
                 truth,
                 found,
                 verdict: None,
+                law: String::new(),
                 score,
                 before: nan,
                 after: nan,
@@ -90,6 +93,7 @@ impl Outcome {
         let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
         let error = |rung: Option<&btr_core::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
         Outcome {
+            law: law(&case, &diagnosis),
             score: score(&case, &truth, &found, &diagnosis),
             intervals: intervals(&case, &diagnosis),
             before: error(diagnosis.ladder.get(1).or(diagnosis.ladder.first())),
@@ -107,7 +111,7 @@ impl Outcome {
     /// One line.
     pub(crate) fn line(&self) -> String {
         format!(
-            "{:<11} {:>5} {:<44} -> {:<60} {:6.2} -> {:5.2} sigma {:5} rollouts {:5.1} s",
+            "{:<11} {:>5} {:<44} -> {:<60} {:6.2} -> {:5.2} sigma {:5} rollouts {:5.1} s{}",
             format!("{:?}", self.score).to_lowercase(),
             self.seed,
             if self.truth.is_empty() { self.case.clone() } else { self.truth.join(" + ") },
@@ -115,9 +119,18 @@ impl Outcome {
             self.before,
             self.after,
             self.rollouts,
-            self.seconds
+            self.seconds,
+            self.law
         )
     }
+}
+
+fn law(case: &Case, diagnosis: &Diagnosis) -> String {
+    let Some(found) = &diagnosis.residual_law else { return String::new() };
+    let Some((site, on, law)) = case.family.law(found) else { return String::new() };
+    let explains = 100.0 * found.explains;
+    let beside = if found.beside_effects { " beside those" } else { "" };
+    format!("\n            law: {on:?} on {site}: {law}{beside}, explains {explains:.1} %")
 }
 
 fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {

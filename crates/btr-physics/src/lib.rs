@@ -32,5 +32,6 @@ pub mod sim;
 pub mod site;
 mod stretch;
 pub mod task;
+mod term;
 pub mod urdf;
 pub mod verbs;

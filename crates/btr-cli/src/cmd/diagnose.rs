@@ -49,6 +49,7 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
         effect.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
         println!("{}", table.render());
     }
+    law(report);
     println!("\n{}", ladder::floors(&report.noise_floor));
     println!("integrator's own error: {} x noise floor", number(report.integrator_error));
     if !report.at_bound.is_empty() {
@@ -69,6 +70,14 @@ fn sentence(report: &DiagnoseReport) -> String {
             format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
         }
     }
+}
+
+/// What the error looks like, ready to be pasted into the model.
+fn law(report: &DiagnoseReport) {
+    let Some(law) = &report.residual_law else { return };
+    let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
+    let share = format!("{:.0} % of the squared error above the noise", 100.0 * law.explains);
+    println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
 }
 
 /// What to type next.

@@ -5,7 +5,7 @@ mod diagnose;
 mod fit;
 
 pub use add::{AddError, Addition, add};
-pub use diagnose::{DiagnoseReport, EffectReport, Site, diagnose};
+pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
 
 use crate::beside::Beside;
