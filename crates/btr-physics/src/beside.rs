@@ -2,7 +2,7 @@
 //! where it could sit.
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed, SiteKind};
-use crate::model::Model;
+use crate::model::{Model, Scenario};
 use crate::robot::{Actuator, JointKind};
 use crate::scales::Scales;
 use crate::sim::Setup;
@@ -100,8 +100,36 @@ impl Beside {
     /// # Errors
     /// A simulation that blew up.
     pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
-        let s: Vec<f64> = self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect();
-        self.model.rollout(&s, scenario, &self.placed(u), step)
+        self.model.rollout(&self.inner(u), scenario, &self.placed(u), step)
+    }
+
+    /// What is simulated at a point in a situation of its own.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: Step) -> Result<Log, WorldError> {
+        self.model.in_situation(scenario.clone()).rollout(&self.inner(u), 0, &self.placed(u), step)
+    }
+
+    /// The values of what is in doubt at a point.
+    fn inner(&self, u: &[f64]) -> Vec<f64> {
+        self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect()
+    }
+
+    /// The scenarios of the logs that are learnt from.
+    pub(crate) fn learnt(&self) -> Vec<usize> {
+        self.parts.iter().filter(|part| !part.held_out).map(|part| part.scenario).collect()
+    }
+
+    /// Whether all joints stay where the logs had them, give or take a share of that range.
+    pub(crate) fn is_within(&self, log: &Log, margin: f64) -> bool {
+        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name);
+        joints.all(|joint| {
+            let (low, high) = self.range(joint);
+            let margin = margin * (high - low);
+            let values = log.channel(&format!("q_{joint}")).map_or(&[][..], |channel| &channel.values);
+            values.iter().all(|x| *x >= low - margin && *x <= high + margin)
+        })
     }
 
     /// The effects that are switched on at a point.

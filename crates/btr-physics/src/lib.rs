@@ -10,6 +10,7 @@ mod control;
 pub mod drive;
 pub mod effect;
 pub mod engine;
+mod excite;
 pub mod experiment;
 pub mod identify;
 pub mod io;

@@ -6,7 +6,7 @@
 //! and judged on logs that nothing was fitted to.
 //!
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
-//! joints and four logs. There is at most one search from the bare model and one beside the effects that were found.
+//! joints and four logs. There are at most two searches.
 
 use crate::family::Feature;
 use crate::fit::judge::{Measure, held_out_squares};
@@ -25,8 +25,12 @@ const PROBE: f64 = 0.3;
 const FINALISTS: usize = 2;
 /// What a fit may spend.
 const EFFORT: Effort = Effort { jacobians: 2, steps: 12 };
-/// A fit that blows up at the amplitudes that the probes promise is begun at this share of them.
-const SHARES: [f64; 3] = [1.0, 0.3, 0.1];
+/// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are not.
+const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
+/// A further term must lower what is left to this share of it.
+const WORTH: f64 = 0.9;
+/// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo makes one of.
+const CLOSE: f64 = 10.0;
 /// A law that explains this share of the excess needs no effects beside it...
 const ENOUGH: f64 = 0.8;
 /// ... and one that explains less than this is no law.
@@ -45,22 +49,30 @@ pub struct ResidualLaw {
     pub explains: f64,
 }
 
-/// The law that explains most, if any explains enough: in place of the effects that were found, or beside them. `bases` are the
-/// model alone and the model with those effects, if there are any.
-pub(super) fn residual_law(bench: &Bench, bases: &[&Fit]) -> Option<ResidualLaw> {
-    let mut best: Option<(f64, ResidualLaw)> = None;
-    for (k, base) in bases.iter().enumerate() {
-        if best.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
-            break;
-        }
-        let Some((terms, fit)) = search(bench, base) else { continue };
-        let (Some(before), Some(after)) = (judged(bench, base), judged(bench, &fit)) else { continue };
-        if before > 0.0 && best.as_ref().is_none_or(|(least, _)| after < *least) {
-            let explains = (1.0 - after.max(0.0) / before).clamp(0.0, 1.0);
-            best = Some((after, ResidualLaw { terms, fit, beside_effects: k > 0, explains }));
-        }
+/// The law that explains most, if any explains enough: first in place of all effects; then beside those that were found, or, where
+/// none was, from where the parameters in doubt began: they may have gone astray to make up for the law.
+pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Option<ResidualLaw> {
+    let first = law_on(bench, bare, bare);
+    if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
+        return first.map(|(_, law)| law);
     }
-    best.map(|(_, law)| law).filter(|law| law.explains >= LEAST)
+    let second = match found {
+        Some(found) => {
+            law_on(bench, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
+        }
+        None => Fit::at(bench, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
+            .and_then(|origin| law_on(bench, &origin, bare)),
+    };
+    let enough = first.into_iter().chain(second).filter(|(_, law)| law.explains >= LEAST);
+    enough.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
+}
+
+/// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
+fn law_on(bench: &Bench, base: &Fit, from: &Fit) -> Option<(f64, ResidualLaw)> {
+    let (terms, fit) = search(bench, base)?;
+    let (before, left) = (judged(bench, from)?, judged(bench, &fit)?.max(0.0));
+    let explains = if before > 0.0 { (1.0 - left / before).clamp(0.0, 1.0) } else { 0.0 };
+    Some((left, ResidualLaw { terms, fit, beside_effects: false, explains }))
 }
 
 /// The sum of squares above the noise on the logs to judge on.
@@ -84,7 +96,9 @@ fn search(bench: &Bench, base: &Fit) -> Option<(Vec<usize>, Fit)> {
     drafts.truncate(FINALISTS);
     let fits: Vec<(Vec<usize>, Fit)> = drafts.iter().filter_map(|draft| finish(bench, &base, draft)).collect();
     let measure = Measure::of(bench, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
-    fits.into_iter().min_by(|(_, a), (_, b)| measure.criterion(a).total_cmp(&measure.criterion(b)))
+    let least = fits.iter().map(|(_, fit)| measure.criterion(fit)).fold(f64::INFINITY, f64::min);
+    let close = fits.into_iter().filter(|(_, fit)| measure.criterion(fit) <= least + CLOSE);
+    close.min_by(|(a, _), (b, _)| a.cmp(b))
 }
 
 /// The features of each place; those of one place follow one another.
@@ -114,7 +128,7 @@ fn finish(bench: &Bench, base: &Fit, draft: &Draft) -> Option<(Vec<usize>, Fit)>
         }
         Fit::at(bench, active.clone(), u, &base.step_error)
     };
-    let mut fit = SHARES.iter().find_map(start)?;
+    let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     fit.solve(bench, EFFORT);
     Some((draft.terms.iter().map(|term| term.feature).collect(), fit))
 }
@@ -268,6 +282,9 @@ impl<'a> Picture<'a> {
             let new = trials.iter().filter(|trial| chosen.iter().all(|c| c.feature != trial.feature));
             let solved = new.filter_map(|trial| Some((with(trial), normal.solve(&with(trial))?)));
             let Some(best) = solved.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)) else { break };
+            if drafts.last().is_some_and(|(_, before)| best.1.cost > WORTH * before.cost) {
+                break;
+            }
             drafts.push(best);
         }
         let (_, last) = drafts.last()?;

@@ -307,8 +307,8 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();
         found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
     }
-    let bases = if state.chosen.is_empty() { vec![&state.fit] } else { vec![&state.bare, &state.fit] };
-    let law = (verdict == Verdict::Unexplained).then(|| residual_law(bench, &bases)).flatten();
+    let found = (!state.chosen.is_empty()).then_some(&state.fit);
+    let law = (verdict == Verdict::Unexplained).then(|| residual_law(bench, &state.bare, found)).flatten();
     let doubtful = bench.family.doubtful();
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {

@@ -1,6 +1,6 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Floor, LadderStep, Problem};
+use super::{Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Rung, Verdict};
 use btr_core::fit::{Bench, Estimate};
@@ -78,6 +78,9 @@ pub struct DiagnoseReport {
     /// What the error looks like where nothing known explains it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_law: Option<LawReport>,
+    /// What to do on the robot to tell apart what these logs cannot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub next_experiment: Option<NextExperiment>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
     /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
@@ -101,6 +104,7 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         noise_floor: problem.floors(),
         unexplained_share: diagnosis.unexplained_share,
         residual_law: residual_law(problem, &diagnosis),
+        next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
