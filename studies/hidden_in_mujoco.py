@@ -131,7 +131,9 @@ LINKS = {"upper": 0.040, "forearm": 0.0041}
 
 def hide(effect: str, rng: np.random.Generator) -> Hidden:
     """An effect somewhere, of some size."""
-    joint = str(rng.choice(list(TORQUE)))
+    # Nobody can tell where an axis points that gravity does not see.
+    seen = [joint for joint in TORQUE if effect != "encoder_offset" or joint != "yaw"]
+    joint = str(rng.choice(seen))
     link = str(rng.choice(list(LINKS)))
     size = between(rng, 0.7, 1.5)
     match effect:
@@ -192,9 +194,9 @@ class Arm:
                 spring = {key: str(value) for key, value in hidden.values.items()}
                 ET.SubElement(body, "joint", name="apart", axis=axis, **spring)
             limit = {"forcerange": f"{-hidden.values['torque']} {hidden.values['torque']}"} if limited(hidden, name) else {}
-            bias = f"0 {-self.kp[name]} {-self.kd[name]}"
+            bias = servo_bias(hidden, name, self.kp[name], self.kd[name])
             ET.SubElement(actuators, "general", name=name, joint=name, gainprm=str(self.kp[name]),
-                          biastype="affine", biasprm=bias, **limit)  # fmt: skip
+                          biastype="affine", biasprm=text(bias), **limit)  # fmt: skip
         return ET.tostring(root, encoding="unicode")
 
     def add_inertial(self, body: ET.Element, link: str, hidden: Hidden) -> None:
@@ -208,6 +210,13 @@ class Arm:
             diagonal += hidden.values["inertia"]
         mass = factor * float(inertial.find("mass").get("value"))
         ET.SubElement(body, "inertial", pos=text(com), mass=str(mass), diaginertia=text(diagonal))
+
+
+def servo_bias(hidden: Hidden, joint: str, kp: float, kd: float) -> np.ndarray:
+    """A servo's torque at zero command: constant, per angle, per speed. It works with the reading of its encoder."""
+    offset = hidden.values["offset"] if hidden.on("encoder_offset", joint) else 0.0
+    gain = 1.0 + (hidden.values["error"] if hidden.on("encoder_scale", joint) else 0.0)
+    return -np.array([kp * offset, kp * gain, kd * gain])
 
 
 def text(numbers: np.ndarray) -> str:

@@ -52,6 +52,8 @@ pub(crate) struct Outcome {
     score: Score,
     before: f64,
     after: f64,
+    /// What the error looks like where nothing explains it.
+    law: String,
     /// Parameters of the planted effects with an interval, and how many of the intervals hold the truth.
     intervals: (usize, usize),
     rollouts: usize,
@@ -94,6 +96,7 @@ impl Outcome {
                 truth,
                 found,
                 verdict: None,
+                law: String::new(),
                 score,
                 before: nan,
                 after: nan,
@@ -110,6 +113,7 @@ impl Outcome {
             score => score,
         };
         Outcome {
+            law: law(&case, &diagnosis),
             score,
             before,
             intervals: intervals(&case, &diagnosis),
@@ -127,7 +131,7 @@ impl Outcome {
     /// One line.
     pub(crate) fn line(&self) -> String {
         format!(
-            "{:<11} {:>5} {:<44} -> {:<60} {:6.2} -> {:5.2} sigma {:5} rollouts {:5.1} s",
+            "{:<11} {:>5} {:<44} -> {:<60} {:6.2} -> {:5.2} sigma {:5} rollouts {:5.1} s{}",
             format!("{:?}", self.score).to_lowercase(),
             self.seed,
             if self.truth.is_empty() { self.case.clone() } else { self.truth.join(" + ") },
@@ -135,9 +139,18 @@ impl Outcome {
             self.before,
             self.after,
             self.rollouts,
-            self.seconds
+            self.seconds,
+            self.law
         )
     }
+}
+
+fn law(case: &Case, diagnosis: &Diagnosis) -> String {
+    let Some(found) = &diagnosis.residual_law else { return String::new() };
+    let Some((site, on, law)) = case.family.law(found) else { return String::new() };
+    let explains = 100.0 * found.explains;
+    let beside = if found.beside_effects { " beside those" } else { "" };
+    format!("\n            law: {on:?} on {site}: {law}{beside}, explains {explains:.1} %")
 }
 
 fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {

@@ -177,6 +177,9 @@ pub(crate) struct Diagnose {
     /// The most effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
+    /// Where to write the commands of the experiment that would tell apart what these logs cannot; .csv or .mcap
+    #[arg(long, value_name = "LOG")]
+    pub(crate) next: Option<PathBuf>,
     /// Exit with 1 unless this is the verdict: effect_missing, nothing_missing or unexplained
     #[arg(long, value_name = "VERDICT")]
     pub(crate) expect: Option<String>,

@@ -102,6 +102,18 @@ impl Candidate {
     }
 }
 
+/// A term that laws are made of: tried where no effect explains the error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Feature {
+    /// What it acts on at its site; the terms of a law act on the same.
+    pub on: String,
+    /// Its knobs and site, as those of an effect.
+    pub term: Candidate,
+    /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no starts: the
+    /// error tells.
+    pub swings: Option<usize>,
+}
+
 /// A measured channel of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
@@ -152,6 +164,14 @@ pub trait Family: Sync {
     fn doubtful(&self) -> &[usize];
     /// Effects that may be missing.
     fn candidates(&self) -> &[Candidate];
+    /// Terms of laws, those of one place (site, and what they act on) one after the other.
+    fn features(&self) -> &[Feature] {
+        &[]
+    }
+    /// The clock of a log's channels, in s from where laws count time.
+    fn clock_s(&self, _log: usize) -> &[f64] {
+        &[]
+    }
     /// The logs; those to learn from first.
     fn logs(&self) -> &[Recorded];
     /// (measured − simulated)/sigma for one log, all its channels one after the other; NaN where nothing was measured. `u` has

@@ -1,12 +1,14 @@
 //! A model beside recorded logs, as the core's [`Family`]: what is in doubt, and every effect of the library at every site
 //! where it could sit.
 
-use crate::effect::{EFFECTS, Effect, Param, Placed, SiteKind};
-use crate::model::Model;
+use crate::effect::{EFFECTS, Effect, On, Param, Placed, SiteKind};
+use crate::model::{Model, Scenario};
 use crate::robot::{Actuator, JointKind};
 use crate::scales::Scales;
 use crate::sim::Setup;
-use btr_core::family::{Candidate, Family, Knob, Law, Measured, Recorded, Step};
+use crate::term::{self, Extent, Term};
+use btr_core::diagnose::ResidualLaw;
+use btr_core::family::{Candidate, Family, Feature, Knob, Law, Measured, Recorded, Step};
 use btr_core::log::{Log, Role, interpolate};
 use btr_core::space::{Dim, Scale};
 use btr_core::world::WorldError;
@@ -35,6 +37,9 @@ pub struct Beside {
     scales: Scales,
     /// What stands behind each candidate.
     effects: Vec<&'static dyn Effect>,
+    features: Vec<Feature>,
+    /// What stands behind each feature.
+    terms: Vec<(Term, &'static dyn Effect)>,
 }
 
 /// Some samples of a log that are learnt from or judged on together.
@@ -58,6 +63,8 @@ impl Beside {
             candidates: Vec::new(),
             logs: Vec::new(),
             effects: Vec::new(),
+            features: Vec::new(),
+            terms: Vec::new(),
             scales,
             parts: parts(&model, &recorded),
             model,
@@ -69,6 +76,7 @@ impl Beside {
                 beside.offer(effect, site);
             }
         }
+        beside.offer_terms()?;
         Ok(beside)
     }
 
@@ -92,18 +100,62 @@ impl Beside {
     /// # Errors
     /// A simulation that blew up.
     pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
-        let s: Vec<f64> = self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect();
-        self.model.rollout(&s, scenario, &self.placed(u), step)
+        self.model.rollout(&self.inner(u), scenario, &self.placed(u), step)
+    }
+
+    /// What is simulated at a point in a situation of its own.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: Step) -> Result<Log, WorldError> {
+        self.model.in_situation(scenario.clone()).rollout(&self.inner(u), 0, &self.placed(u), step)
+    }
+
+    /// The values of what is in doubt at a point.
+    fn inner(&self, u: &[f64]) -> Vec<f64> {
+        self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect()
+    }
+
+    /// The scenarios of the logs that are learnt from.
+    pub(crate) fn learnt(&self) -> Vec<usize> {
+        self.parts.iter().filter(|part| !part.held_out).map(|part| part.scenario).collect()
+    }
+
+    /// Whether all joints stay where the logs had them, give or take a share of that range.
+    pub(crate) fn is_within(&self, log: &Log, margin: f64) -> bool {
+        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name);
+        joints.all(|joint| {
+            let (low, high) = self.range(joint);
+            let margin = margin * (high - low);
+            let values = log.channel(&format!("q_{joint}")).map_or(&[][..], |channel| &channel.values);
+            values.iter().all(|x| *x >= low - margin && *x <= high + margin)
+        })
     }
 
     /// The effects that are switched on at a point.
     pub fn placed(&self, u: &[f64]) -> Vec<Placed> {
         let on = |candidate: &&Candidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
         let pairs = self.candidates.iter().zip(&self.effects);
-        pairs
-            .filter(|(candidate, _)| on(candidate))
-            .map(|(candidate, effect)| self.place(candidate, *effect, u))
-            .collect()
+        let effects =
+            pairs.filter(|(candidate, _)| on(candidate)).map(|(candidate, effect)| self.place(candidate, *effect, u));
+        let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| on(&&feature.term));
+        let terms = terms.map(|(feature, (_, effect))| {
+            let values = feature.term.knobs().map(|k| self.knobs[k].value(u[k])).collect();
+            Placed { effect: *effect, site: feature.term.site.clone(), values }
+        });
+        effects.chain(terms).collect()
+    }
+
+    /// Where a law sits, what it is on, and its text.
+    pub fn law(&self, law: &ResidualLaw) -> Option<(String, On, String)> {
+        let first = *law.terms.first()?;
+        let values = |&i: &usize| {
+            let knobs = self.features[i].term.knobs();
+            (&self.terms[i].0, knobs.map(|k| self.knobs[k].value(law.fit.u[k])).collect())
+        };
+        let on = self.terms[first].0.on;
+        let terms: Vec<(&Term, Vec<f64>)> = law.terms.iter().map(values).collect();
+        Some((self.features[first].term.site.clone(), on, term::law(on, &terms)))
     }
 
     fn place(&self, candidate: &Candidate, effect: &'static dyn Effect, u: &[f64]) -> Placed {
@@ -163,6 +215,55 @@ impl Beside {
         self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts });
         self.effects.push(effect);
     }
+
+    /// Adds what laws are made of, for every driven joint.
+    fn offer_terms(&mut self) -> Result<(), WorldError> {
+        let model = self.model.clone();
+        for (_, link) in model.robot.movable() {
+            let joint = &link.joint;
+            let servo = match &joint.actuator {
+                Actuator::Position { .. } => true,
+                Actuator::Voltage { servo, .. } => servo.is_some(),
+                Actuator::Passive | Actuator::Torque { .. } | Actuator::Prescribed => false,
+            };
+            let extent = Extent { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
+            let first = self.features.len();
+            for term in term::terms(&joint.name, &self.scales, &extent) {
+                self.offer_term(term, &joint.name, &extent, first)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn offer_term(&mut self, term: Term, joint: &str, extent: &Extent, first: usize) -> Result<(), WorldError> {
+        let effect = term.formula().map_err(|e| WorldError::Setup { what: e.to_string() })?;
+        let knobs = term.knobs(joint, &self.scales, extent);
+        let start = |values: Vec<f64>| knobs.iter().skip(term.amplitudes()).zip(values).map(|(k, v)| k.coordinate(v));
+        let starts = term.starts().into_iter().map(|values| start(values).collect()).collect();
+        let mut amplitudes: Vec<usize> = (self.knobs.len()..self.knobs.len() + knobs.len()).collect();
+        let shapes = amplitudes.split_off(term.amplitudes());
+        self.knobs.extend(knobs);
+        let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
+        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts };
+        let swings = term.swings.map(|i| first + i);
+        self.features.push(Feature { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
+        self.terms.push((term, effect));
+        Ok(())
+    }
+
+    /// Least and greatest position of a joint in all logs.
+    fn range(&self, joint: &str) -> (f64, f64) {
+        let name = format!("q_{joint}");
+        let values = self.recorded.iter().filter_map(|log| log.channel(&name)).flat_map(|channel| &channel.values);
+        let finite = values.copied().filter(|x| x.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        if low < high { (low, high) } else { (-1.0, 1.0) }
+    }
+
+    /// Length of the longest log.
+    fn longest_s(&self) -> f64 {
+        self.recorded.iter().map(Log::duration_s).fold(f64::MIN_POSITIVE, f64::max)
+    }
 }
 
 impl Family for Beside {
@@ -176,6 +277,14 @@ impl Family for Beside {
 
     fn candidates(&self) -> &[Candidate] {
         &self.candidates
+    }
+
+    fn features(&self) -> &[Feature] {
+        &self.features
+    }
+
+    fn clock_s(&self, log: usize) -> &[f64] {
+        self.recorded[self.parts[log].scenario].clock_s()
     }
 
     fn logs(&self) -> &[Recorded] {

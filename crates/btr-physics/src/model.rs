@@ -78,6 +78,23 @@ impl Model {
         self.run_once(s, c, scenario, &[], step, noise)
     }
 
+    /// The same model in one situation only.
+    #[must_use]
+    pub fn in_situation(&self, scenario: Scenario) -> Model {
+        Model {
+            robot: self.robot.clone(),
+            effects: self.effects.clone(),
+            setup: self.setup.clone(),
+            targets: self.targets.clone(),
+            simulations: self.simulations.clone(),
+            drive: self.drive.clone(),
+            scenarios: vec![scenario],
+            learn: 1,
+            fitness: self.fitness.clone(),
+            rollouts: 0.into(),
+        }
+    }
+
     /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
     ///
     /// # Errors

@@ -5,7 +5,9 @@ use crate::args::{Diagnose, Global};
 use crate::failure::{Failure, MISSED};
 use crate::table::{Table, number};
 use btr_core::diagnose::{Question, Verdict};
+use btr_physics::io::{self, Meta};
 use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
+use std::path::Path;
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
@@ -18,6 +20,9 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
         let help = "run `btr simulate` with the same log to see where".to_owned();
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
+    if let Some(path) = &args.next {
+        write_next(&report, path)?;
+    }
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
@@ -25,6 +30,15 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     }
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(MISSED) })
+}
+
+/// The commands of the next experiment, for `btr simulate --log` and for the robot.
+fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
+    match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
+        Some(commands) => io::write_log(path, commands, &Meta::default())?,
+        None => eprintln!("no next experiment: nothing to tell apart, or no drive in the range of these logs does it"),
+    }
+    Ok(())
 }
 
 fn word_of(verdict: Verdict) -> String {
@@ -49,6 +63,13 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
         effect.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
         println!("{}", table.render());
     }
+    law(report);
+    if let Some(next) = &report.next_experiment {
+        println!("\nnext experiment: {}", next.sentence);
+        if args.next.is_none() {
+            println!("`--next FILE.csv` writes its commands, for `btr simulate --log` and for the robot");
+        }
+    }
     println!("\n{}", ladder::floors(&report.noise_floor));
     println!("integrator's own error: {} x noise floor", number(report.integrator_error));
     if !report.at_bound.is_empty() {
@@ -69,6 +90,14 @@ fn sentence(report: &DiagnoseReport) -> String {
             format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
         }
     }
+}
+
+/// What the error looks like, ready to be pasted into the model.
+fn law(report: &DiagnoseReport) {
+    let Some(law) = &report.residual_law else { return };
+    let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
+    let share = format!("{:.0} % of the squared error above the noise", 100.0 * law.explains);
+    println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
 }
 
 /// What to type next.

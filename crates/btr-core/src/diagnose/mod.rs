@@ -5,11 +5,15 @@
 //! removed again where others make them superfluous. The answer may be that nothing is missing, or that nothing known
 //! explains the error.
 
+mod law;
 mod race;
 mod screen;
 
+pub use law::ResidualLaw;
+
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
+use law::residual_law;
 use race::{Rival, race};
 use screen::screen;
 use serde::Serialize;
@@ -115,8 +119,10 @@ pub struct Diagnosis {
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
     pub fit: Fit,
-    /// The best of those that `alike` names, for the next experiment: candidate and point.
+    /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next experiment.
     pub rivals: Vec<(usize, Vec<f64>)>,
+    /// With the verdict `Unexplained`: what the error looks like, if it looks like something.
+    pub residual_law: Option<ResidualLaw>,
     /// Simulated logs.
     pub rollouts: usize,
 }
@@ -124,6 +130,8 @@ pub struct Diagnosis {
 /// The base of a round and what was found so far.
 struct State {
     fit: Fit,
+    /// The fit without any effect.
+    bare: Fit,
     /// Squares on the held-out logs.
     held_out: Option<f64>,
     chosen: Vec<Found>,
@@ -153,6 +161,7 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     let mut state = State {
         held_out: None,
         fit: fit.clone(),
+        bare: fit.clone(),
         chosen: Vec::new(),
         ladder: Vec::new(),
         rivals: Vec::new(),
@@ -167,6 +176,7 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
         state.fit.solve(bench, Effort { jacobians: 1, steps: 6 });
         state.climb(bench, "its parameters fitted".to_owned(), tell);
     }
+    state.bare = state.fit.clone();
     Some(state)
 }
 
@@ -231,7 +241,9 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         .iter()
         .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
         .collect();
-    state.rivals = alike.iter().map(|r| (r.candidate, r.fit.u.clone())).collect();
+    if !alike.is_empty() {
+        state.rivals = [&winner].iter().chain(&alike).map(|r| (r.candidate, r.fit.u.clone())).collect();
+    }
     let found = Found {
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
@@ -321,6 +333,8 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();
         found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
     }
+    let found = (!state.chosen.is_empty()).then_some(&state.fit);
+    let law = (verdict == Verdict::Unexplained).then(|| residual_law(bench, &state.bare, found)).flatten();
     let doubtful = bench.family.doubtful();
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {
@@ -332,6 +346,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         effects: state.chosen,
         ladder: state.ladder,
         rivals: state.rivals,
+        residual_law: law,
         rollouts: bench.rollouts(),
         fit: state.fit,
     }

@@ -5,6 +5,29 @@
 
 use std::f64::consts::TAU;
 
+/// The most bins of time that a search for a rate looks at, and how many more of zeros make its grid of rates fine.
+const BINS: usize = 16_384;
+const PADDING: usize = 4;
+
+/// The rate in rad/s at which samples (time in s, value) swing most: the peak of their power spectrum, from one period in all
+/// their time up to half of what samples every `step_s` allow. Several samples may have one time.
+pub(crate) fn peak_rate(samples: &[(f64, f64)], step_s: f64) -> Option<f64> {
+    let last_s = samples.iter().map(|(t, _)| *t).fold(0.0, f64::max);
+    let bin_s = step_s.max(last_s / BINS as f64);
+    if !(bin_s > 0.0 && last_s > bin_s) {
+        return None;
+    }
+    let bins = (last_s / bin_s) as usize + 1;
+    let mut z = vec![(0.0, 0.0); (PADDING * bins).next_power_of_two()];
+    samples.iter().filter(|(t, _)| *t >= 0.0).for_each(|(t, value)| z[(t / bin_s).round() as usize].0 += value);
+    Fft::new(z.len()).transform(&mut z);
+    let rate = |k: usize| TAU * k as f64 / (z.len() as f64 * bin_s);
+    let least = (z.len() as f64 * bin_s / last_s).ceil() as usize;
+    let power = |k: usize| z[k].0 * z[k].0 + z[k].1 * z[k].1;
+    let peak = (least..z.len() / 4).max_by(|&a, &b| power(a).total_cmp(&power(b)))?;
+    (power(peak) > 0.0).then(|| rate(peak))
+}
+
 /// Roots of unity for one length.
 pub(crate) struct Fft {
     roots: Vec<(f64, f64)>,
@@ -47,6 +70,16 @@ impl Fft {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_rate_of_a_swing_is_found() {
+        let samples: Vec<(f64, f64)> =
+            (0..401).map(|i| 0.01 * f64::from(i)).map(|t| (t, 1.0 + (19.0 * t + 0.4).sin())).collect();
+        let swinging: Vec<(f64, f64)> = samples.iter().map(|(t, y)| (*t, y - 1.0)).collect();
+        assert!(peak_rate(&swinging, 0.01).is_some_and(|rate| (rate - 19.0).abs() < 0.2));
+        assert_eq!(peak_rate(&[(0.0, 1.0)], 0.01), None);
+        assert_eq!(peak_rate(&[], 0.01), None);
+    }
 
     proptest! {
         #[test]

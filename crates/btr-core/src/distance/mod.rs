@@ -16,6 +16,8 @@ mod rmse;
 mod spec;
 mod spectrum;
 
+pub(crate) use fft::peak_rate;
+
 pub use channels::Channels;
 pub use dtw::{Dtw, dtw};
 pub use fit::{NormalisedRmse, fit_percent};

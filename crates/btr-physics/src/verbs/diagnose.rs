@@ -1,6 +1,7 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Floor, LadderStep, Problem};
+use super::{Floor, LadderStep, NextExperiment, Problem};
+use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Rung, Verdict};
 use btr_core::fit::{Bench, Estimate};
 use serde::Serialize;
@@ -42,6 +43,23 @@ pub struct EffectReport {
     pub parameters: Vec<Estimate>,
 }
 
+/// What an error looks like that no effect explains: a law that can be added to the model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LawReport {
+    /// The law as a formula.
+    pub law: String,
+    /// The joint.
+    pub site: String,
+    /// What it is on.
+    pub on: On,
+    /// The share of the squared error above the noise that it explains on held-out logs.
+    pub explains: f64,
+    /// `effect@site` of the effects it was fitted beside; none where it takes the place of all.
+    pub beside: Vec<String>,
+    /// What to paste into the model.
+    pub toml: String,
+}
+
 /// The answer, with the keys of `--json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct DiagnoseReport {
@@ -57,6 +75,12 @@ pub struct DiagnoseReport {
     pub noise_floor: Vec<Floor>,
     /// The share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
+    /// What the error looks like where nothing known explains it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual_law: Option<LawReport>,
+    /// What to do on the robot to tell apart what these logs cannot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub next_experiment: Option<NextExperiment>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
     /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
@@ -79,12 +103,24 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         error_ladder: diagnosis.ladder.iter().map(LadderStep::from).collect(),
         noise_floor: problem.floors(),
         unexplained_share: diagnosis.unexplained_share,
+        residual_law: residual_law(problem, &diagnosis),
+        next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
     Some((report, diagnosis))
+}
+
+fn residual_law(problem: &Problem, diagnosis: &Diagnosis) -> Option<LawReport> {
+    let found = diagnosis.residual_law.as_ref()?;
+    let (site, on, law) = problem.beside.law(found)?;
+    let word = format!("{on:?}").to_lowercase();
+    let toml = format!("[[effects]]\neffect = \"formula\"\nsite = \"{site}\"\non = \"{word}\"\nlaw = \"{law}\"\n");
+    let effects = diagnosis.effects.iter().filter(|_| found.beside_effects);
+    let beside = effects.map(|found| format!("{}@{}", found.effect, found.site)).collect();
+    Some(LawReport { law, site, on, explains: found.explains, beside, toml })
 }
 
 impl From<&Rung> for LadderStep {

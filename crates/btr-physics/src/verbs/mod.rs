@@ -3,10 +3,12 @@
 mod add;
 mod diagnose;
 mod fit;
+mod next;
 
 pub use add::{AddError, Addition, add};
-pub use diagnose::{DiagnoseReport, EffectReport, Site, diagnose};
+pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
+pub use next::{NextExperiment, Rival, next_experiment};
 
 use crate::beside::Beside;
 use crate::experiment::{FileError, Source, replays};

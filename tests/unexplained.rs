@@ -1,0 +1,141 @@
+//! What a diagnosis says beyond names: the law that an unknown error follows, and the experiment that tells rivals apart.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use btr_core::diagnose::{Diagnosis, Question, Verdict, diagnose};
+use btr_core::family::Family;
+use btr_core::fit::Bench;
+use btr_core::log::{Log, Role};
+use btr_physics::beside::Beside;
+use btr_physics::drive::Replay;
+use btr_physics::effect::{EFFECTS, On, Placed, formula};
+use btr_physics::experiment::{Source, model};
+use btr_physics::model::{Model, Scenario};
+use btr_physics::sim;
+use btr_physics::verbs::{NextExperiment, next_experiment};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The desk arm.
+fn arm() -> Model {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/arm.toml");
+    model(&Source::read(&path).unwrap()).unwrap()
+}
+
+/// Three seconds of commands, other ones for each episode and joint.
+fn scenario(model: &Model, episode: usize) -> Scenario {
+    let clock: Vec<f64> = (0..=300).map(|i| f64::from(i) * 0.01).collect();
+    let mut told = Log::new(clock.clone()).unwrap();
+    for (k, (_, link)) in model.robot.movable().enumerate() {
+        let rate = 2.0 + 1.3 * k as f64 + 0.7 * episode as f64;
+        let wave = |t: &f64| 0.45 * (rate * t).sin() + 0.2 * (2.3 * rate * t).sin();
+        told.insert(format!("cmd_{}", link.joint.name), "rad", Role::Command, clock.iter().map(wave).collect())
+            .unwrap();
+    }
+    Scenario {
+        name: format!("episode {episode}"),
+        replay: Some(Arc::new(Replay::new(&told, &model.robot))),
+        duration_s: 3.0,
+        settings: Vec::new(),
+        start: Vec::new(),
+    }
+}
+
+/// The arm beside what it does with `hidden` in it: two episodes to learn from, one to judge on.
+fn beside(hidden: &[Placed], without: &[&str]) -> Beside {
+    let mut model = Model { learn: 2, ..arm() };
+    model.scenarios = (0..3).map(|episode| scenario(&model, episode)).collect();
+    let record = |episode: usize| {
+        let (robot, mut effects, setup) = model.at(&model.simulations.nominal(), episode);
+        effects.extend_from_slice(hidden);
+        let drive = model.scenarios[episode].replay.clone().unwrap();
+        sim::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
+    };
+    let logs = (0..3).map(record).collect();
+    Beside::new(Arc::new(model), logs, without).unwrap()
+}
+
+/// A diagnosis that knows no effects, so that there is only the law.
+fn asked(hidden: &[Placed]) -> (Beside, Diagnosis) {
+    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.card().name).collect();
+    let beside = beside(hidden, &names);
+    let diagnosis = diagnose(&Bench::new(&beside), Question::default(), &|_| {}).unwrap();
+    (beside, diagnosis)
+}
+
+fn planted(site: &str, law: &str) -> Placed {
+    Placed { effect: formula(On::Torque, law, &[]).unwrap(), site: site.to_owned(), values: Vec::new() }
+}
+
+#[test]
+fn a_law_that_is_no_effect_is_told_with_its_joint() {
+    let laws = [
+        ("elbow", "0.2*sin(19*t)", "sin(19"),
+        ("shoulder", "-1.2*dq*max(0,q)", "dq*max(0,q)"),
+        ("yaw", "-0.4*dq*abs(dq)", "dq*abs(dq)"),
+    ];
+    for (joint, law, part) in laws {
+        let (beside, diagnosis) = asked(&[planted(joint, law)]);
+        assert_eq!(diagnosis.verdict, Verdict::Unexplained);
+        let found = diagnosis.residual_law.unwrap();
+        let (site, _, text) = beside.law(&found).unwrap();
+        assert!(site == joint && text.contains(part) && found.explains > 0.8, "{law}: {text} {}", found.explains);
+        assert!(diagnosis.rollouts < 1500, "{}", diagnosis.rollouts);
+    }
+}
+
+#[test]
+fn nothing_is_read_into_noise() {
+    let (_, diagnosis) = asked(&[]);
+    assert_eq!(diagnosis.verdict, Verdict::NothingMissing);
+    assert!(diagnosis.residual_law.is_none());
+}
+
+#[test]
+fn the_law_is_the_same_for_any_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let (beside, diagnosis) = pool.install(|| asked(&[planted("elbow", "-0.5*q*q*dq")]));
+        let law = diagnosis.residual_law.unwrap();
+        (beside.law(&law).unwrap(), law.explains.to_bits(), diagnosis.rollouts)
+    };
+    assert_eq!(run(1), run(3));
+}
+
+/// Coulomb's friction at the elbow, and Stribeck's that is much like it.
+fn frictions() -> Option<NextExperiment> {
+    let beside = beside(&[], &[]);
+    let rival = |effect: &str, values: &[(&str, f64)]| {
+        let candidate = beside.candidates().iter().position(|c| c.effect == effect && c.site == "elbow").unwrap();
+        let mut u = vec![0.0; beside.knobs().len()];
+        for (name, value) in values {
+            let name = format!("{effect}.{name}@elbow");
+            let k = beside.knobs().iter().position(|knob| knob.name == name).unwrap();
+            u[k] = beside.knobs()[k].coordinate(*value);
+        }
+        (candidate, u)
+    };
+    let coulomb = rival("coulomb_friction", &[("torque", 0.1)]);
+    let stribeck = rival("stribeck_friction", &[("coulomb", 0.09), ("static", 0.13), ("velocity", 0.05)]);
+    next_experiment(&beside, &[coulomb, stribeck]).unwrap()
+}
+
+#[test]
+fn the_next_experiment_tells_two_frictions_better_than_the_logs_did() {
+    let next = frictions().unwrap();
+    assert!(next.separation > 2.0 * next.separation_so_far && next.separation > 2.0, "{}", next.sentence);
+    assert_eq!(next.rivals[0].effect, "stribeck_friction@elbow");
+    assert!(next.joints.contains(&"elbow".to_owned()), "{}", next.sentence);
+    let commands = next.commands.unwrap();
+    // Nowhere beyond what the logs were told.
+    for (name, channel) in commands.channels() {
+        assert!(channel.values.iter().all(|x| x.is_nan() || x.abs() <= 0.65), "{name}");
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(pool.install(frictions).unwrap().sentence, next.sentence);
+}
+
+#[test]
+fn there_is_no_experiment_where_nothing_is_to_be_told_apart() {
+    let beside = beside(&[], &[]);
+    assert_eq!(next_experiment(&beside, &[(0, vec![0.0; beside.knobs().len()])]).unwrap(), None);
+}
