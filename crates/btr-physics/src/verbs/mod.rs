@@ -1,10 +1,12 @@
-//! What people ask of a model and its logs: which effect is missing, add it, fit. The command line and Python call these.
+//! What people ask of a model and its logs: what they are worth, which effect is missing, add it, fit. The command line and Python call these.
 
 mod add;
+mod check;
 mod diagnose;
 mod fit;
 
 pub use add::{AddError, Addition, add};
+pub use check::{CheckReport, Told, check};
 pub use diagnose::{DiagnoseReport, EffectReport, Site, diagnose};
 pub use fit::{FitReport, fit};
 
