@@ -4,6 +4,7 @@
 mod bad_input;
 mod check;
 mod determinism;
+mod disengage;
 mod lab;
 mod realities;
 mod runs;

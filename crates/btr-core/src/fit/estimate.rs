@@ -3,7 +3,7 @@
 use super::solve::Fit;
 use crate::family::{Family, Knob};
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a 95 % interval.
 const NINETY_FIVE: f64 = 1.96;
@@ -13,7 +13,7 @@ const NULL: f64 = 0.2;
 const NAMED: f64 = 0.3;
 
 /// A fitted number.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Its name.
     pub name: String,

@@ -13,7 +13,7 @@ pub use fit::{FitReport, fit};
 use crate::beside::Beside;
 use crate::experiment::{FileError, Source, replays};
 use btr_core::world::WorldError;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ impl Problem {
 }
 
 /// One step of the error's fall, in multiples of the noise floor.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LadderStep {
     /// What was done.
     pub step: String,
