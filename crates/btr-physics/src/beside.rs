@@ -56,6 +56,21 @@ impl Beside {
     /// # Errors
     /// A log without any measured channel that the model has; a model that blows up as it stands.
     pub fn new(model: Arc<Model>, recorded: Vec<Log>, without: &[&str]) -> Result<Self, WorldError> {
+        let parts = parts(&model, &recorded);
+        Self::in_parts(model, recorded, without, parts)
+    }
+
+    /// The same with every log to learn from, whole.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new).
+    pub fn to_learn(model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
+        let whole = |(scenario, log): (usize, &Log)| Part { scenario, samples: 0..log.len(), held_out: false };
+        let parts = recorded.iter().enumerate().map(whole).collect();
+        Self::in_parts(model, recorded, &[], parts)
+    }
+
+    fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
         let scales = Scales::of(&model, &recorded)?;
         let mut beside = Beside {
             knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
@@ -66,7 +81,7 @@ impl Beside {
             features: Vec::new(),
             terms: Vec::new(),
             scales,
-            parts: parts(&model, &recorded),
+            parts,
             model,
             recorded,
         };

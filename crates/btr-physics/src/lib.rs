@@ -5,6 +5,7 @@ pub mod adapt;
 pub mod ant;
 mod articulated;
 mod assemble;
+pub mod augment;
 pub mod beside;
 mod control;
 pub mod drive;

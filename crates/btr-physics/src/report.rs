@@ -1,9 +1,10 @@
 //! What a run found, as one document: `history.json`, `--json` and the tables of the terminal are views of it.
 
+use crate::augment::Cause;
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::reality::Revealed;
-use btr_core::coevolve::{Coevolution, Entry, Generation, Iteration, StopReason};
+use btr_core::coevolve::{Augmentation, Coevolution, Entry, Generation, Iteration, StopReason};
 use btr_core::log::{Log, Role};
 use btr_core::world::{Simulator, WorldError};
 use indexmap::IndexMap;
@@ -26,6 +27,10 @@ pub struct Report {
     pub stop_reason: Option<StopReason>,
     /// Whether the evidence speaks for disengagement, with or without stopping.
     pub disengaged: bool,
+    /// Why, as the real tests tell; the last answer where it was asked several times.
+    pub diagnosis: Option<Cause>,
+    /// How S has grown.
+    pub augmentations: Vec<Augmentation>,
     /// Real tests spent, failed ones included.
     pub real_tests: usize,
     /// Simulated behaviours.
@@ -127,6 +132,7 @@ pub fn report(
     experiment: &Experiment,
     state: &Coevolution,
     stop_reason: Option<StopReason>,
+    diagnosis: Option<Cause>,
     by_distance: Vec<ByDistance>,
 ) -> Result<Report, WorldError> {
     Ok(Report {
@@ -137,6 +143,8 @@ pub fn report(
         iterations: state.history().iterations.clone(),
         stop_reason,
         disengaged: state.disengaged(),
+        diagnosis,
+        augmentations: state.history().augmentations.clone(),
         real_tests: state.ledger().spent(),
         simulated_evaluations: state.cost().evaluations,
         failed_evaluations: state.cost().failures,

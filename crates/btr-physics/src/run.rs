@@ -1,15 +1,19 @@
 //! A run of `btr coevolve` on disk: a folder with the experiment, the real tests, a checkpoint after every step and, at the
-//! end, the results. Killed at any moment it loses at most the step in flight, never a real test.
+//! end, the results. Killed at any moment it loses at most the step in flight, never a real test. Its S may grow on the way.
 
-use crate::experiment::{Experiment, FileError};
+use crate::augment::Cause;
+use crate::experiment::{Experiment, FileError, Source, enlarges};
 use crate::io;
-use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step};
+use crate::verbs::AddError;
+use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step, StopReason};
+use btr_core::diagnose::Rung;
 use btr_core::distance::Distance;
+use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint: name and version of the format.
-const MAGIC: &[u8; 8] = b"btr-cp\x00\x02";
+const MAGIC: &[u8; 8] = b"btr-cp\x00\x03";
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +41,9 @@ pub enum RunError {
         /// What is wrong with it.
         why: String,
     },
+    /// An effect that cannot be added to S.
+    #[error(transparent)]
+    Augment(#[from] AddError),
     /// A real test that was done and is gone.
     #[error("{0}")]
     LostTest(String),
@@ -58,13 +65,15 @@ impl RunError {
             RunError::Exists(_) => Some("go on with --resume, or choose another --out".to_owned()),
             RunError::NoRun(_) => Some("start it without --resume".to_owned()),
             RunError::OtherExperiment(path) => Some(format!(
-                "resume with the file, --set and --seed that {} shows, or choose another --out",
+                "resume with the file, --set and --seed that {} shows, perhaps with further parameters behind its own (`btr add`), \
+                 or choose another --out",
                 path.join("experiment.toml").display()
             )),
             RunError::Checkpoint { .. } => {
                 Some("choose another --out; the real tests in transfers/ are untouched".to_owned())
             }
             RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
+            RunError::Augment(error) => error.help(),
             RunError::Plan(_) | RunError::Io { .. } => None,
         }
     }
@@ -75,6 +84,16 @@ pub struct Run {
     folder: PathBuf,
     distance: Box<dyn Distance>,
     state: Coevolution,
+    larger: Larger,
+}
+
+/// What a checkpoint remembers beside the loop's own state.
+#[derive(Default, Serialize, Deserialize)]
+struct Larger {
+    /// The experiment's text since S has grown.
+    text: Option<String>,
+    /// The last answer to why the run disengaged.
+    cause: Option<Cause>,
 }
 
 impl Run {
@@ -86,42 +105,50 @@ impl Run {
         if checkpoint_path(folder).exists() {
             return Err(RunError::Exists(folder.to_owned()));
         }
+        Run::anew(experiment, plan, folder)
+    }
+
+    fn anew(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let distance = plan.distance.build();
         let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
-        let run = Run { folder: folder.to_owned(), distance, state };
+        let run = Run { folder: folder.to_owned(), distance, state, larger: Larger::default() };
         run.write("experiment.toml", experiment.stamp().as_bytes())?;
         run.checkpoint()?;
         Ok(run)
     }
 
-    /// Takes a run up again where its last checkpoint left it.
+    /// Takes a run up again where its last checkpoint left it. With an experiment whose S is larger than the run's, the run goes
+    /// on in the larger one.
     ///
     /// # Errors
     /// No run there, another experiment, a damaged checkpoint, or a real test whose log is gone.
     pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let path = checkpoint_path(folder);
         let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
-        let stamp = std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default();
-        if stamp != experiment.stamp() {
-            return Err(RunError::OtherExperiment(folder.to_owned()));
-        }
         let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
-        let state: State = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let (larger, state): (Larger, State) = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let wished = in_own_space(experiment, larger.text.as_deref(), folder)?;
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
-        Ok(Run { folder: folder.to_owned(), distance: state.plan().distance.build(), state })
+        let distance = state.plan().distance.build();
+        let mut run = Run { folder: folder.to_owned(), distance, state, larger };
+        if let Some(text) = wished {
+            run.enlarge(experiment, text)?;
+        }
+        Ok(run)
     }
 
-    /// Begins, or resumes when there is something to resume.
+    /// Resumes when there is a run of this very experiment, S included, and begins otherwise. For what can be worked out again
+    /// from the real tests of another run.
     ///
     /// # Errors
     /// As [`Run::begin`] and [`Run::resume`].
     pub fn begin_or_resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
-        if checkpoint_path(folder).exists() {
+        if checkpoint_path(folder).exists() && stamp_of(folder) == experiment.stamp() {
             return Run::resume(experiment, plan, folder);
         }
-        Run::begin(experiment, plan, folder)
+        Run::anew(experiment, plan, folder)
     }
 
     /// Does the next unit of work and writes it down.
@@ -137,6 +164,49 @@ impl Run {
         let step = self.state.step(&mut on);
         self.checkpoint()?;
         Ok(step)
+    }
+
+    /// Where the run stopped because the populations lost each other: asks its real tests for the cause, once. Where the plan
+    /// allows it and the cause is clear, adds it to S; true if the run goes on. `tell` hears how the error falls.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn look_for_cause(
+        &mut self,
+        experiment: &mut Experiment,
+        reason: &StopReason,
+        tell: &dyn Fn(&Rung),
+    ) -> Result<bool, RunError> {
+        if !self.state.disengaged() {
+            return Ok(false);
+        }
+        let closed = self.state.history().iterations.len();
+        let cause = match self.larger.cause.take().filter(|cause| cause.after_iteration == closed) {
+            Some(known) => known,
+            None => Cause::of(experiment, &self.state, tell),
+        };
+        let missing = cause.missing();
+        let goes_on = self.state.plan().self_augment && *reason == StopReason::Disengaged && !missing.is_empty();
+        let text = if goes_on { Some(cause.remedy(experiment)?) } else { None };
+        self.larger.cause = Some(Cause { added: if goes_on { missing } else { Vec::new() }, ..cause });
+        match text {
+            Some(text) => self.enlarge(experiment, text)?,
+            None => self.checkpoint()?,
+        }
+        Ok(goes_on)
+    }
+
+    /// Goes on with the experiment of this text, which has more parameters.
+    fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
+        experiment.enlarge(text.clone())?;
+        self.state.enlarge(&experiment.model.simulations);
+        self.larger.text = Some(text);
+        self.checkpoint()
+    }
+
+    /// Why the run disengaged, as far as it has been asked.
+    pub fn cause(&self) -> Option<&Cause> {
+        self.larger.cause.as_ref()
     }
 
     /// Where the run is.
@@ -163,10 +233,39 @@ impl Run {
     }
 
     fn checkpoint(&self) -> Result<(), RunError> {
-        let body = postcard::to_allocvec(self.state.state())
+        let body = postcard::to_allocvec(&(&self.larger, self.state.state()))
             .map_err(|e| RunError::Checkpoint { path: checkpoint_path(&self.folder), why: e.to_string() })?;
         self.write("checkpoint.bin", &[MAGIC.as_slice(), &body].concat()).map(|_| ())
     }
+}
+
+/// Gives an experiment the S that the run in this folder has, and the reality that it began with; `grown` is the run's text
+/// since its S has grown. Returns the experiment's own text where its S is larger still.
+fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path) -> Result<Option<String>, RunError> {
+    let (stamp, wished) = (experiment.stamp(), experiment.source().text.clone());
+    let began = stamp_of(folder);
+    let mut larger = None;
+    if began != stamp {
+        // A stamp's first line is the seed, its rest the text.
+        let (seed, text) = began.split_once('\n').unwrap_or_default();
+        let present = grown.unwrap_or(text);
+        let grows = enlarges(present, &wished);
+        if stamp.lines().next() != Some(seed) || !(grows || wished == present) {
+            return Err(RunError::OtherExperiment(folder.to_owned()));
+        }
+        let source = Source { path: experiment.source().path.clone(), text: text.to_owned() };
+        *experiment = Experiment::new(source, Some(experiment.seed), folder)?;
+        larger = grows.then_some(wished);
+    }
+    if let Some(text) = grown {
+        experiment.enlarge(text.to_owned())?;
+    }
+    Ok(larger)
+}
+
+/// The stamp of the experiment that the run in this folder was begun with; empty where there is none.
+fn stamp_of(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default()
 }
 
 fn checkpoint_path(folder: &Path) -> PathBuf {

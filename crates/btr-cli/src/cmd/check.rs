@@ -1,10 +1,11 @@
-//! `btr check`: what the logs are worth before anything is fitted to them.
+//! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
 
 use crate::args::{Check, Global};
 use crate::failure::Failure;
 use crate::table::{Table, maybe, number};
 use btr_core::check::{self, Quality, Severity};
 use btr_physics::experiment::{self, Source};
+use btr_physics::verbs::{self, CheckReport, Told};
 use serde_json::{Value, json};
 use std::process::ExitCode;
 
@@ -12,17 +13,18 @@ pub(crate) fn run(args: &Check, global: &Global) -> Result<ExitCode, Failure> {
     let mut source = Source::read(&args.model)?;
     source.set(&global.settings)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
-    // Identifiability (null directions of the parameters, from the Jacobian of a fit) belongs here, beside the logs.
-    let names = args.logs.iter().map(|path| path.display().to_string());
-    let checked: Vec<(String, Quality)> = names.zip(replays.logs.iter().map(check::check)).collect();
+    let names: Vec<String> = args.logs.iter().map(|path| path.display().to_string()).collect();
+    let warnings = replays.warnings.clone();
+    let report = verbs::check(replays);
     if global.json {
-        println!("{}", document(&checked, &replays.warnings));
+        println!("{}", document(&names, &report, &warnings)?);
         return Ok(ExitCode::SUCCESS);
     }
-    replays.warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
-    for (k, (name, quality)) in checked.iter().enumerate() {
-        println!("{}{}", if k > 0 { "\n" } else { "" }, text(name, quality, global.verbose));
+    warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
+    for (name, quality) in names.iter().zip(&report.logs) {
+        println!("{}\n", text(name, quality, global.verbose));
     }
+    println!("{}", identifiability(&report.told));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -48,12 +50,31 @@ fn text(name: &str, quality: &Quality, verbose: bool) -> String {
     lines.join("\n")
 }
 
-fn document(checked: &[(String, Quality)], warnings: &[String]) -> Value {
+/// What can be told about the numbers in doubt.
+fn identifiability(told: &Told) -> String {
+    if let Some(why) = &told.not_judged {
+        return format!("what these logs tell about the numbers in doubt cannot be said: {why}");
+    }
+    let mut table = Table::new(&["in doubt", "value", "unit", "sensitivity", "uncertainty left %"]);
+    for p in &told.parameters {
+        let left = format!("{:.1}", 100.0 * p.uncertainty_left);
+        table.row(vec![p.name.clone(), number(p.value), p.unit.clone(), number(p.sensitivity), left]);
+    }
+    let mut lines = vec![table.render()];
+    lines.push("sensitivity: noise floors per standard deviation of what is believed".to_owned());
+    let (rank, of) = (told.rank, told.parameters.len());
+    let condition = told.condition_number.map_or("infinite".to_owned(), number);
+    lines.push(format!("rank {rank} of {of}, condition number {condition}"));
+    lines.extend(told.null_directions.iter().map(|direction| direction.sentence.clone()));
+    lines.join("\n")
+}
+
+fn document(names: &[String], report: &CheckReport, warnings: &[String]) -> Result<Value, Failure> {
     let joint = |j: &check::Follows| {
         let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
         json!({ "joint": j.joint, "command_lag": lag })
     };
-    let log = |(name, quality): &(String, Quality)| {
+    let log = |(name, quality): (&String, &Quality)| {
         json!({
             "log": name,
             "verdict": quality.worst(),
@@ -63,5 +84,11 @@ fn document(checked: &[(String, Quality)], warnings: &[String]) -> Value {
             "findings": quality.findings,
         })
     };
-    json!({ "ok": true, "logs": checked.iter().map(log).collect::<Vec<_>>(), "warnings": warnings })
+    let logs: Vec<Value> = names.iter().zip(&report.logs).map(log).collect();
+    let mut document = json!({ "ok": true, "logs": logs, "warnings": warnings });
+    let told = serde_json::to_value(&report.told).map_err(|e| Failure::new("output", e.to_string(), None))?;
+    if let (Some(document), Value::Object(told)) = (document.as_object_mut(), told) {
+        document.extend(told);
+    }
+    Ok(document)
 }

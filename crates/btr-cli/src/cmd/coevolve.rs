@@ -1,5 +1,6 @@
 //! `btr coevolve`: the loop, live, and what it found.
 
+use super::ladder;
 use crate::args::{Coevolve, Global};
 use crate::failure::{Failure, INTERRUPTED, MISSED};
 use crate::figures;
@@ -8,10 +9,12 @@ use crate::table::{Table, maybe, number};
 use btr_core::coevolve::{Step, StopReason};
 use btr_core::world::Simulator;
 use btr_physics::adapt;
+use btr_physics::augment::Cause;
 use btr_physics::experiment::{Experiment, Source};
 use btr_physics::identify;
 use btr_physics::report::{self, ByDistance, Comparison, Report};
 use btr_physics::run::Run;
+use btr_physics::verbs::LadderStep;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -44,8 +47,15 @@ pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<ExitCode, Failure>
         true => Run::resume(&mut experiment, plan, &folder)?,
         false => Run::begin(&experiment, plan, &folder)?,
     };
-    let progress = Progress::new(experiment.model.clone(), run.state(), global);
-    let left = turn(&mut run, &mut experiment, &progress, &interrupted)?;
+    let mut progress = Progress::new(experiment.model.clone(), run.state(), global);
+    let left = loop {
+        let left = turn(&mut run, &mut experiment, &progress, &interrupted)?;
+        if !goes_on(&mut run, &mut experiment, &left, &progress, global)? {
+            break left;
+        }
+        progress.finish();
+        progress = Progress::new(experiment.model.clone(), run.state(), global);
+    };
     let by_distance = match &left {
         Left::Stopped(_) => by_distance(&mut experiment, &run, &progress, &interrupted)?,
         _ => Some(Vec::new()),
@@ -53,9 +63,30 @@ pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<ExitCode, Failure>
     progress.finish();
     match (left, by_distance) {
         (Left::Interrupted, _) | (_, None) => Ok(say_interrupted(args, &folder)),
-        (Left::Waiting(what), _) => finish(&experiment, &run, None, Vec::new(), Some(what), global),
-        (Left::Stopped(reason), Some(others)) => finish(&experiment, &run, Some(reason), others, None, global),
+        (Left::Waiting(what), _) => finish(&experiment, &run, (None, Some(what)), Vec::new(), (args, global)),
+        (Left::Stopped(reason), Some(others)) => {
+            finish(&experiment, &run, (Some(reason), None), others, (args, global))
+        }
     }
+}
+
+/// Whether a run that stopped disengaged goes on in a larger S, once its real tests have been asked for the cause.
+fn goes_on(
+    run: &mut Run,
+    experiment: &mut Experiment,
+    left: &Left,
+    progress: &Progress,
+    global: &Global,
+) -> Result<bool, Failure> {
+    let Left::Stopped(reason) = left else { return Ok(false) };
+    if run.state().disengaged() {
+        progress.say("disengaged: looking for the cause in the real tests");
+    }
+    let goes_on = run.look_for_cause(experiment, reason, &|rung| ladder::tell(&LadderStep::from(rung), global))?;
+    if let Some(cause) = run.cause().filter(|_| goes_on) {
+        progress.say(&format!("{}; S has it now, and the run goes on", cause.sentence()));
+    }
+    Ok(goes_on)
 }
 
 /// The loop, one step at a time, so that it can be watched and interrupted.
@@ -157,12 +188,11 @@ fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<Ex
 fn finish(
     experiment: &Experiment,
     run: &Run,
-    reason: Option<StopReason>,
+    (reason, waiting): (Option<StopReason>, Option<String>),
     others: Vec<ByDistance>,
-    waiting: Option<String>,
-    global: &Global,
+    (args, global): (&Coevolve, &Global),
 ) -> Result<ExitCode, Failure> {
-    let report = report::report(experiment, run.state(), reason, others)?;
+    let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
     let files = write_files(experiment, run, &report)?;
     if global.json {
         let mut document = serde_json::to_value(&report).map_err(|e| Failure::new("output", e.to_string(), None))?;
@@ -171,6 +201,9 @@ fn finish(
         println!("{document}");
     } else {
         show(&report);
+        if let Some(cause) = report.diagnosis.as_ref().filter(|_| report.disengaged) {
+            next_step(cause, run.folder(), args, global);
+        }
         if let Some(what) = waiting {
             println!("\nwaiting for a real test: {what}");
         }
@@ -212,6 +245,9 @@ fn show(report: &Report) {
         report.failed_evaluations
     );
     let at_bound = report.iterations.last().map_or(&[][..], |last| &last.evidence.at_bound);
+    for grown in &report.augmentations {
+        println!("S has grown after iteration {}: {}", grown.after_iteration, grown.parameters.join(", "));
+    }
     if report.disengaged {
         show_disengagement(report);
     } else if !at_bound.is_empty() {
@@ -261,11 +297,29 @@ fn show_disengagement(report: &Report) {
     println!("  rank agreement of controllers, promised against real: {}", maybe(e.rank_agreement));
     println!("  pressure of controllers on simulations: {}", maybe(e.pressure_on_simulations));
     println!("  pressure of simulations on controllers: {}", maybe(e.pressure_on_controllers));
-    if e.at_bound.is_empty() {
-        println!("  help: S probably lacks a physical effect; `btr effects` lists those that can be added");
-    } else {
-        println!("  help: at a bound of S, widen it first: {}", e.at_bound.join(", "));
+    if let Some(cause) = &report.diagnosis {
+        println!("  {}", cause.sentence());
     }
+    if !e.at_bound.is_empty() {
+        println!("  at a bound of S, the truth may lie beyond: {}", e.at_bound.join(", "));
+    }
+}
+
+/// What to type so that the run goes on with what it lacks.
+fn next_step(cause: &Cause, folder: &Path, args: &Coevolve, global: &Global) {
+    let missing = cause.missing();
+    if missing.is_empty() {
+        return;
+    }
+    let (model, larger) = (args.experiment.display(), args.experiment.with_extension("larger.toml"));
+    // The settings of the command line are part of the experiment; `btr add` writes them into the file.
+    let settings: String = global.settings.iter().map(|setting| format!(" --set '{setting}'")).collect();
+    let seed = global.seed.map_or_else(String::new, |seed| format!(" --seed {seed}"));
+    let (larger, folder) = (larger.display(), folder.display());
+    println!(
+        "  next: btr add {model} {}{settings} -o {larger} && btr coevolve {larger}{seed} --out {folder} --resume",
+        missing.join(" ")
+    );
 }
 
 fn show_revealed(report: &Report, revealed: &Comparison) {

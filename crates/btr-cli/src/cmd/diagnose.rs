@@ -14,7 +14,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     let source = ladder::source(&args.beside.model, global)?;
     let problem = Problem::new(source, &args.beside.logs, &args.beside.held_out)?;
     problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    let question = Question { max_effects: args.max_effects };
+    let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
     let Some((report, _)) = verbs::diagnose(&problem, question, &tell) else {
         let help = "run `btr simulate` with the same log to see where".to_owned();

@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod bad_input;
+mod check;
 mod compare;
 mod determinism;
+mod disengage;
 mod lab;
 mod realities;
 mod runs;

@@ -96,6 +96,17 @@ pub enum StopReason {
     NoRealData,
 }
 
+/// S has grown: the paper's re-parametrisation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Augmentation {
+    /// The last iteration that was closed before.
+    pub after_iteration: usize,
+    /// Real tests there were.
+    pub real_tests: usize,
+    /// The dimensions that S gained.
+    pub parameters: Vec<String>,
+}
+
 /// The whole run so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
@@ -103,4 +114,6 @@ pub struct History {
     pub generations: Vec<Generation>,
     /// Every iteration.
     pub iterations: Vec<Iteration>,
+    /// How S has grown.
+    pub augmentations: Vec<Augmentation>,
 }

@@ -16,7 +16,7 @@ mod transfer;
 pub use correction::LinearCorrection;
 pub use disengage::Evidence;
 pub use evaluate::{Cost, phi};
-pub use history::{Generation, History, Iteration, Side, StopReason};
+pub use history::{Augmentation, Generation, History, Iteration, Side, StopReason};
 pub use ledger::{Entry, Ledger, Verdict};
 pub use plan::{DisengagementRule, Initial, Memory, Method, Plan, Rule, SearchPhase, Transfer};
 pub use run::{Coevolution, On, PlanError, State, Step};

@@ -164,6 +164,9 @@ pub struct Plan {
     /// When to give up on the space of simulations.
     #[serde(default)]
     pub disengagement: DisengagementRule,
+    /// Whether a run that stops disengaged adds the effect that its real tests show to S and goes on.
+    #[serde(default)]
+    pub self_augment: bool,
 }
 
 impl Plan {

@@ -16,7 +16,7 @@ use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
 use screen::screen;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What decides. All errors are root mean squares in multiples of the noise floor.
 pub mod thresholds {
@@ -38,16 +38,18 @@ use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, NOISE};
 pub struct Question {
     /// The most effects to add.
     pub max_effects: usize,
+    /// No round of screening begins that would carry the simulated logs beyond this number.
+    pub max_rollouts: usize,
 }
 
 impl Default for Question {
     fn default() -> Self {
-        Question { max_effects: 3 }
+        Question { max_effects: 3, max_rollouts: usize::MAX }
     }
 }
 
 /// The answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The effects named explain the error.
@@ -59,7 +61,7 @@ pub enum Verdict {
 }
 
 /// An effect that the model lacks.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// Its name.
     pub effect: String,
@@ -123,6 +125,8 @@ pub struct Diagnosis {
     pub rivals: Vec<(usize, Vec<f64>)>,
     /// With the verdict `Unexplained`: what the error looks like, if it looks like something.
     pub residual_law: Option<ResidualLaw>,
+    /// Whether the rollouts that were allowed ended it.
+    pub cut_short: bool,
     /// Simulated logs.
     pub rollouts: usize,
 }
@@ -145,12 +149,17 @@ struct State {
 /// `None` where the model blows up as it stands.
 pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
     let mut state = begin(bench, tell)?;
+    let mut cut_short = false;
     while state.chosen.len() < question.max_effects && is_worth_a_round(bench, &state) {
+        cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
+        if cut_short {
+            break;
+        }
         let Some((rival, found)) = round(bench, &mut state) else { break };
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
     }
-    Some(conclude(bench, state))
+    Some(Diagnosis { cut_short, ..conclude(bench, state) })
 }
 
 /// The model's own parameters at their best.
@@ -347,6 +356,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         ladder: state.ladder,
         rivals: state.rivals,
         residual_law: law,
+        cut_short: false,
         rollouts: bench.rollouts(),
         fit: state.fit,
     }

@@ -51,9 +51,16 @@ struct Probe {
     size: f64,
 }
 
+/// About how many logs a screening simulates.
+pub(super) fn rollouts(bench: &Bench) -> usize {
+    let probes =
+        |candidate: &Candidate| candidate.starts.len().min(FEW_STARTS) * candidate.amplitudes.len() * PROBES.len();
+    bench.family.candidates().iter().map(probes).sum::<usize>() * bench.logs(Logs::Learn).len()
+}
+
 /// All candidates but the chosen ones, most promising first, with the costs that were really simulated.
 pub(super) fn screen(bench: &Bench, base: &mut Fit, chosen: &[usize]) -> Vec<Start> {
-    base.differentiate_centrally(bench);
+    base.differentiate_finely(bench);
     let Some(prepared) = Base::new(bench, base) else { return Vec::new() };
     let mut promising: Vec<Start> = (0..bench.family.candidates().len())
         .filter(|candidate| !chosen.contains(candidate))

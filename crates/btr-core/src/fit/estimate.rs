@@ -2,8 +2,8 @@
 
 use super::solve::Fit;
 use crate::family::{Family, Knob};
-use nalgebra::DMatrix;
-use serde::Serialize;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a 95 % interval.
 const NINETY_FIVE: f64 = 1.96;
@@ -13,7 +13,7 @@ const NULL: f64 = 0.2;
 const NAMED: f64 = 0.3;
 
 /// A fitted number.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Its name.
     pub name: String,
@@ -45,15 +45,12 @@ pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) 
     fit.active.iter().enumerate().map(estimate).collect()
 }
 
-/// JᵀJ, and the same with the priors.
-fn information(knobs: &[Knob], fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+/// JᵀJ in units of the priors, so that what the logs tell is comparable with what is believed anyway.
+pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let told = jacobian.tr_mul(jacobian);
-    let mut all = told.clone();
-    for (k, &knob) in fit.active.iter().enumerate() {
-        all[(k, k)] += knobs[knob].spread.powi(-2);
-    }
-    Some((told, all))
+    let spread = |k: usize| knobs[fit.active[k]].spread;
+    let information = jacobian.tr_mul(jacobian);
+    Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
 /// Standard deviation of each free coordinate.
@@ -77,39 +74,86 @@ pub struct NullDirection {
     pub sentence: String,
 }
 
-/// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say.
+/// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say: first the knobs
+/// that are dead by themselves, then combinations of the others, each of as few as possible.
 pub fn null_directions(family: &dyn Family, fit: &Fit) -> Vec<NullDirection> {
     let knobs = family.knobs();
-    let Some((told, _)) = information(knobs, fit) else { return Vec::new() };
-    // In units of the priors, what the logs tell is comparable with what is believed anyway.
-    let spread: Vec<f64> = fit.active.iter().map(|&knob| knobs[knob].spread).collect();
-    let scaled = DMatrix::from_fn(told.nrows(), told.ncols(), |i, j| told[(i, j)] * spread[i] * spread[j]);
-    let eigen = scaled.symmetric_eigen();
-    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).filter(|&k| eigen.eigenvalues[k] < NULL).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    order.iter().map(|&k| named(knobs, fit, eigen.eigenvectors.column(k).as_slice())).collect()
+    let Some(told) = told(knobs, fit) else { return Vec::new() };
+    let (dead, alive): (Vec<usize>, Vec<usize>) = (0..told.nrows()).partition(|&k| is_dead(told[(k, k)]));
+    let alone = dead.iter().map(|&k| vec![(k, 1.0)]);
+    let among = null_space(&told.select_rows(&alive).select_columns(&alive));
+    let together = among.into_iter().map(|x| alive.iter().copied().zip(x.iter().copied()).collect());
+    alone.chain(together).map(|direction: Vec<(usize, f64)>| named(knobs, fit, &direction)).collect()
 }
 
-fn named(knobs: &[Knob], fit: &Fit, direction: &[f64]) -> NullDirection {
-    let largest = direction.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
-    let mut parts: Vec<(String, f64)> = fit
-        .active
+/// Directions of which next to nothing is told.
+fn null_space(told: &DMatrix<f64>) -> Vec<DVector<f64>> {
+    // There are no eigenvectors of nothing.
+    if told.is_empty() {
+        return Vec::new();
+    }
+    let eigen = told.clone().symmetric_eigen();
+    let null = (0..told.nrows()).filter(|&k| is_dead(eigen.eigenvalues[k]));
+    simplified(null.map(|k| eigen.eigenvectors.column(k).into_owned()).collect())
+}
+
+/// Whether so much information, in units of the prior, is next to none.
+pub(super) fn is_dead(told: f64) -> bool {
+    told < NULL
+}
+
+/// Another basis of the same directions with many zeros (Gauss and Jordan's elimination with the largest pivots): two pairs
+/// that cannot be told apart are two directions of two, not two mixtures of four.
+fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
+    for done in 0..basis.len() {
+        let (mut row, mut column) = (done, 0);
+        for (i, x) in basis.iter().enumerate().skip(done) {
+            let largest = x.iamax();
+            if x[largest].abs() > basis[row][column].abs() {
+                (row, column) = (i, largest);
+            }
+        }
+        basis.swap(done, row);
+        let pivot = &basis[done] / basis[done][column];
+        for other in basis.iter_mut() {
+            *other -= &pivot * other[column];
+        }
+        basis[done] = pivot;
+    }
+    basis
+}
+
+/// A direction, given as positions among the free knobs with their shares.
+fn named(knobs: &[Knob], fit: &Fit, direction: &[(usize, f64)]) -> NullDirection {
+    let largest = direction.iter().map(|(_, x)| *x).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
+    let mut parts: Vec<(&Knob, f64)> = direction
         .iter()
-        .zip(direction)
-        .map(|(&knob, x)| (knobs[knob].name.clone(), x / largest))
+        .map(|&(k, x)| (&knobs[fit.active[k]], x / largest))
         .filter(|(_, share)| share.abs() >= NAMED)
         .collect();
     parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    let names: Vec<&str> = parts.iter().map(|(name, _)| name.as_str()).collect();
+    let names: Vec<&str> = parts.iter().map(|(knob, _)| knob.name.as_str()).collect();
+    let remedy = match parts.iter().any(|(knob, _)| knob.unit == "kg") {
+        true => "add a payload of known mass or a log that separates them",
+        false => "fix one of them or add a log that separates them",
+    };
     let sentence = match names.as_slice() {
         [] => String::new(),
-        [one] => format!("{one} is dead: these logs say nothing about it"),
-        [several @ .., last] => {
-            format!(
-                "only together can {} and {last} be told: fix one of them, or add a log that separates them",
-                several.join(", ")
-            )
-        }
+        [one] => format!("{one} is dead: these logs say next to nothing about it"),
+        [several @ .., last] => format!("only {} and {last} together can be told; {remedy}", several.join(", ")),
     };
-    NullDirection { parts, sentence }
+    NullDirection { parts: parts.iter().map(|(knob, share)| (knob.name.clone(), *share)).collect(), sentence }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_pairs_that_were_mixed_are_two_pairs_again() {
+        let (a, b) = (DVector::from_vec(vec![1.0, 1.0, 0.0, 0.0]), DVector::from_vec(vec![0.0, 0.0, 1.0, -0.5]));
+        let basis = simplified(vec![&a * 0.6 + &b * 0.8, &a * -0.8 + &b * 0.6]);
+        assert_eq!(basis.len(), 2);
+        assert!((&basis[0] - b).norm() < 1e-12 && (&basis[1] - a).norm() < 1e-12, "{basis:?}");
+    }
 }

@@ -68,7 +68,7 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     fit.renew_step_error(bench);
     let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
     climb("fitted", &fit);
-    fit.differentiate(bench);
+    fit.differentiate_finely(bench);
     let (_, train, held_out) = ladder.last()?.clone();
     let error = held_out.unwrap_or(train);
     let withheld = (error > STRUCTURED).then(|| {

@@ -3,10 +3,12 @@
 mod bench;
 mod estimate;
 mod fitted;
+mod identifiable;
 pub(crate) mod judge;
 mod solve;
 
 pub use bench::{Bench, Logs, Residual, corrected, squares};
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub use fitted::{Fitted, fitted};
+pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use solve::{Effort, Ended, Fit, columns, cost};

@@ -38,6 +38,8 @@ pub enum Ended {
 const WORN: f64 = 0.3;
 /// A fall of the cost by a smaller share, or by a smaller amount, is a stall.
 const STALL: (f64, f64) = (1e-4, 0.02);
+/// How much finer than the usual ones fine differences are.
+const FINE: f64 = 0.1;
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
@@ -93,29 +95,25 @@ impl Fit {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
-    /// The same by central differences, where the bounds leave room: directions in which nothing changes come out as such, and
-    /// not as the curvature of what forward differences see.
-    pub fn differentiate_centrally(&mut self, bench: &Bench) {
+    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Their own error
+    /// must not pass for something that the logs tell about a null direction.
+    pub fn differentiate_finely(&mut self, bench: &Bench) {
         let knobs = bench.family.knobs();
-        let sides = |&knob: &usize| {
-            let (reach, (least, most)) = (knobs[knob].reach, knobs[knob].bounds);
-            let up = (self.u[knob] + reach).min(most);
-            let down = (self.u[knob] - reach).max(least);
-            [up, down].map(|u| {
+        let stencils: Vec<[(f64, f64); 2]> = self.active.iter().map(|&k| stencil(&knobs[k], self.u[k])).collect();
+        let moved = |(&knob, stencil): (&usize, &[(f64, f64); 2])| {
+            stencil.map(|(offset, _)| {
                 let mut point = self.u.clone();
-                point[knob] = u;
+                point[knob] += offset;
                 point
             })
         };
-        let points: Vec<Vec<f64>> = self.active.iter().flat_map(sides).collect();
+        let points: Vec<Vec<f64>> = self.active.iter().zip(&stencils).flat_map(moved).collect();
         let there = bench.residuals(&points, Logs::Learn, Step::Usual);
         let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        for (k, &knob) in self.active.iter().enumerate() {
-            let width = points[2 * k][knob] - points[2 * k + 1][knob];
-            if let (Some(up), Some(down)) = (&there[2 * k], &there[2 * k + 1]) {
-                for (slope, (a, b)) in jacobian.column_mut(k).iter_mut().zip(up.iter().zip(down)) {
-                    *slope = (a - b) / width;
-                }
+        for (k, (stencil, there)) in stencils.iter().zip(there.chunks(2)).enumerate() {
+            let [Some(near), Some(far)] = there else { continue };
+            for (row, here) in self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).enumerate() {
+                jacobian[(row, k)] = stencil[0].1 * (near[row] - here) + stencil[1].1 * (far[row] - here);
             }
         }
         (self.jacobian, self.fresh) = (Some(jacobian), true);
@@ -210,6 +208,17 @@ impl Fit {
         }
         let step = normal.cholesky()?.solve(&gradient);
         step.iter().all(|x| x.is_finite()).then(|| -step)
+    }
+}
+
+/// Two offsets and the weights of what changes there, for a derivative of second order.
+fn stencil(knob: &Knob, u: f64) -> [(f64, f64); 2] {
+    let (h, (least, most)) = (FINE * knob.reach, knob.bounds);
+    let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
+    match () {
+        () if u - h >= least && u + h <= most => [(h, 0.5 / h), (-h, -0.5 / h)],
+        () if u + 2.0 * h <= most => one_sided(h),
+        () => one_sided(-h),
     }
 }
 

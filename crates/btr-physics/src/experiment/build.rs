@@ -3,11 +3,14 @@
 use super::file::{File, RealitySection};
 use super::parse::{FileError, Source, nearest};
 use super::scenarios::{self, Situations};
-use crate::model::Model;
+use crate::drive::Replay;
+use crate::model::{Model, Scenario};
 use crate::reality::Revealing;
+use crate::robot::Robot;
 use btr_core::coevolve::{Coevolution, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
+use btr_core::world::{Trial, WorldError};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -62,10 +65,89 @@ impl Experiment {
         format!("# --seed {}\n{}", self.seed, self.source.text)
     }
 
+    /// Goes on with a larger S: `text` is the file with further parameters. Reality stays what it was, so that a hidden twin
+    /// neither gains nor loses anything by what its simulations are given.
+    ///
+    /// # Errors
+    /// Whatever does not make sense, at its line.
+    pub fn enlarge(&mut self, text: String) -> Result<(), FileError> {
+        let source = Source { path: self.source.path.clone(), text };
+        let situations = Situations {
+            scenarios: self.model.scenarios.clone(),
+            learn: self.model.learn,
+            logs: self.recorded.clone(),
+            warnings: Vec::new(),
+        };
+        self.model = Arc::new(Builder { file: &source.parse()?, source: &source }.model(situations)?);
+        self.source = source;
+        Ok(())
+    }
+
+    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told, from where
+    /// every test begins.
+    ///
+    /// # Errors
+    /// A controller that does not fit.
+    pub fn replaying(&self, tests: &[(&Trial, &Log)], learn: usize) -> Result<Model, FileError> {
+        let (file, source) = (self.source.parse()?, &self.source);
+        let refused = |e: WorldError| source.error(&["drive"], &e.to_string(), None);
+        let scenarios = tests.iter().map(|(trial, log)| self.scenario(trial, log)).collect::<Result<_, _>>();
+        // The setup is the run's own; it must not change with the clock of a log.
+        let logs = self.recorded.clone();
+        let situations = Situations { scenarios: scenarios.map_err(refused)?, learn, logs, warnings: Vec::new() };
+        let mut model = Builder { file: &file, source }.model(situations)?;
+        if let Some((trial, _)) = tests.first() {
+            // Where the base is when the motion begins is the drive's business.
+            model.robot.start = self.beginning(trial).map_err(refused)?.start;
+        }
+        Ok(model)
+    }
+
+    /// What a real test asked and where it began.
+    fn scenario(&self, trial: &Trial, log: &Log) -> Result<Scenario, WorldError> {
+        let known = &self.model.scenarios[trial.scenario];
+        if known.replay.is_some() {
+            return Ok(known.clone());
+        }
+        let references = self.model.references(&trial.controller, trial.scenario)?;
+        let replay = Replay::new(&told(log, &references), &self.model.robot);
+        let start = self.beginning(trial)?.movable().map(|(_, link)| (link.joint.start, 0.0)).collect();
+        Ok(Scenario {
+            name: format!("test {}", trial.number),
+            replay: Some(Arc::new(replay)),
+            duration_s: log.duration_s(),
+            start,
+            ..known.clone()
+        })
+    }
+
+    /// The robot at the beginning of a test: the same in simulation and reality.
+    fn beginning(&self, trial: &Trial) -> Result<Robot, WorldError> {
+        let mut robot = self.model.robot.clone();
+        let situation = &self.model.scenarios[trial.scenario];
+        if situation.replay.is_none() {
+            self.model.drive.at(&self.model.robot, &trial.controller, situation.duration_s)?.place(&mut robot);
+        }
+        Ok(robot)
+    }
+
     /// The file it came from.
     pub fn source(&self) -> &Source {
         &self.source
     }
+}
+
+/// A log with what the robot was told, by the controller's references where the log does not say it.
+fn told(log: &Log, references: &Log) -> Log {
+    let mut told = log.clone();
+    for (name, channel) in references.channels().filter(|(name, _)| log.channel(name).is_none()) {
+        // Each reference holds until the next one.
+        let at = |t: &f64| references.clock_s().partition_point(|r| *r <= t + 1e-9).saturating_sub(1);
+        let values = log.clock_s().iter().map(|t| channel.values[at(t)]).collect();
+        // The length is the clock's own.
+        let _ = told.insert(name, &channel.unit, Role::Command, values);
+    }
+    told
 }
 
 fn remedy(error: &PlanError) -> String {

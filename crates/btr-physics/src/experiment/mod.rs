@@ -4,6 +4,7 @@ mod build;
 mod build_drive;
 mod build_model;
 mod build_reality;
+mod enlarged;
 mod file;
 mod parse;
 mod replays;
@@ -11,6 +12,7 @@ mod scenarios;
 mod single;
 
 pub use build::Experiment;
+pub use enlarged::enlarges;
 pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, TwinSection};
 pub use parse::{FileError, Source, nearest};
 pub use replays::{Replays, replays};

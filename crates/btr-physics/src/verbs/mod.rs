@@ -1,11 +1,13 @@
-//! What people ask of a model and its logs: which effect is missing, add it, fit. The command line and Python call these.
+//! What people ask of a model and its logs: what they are worth, which effect is missing, add it, fit. The command line and Python call these.
 
 mod add;
+mod check;
 mod diagnose;
 mod fit;
 mod next;
 
 pub use add::{AddError, Addition, add};
+pub use check::{CheckReport, Told, check};
 pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
 pub use next::{NextExperiment, Rival, next_experiment};
@@ -13,7 +15,7 @@ pub use next::{NextExperiment, Rival, next_experiment};
 use crate::beside::Beside;
 use crate::experiment::{FileError, Source, replays};
 use btr_core::world::WorldError;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -75,7 +77,7 @@ impl Problem {
 }
 
 /// One step of the error's fall, in multiples of the noise floor.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LadderStep {
     /// What was done.
     pub step: String,

@@ -1,6 +1,7 @@
 //! The state machine that turns the loop.
 
 mod controllers;
+mod enlarge;
 mod reality_only;
 mod record;
 mod simulators;
@@ -85,6 +86,8 @@ enum Phase {
     Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
     /// Step 3, continued by least squares from the best that was tried.
     Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    /// S has grown: step 3 on the tests there are, before any new one is asked for.
+    Enlarged,
     /// About to close the iteration.
     End,
     /// Over.
@@ -181,6 +184,7 @@ impl Coevolution {
                 self.simulators(on, search, tests, tried, generation)
             }
             Phase::Refine { search, tests, tried, generation } => self.refine(on, search, tests, tried, generation),
+            Phase::Enlarged => self.enlarged(on),
             Phase::End => self.end(on),
             Phase::Stopped(reason) => self.stop(reason),
         }

@@ -9,11 +9,12 @@ use crate::coevolve::transfer;
 use crate::search::{AnySearch, LeastSquares, Residuals, Search, Unit};
 
 impl Coevolution {
-    pub(super) fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase) -> Phase {
+    /// Step 3; the tests of iteration `latest` are those that always count.
+    pub(super) fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase, latest: usize) -> Phase {
         let now = self.distances_now(on);
         let State { ledger, iteration, .. } = &self.state;
         let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
-        let tests: Vec<usize> = indices(ledger, &ledger.counting(*iteration, self.plan.memory, &now)).collect();
+        let tests: Vec<usize> = indices(ledger, &ledger.counting(latest, self.plan.memory, &now)).collect();
         if tests.is_empty() {
             self.state.phi = None;
             return Phase::End;

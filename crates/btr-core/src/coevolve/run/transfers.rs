@@ -58,7 +58,7 @@ impl Coevolution {
                 self.state.phase = Phase::End;
             }
             (Some(phase), _) if !on.simulator.simulations().is_empty() => {
-                self.state.phase = self.begin_simulators(on, &phase.clone());
+                self.state.phase = self.begin_simulators(on, &phase.clone(), self.state.iteration);
             }
             _ => self.state.phase = Phase::End,
         }

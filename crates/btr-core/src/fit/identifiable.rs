@@ -1,0 +1,73 @@
+//! What logs can tell about the numbers in doubt, before anything is fitted to them: G. H. Golub and C. F. Van Loan's singular
+//! values of the scaled Jacobian ("Matrix Computations", 1983), at the model as it stands.
+
+use super::bench::{Bench, Logs};
+use super::estimate::{NullDirection, is_dead, null_directions, told};
+use super::solve::Fit;
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+/// What the logs tell about one number in doubt.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sensitivity {
+    /// Its name.
+    pub name: String,
+    /// SI unit as text.
+    pub unit: String,
+    /// Its value in the model as it stands.
+    pub value: f64,
+    /// Root mean square change of the measured channels when it moves by one standard deviation of its prior, in noise floors.
+    pub sensitivity: f64,
+    /// The share of the prior's standard deviation that these logs would leave, all other numbers being in doubt as well: 1 is
+    /// nothing learnt. For noise that is white and a model that lacks nothing.
+    pub uncertainty_left: f64,
+    /// Whether moving it changes nothing that the noise would not hide.
+    pub dead: bool,
+}
+
+/// What the logs tell about all of them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Identifiable {
+    /// Each number in doubt.
+    pub parameters: Vec<Sensitivity>,
+    /// How many independent combinations of them the logs tell.
+    pub rank: usize,
+    /// The best told combination over the worst told one, in units of the priors; none where one is not told at all.
+    pub condition_number: Option<f64>,
+    /// Combinations that these logs do not tell.
+    pub null_directions: Vec<NullDirection>,
+}
+
+/// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model blows up as
+/// it stands.
+pub fn identifiable(bench: &Bench) -> Option<Identifiable> {
+    let (family, knobs) = (bench.family, bench.family.knobs());
+    if family.doubtful().is_empty() {
+        return None;
+    }
+    let mut fit = Fit::at(bench, family.doubtful().to_vec(), vec![0.0; knobs.len()], &[])?;
+    fit.differentiate_finely(bench);
+    let told = told(knobs, &fit)?;
+    let left = (DMatrix::identity(told.nrows(), told.nrows()) + &told).cholesky()?.inverse();
+    let samples = bench.samples(Logs::Learn).max(1) as f64;
+    let sensitivity = |(k, &index): (usize, &usize)| Sensitivity {
+        name: knobs[index].name.clone(),
+        unit: knobs[index].unit.clone(),
+        value: knobs[index].origin,
+        sensitivity: (told[(k, k)] / samples).sqrt(),
+        uncertainty_left: left[(k, k)].max(0.0).sqrt(),
+        dead: is_dead(told[(k, k)]),
+    };
+    let parameters = fit.active.iter().enumerate().map(sensitivity).collect();
+    let null_directions = null_directions(family, &fit);
+    let squares = told.symmetric_eigenvalues();
+    let (most, least) = (squares.max(), squares.min());
+    // Below this the smallest is rounding.
+    let told_at_all = least > f64::EPSILON * squares.len() as f64 * most;
+    Some(Identifiable {
+        parameters,
+        rank: fit.active.len() - null_directions.len(),
+        condition_number: told_at_all.then(|| (most / least).sqrt()),
+        null_directions,
+    })
+}

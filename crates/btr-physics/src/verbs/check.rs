@@ -1,0 +1,68 @@
+//! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers in doubt.
+
+use crate::beside::Beside;
+use crate::experiment::Replays;
+use btr_core::check::{Quality, check as quality};
+use btr_core::family::Family;
+use btr_core::fit::{Bench, NullDirection, Sensitivity, identifiable};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// The answer.
+#[derive(Clone, Debug)]
+pub struct CheckReport {
+    /// One per log.
+    pub logs: Vec<Quality>,
+    /// What all of them together tell.
+    pub told: Told,
+}
+
+/// What logs tell about the numbers in doubt, with the keys of `--json`.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Told {
+    /// Each number in doubt.
+    pub parameters: Vec<Sensitivity>,
+    /// How many independent combinations of them can be told.
+    pub rank: usize,
+    /// Of the Jacobian, in noise floors per standard deviation of the priors; none where a combination is not told at all.
+    pub condition_number: Option<f64>,
+    /// Combinations that cannot be told, each with a sentence.
+    pub null_directions: Vec<NullDirection>,
+    /// Numbers without any effect.
+    pub dead: Vec<String>,
+    /// Why nothing of this is known, where it is not.
+    pub not_judged: Option<String>,
+    /// Simulated logs.
+    pub rollouts: usize,
+}
+
+/// Looks at the logs, and differentiates the model as it stands by everything in doubt.
+pub fn check(replays: Replays) -> CheckReport {
+    CheckReport { logs: replays.logs.iter().map(quality).collect(), told: told(replays) }
+}
+
+fn told(replays: Replays) -> Told {
+    let not_judged = |why: &str| Told { not_judged: Some(why.to_owned()), ..Told::default() };
+    // Logs that cannot be compared with the model have a quality all the same.
+    let beside = match Beside::to_learn(Arc::new(replays.model), replays.logs) {
+        Ok(beside) => beside,
+        Err(why) => return not_judged(&why.to_string()),
+    };
+    if beside.doubtful().is_empty() {
+        return not_judged("no number of the model is in doubt ([parameters])");
+    }
+    let bench = Bench::new(&beside);
+    let Some(found) = identifiable(&bench) else {
+        return not_judged("the model blows up on these logs as it stands");
+    };
+    let dead = found.parameters.iter().filter(|parameter| parameter.dead).map(|parameter| parameter.name.clone());
+    Told {
+        dead: dead.collect(),
+        rank: found.rank,
+        condition_number: found.condition_number,
+        null_directions: found.null_directions,
+        parameters: found.parameters,
+        not_judged: None,
+        rollouts: bench.rollouts(),
+    }
+}
