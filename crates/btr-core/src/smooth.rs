@@ -69,8 +69,8 @@ pub fn smooth(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
 /// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set in
-/// motion by noise would swing for long. Else by a parabola through as many of the first samples as a parabola fits. `None`
-/// where too few are there.
+/// motion by noise would swing for long. Else released from rest, if a parabola with its vertex at the first tick fits nearly
+/// as many of the first samples as any parabola does; else by that one. `None` where too few are there.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
@@ -99,14 +99,41 @@ fn resting(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> 
 fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
     /// A fit is good while what it leaves is no more than so many sigma.
     const GOOD: f64 = 1.3;
+    /// Released from rest is believed if it fits this share of the samples that any parabola fits.
+    const NEARLY: f64 = 0.7;
     let good = |to: usize, motion: &Motion| {
         let at = |t: f64| motion.value + t * (motion.velocity + 0.5 * t * motion.acceleration);
         let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
         let (n, squares) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
         squares <= (GOOD * sigma).powi(2) * (n - 3.0)
     };
-    let fits = || (FEWEST..=range.end).filter_map(|to| Some((to, parabola(clock_s, values, 0..to, clock_s[0])?)));
-    fits().rev().find(|(to, motion)| good(*to, motion)).or_else(|| fits().next()).map(|(_, motion)| motion)
+    let longest = |fit: &dyn Fn(usize) -> Option<Motion>| {
+        let mut fits = (FEWEST..=range.end).rev().filter_map(|to| Some((to, fit(to)?)));
+        fits.find(|(to, motion)| good(*to, motion))
+    };
+    let free = |to: usize| parabola(clock_s, values, 0..to, clock_s[0]);
+    let any = longest(&free);
+    let released = longest(&|to| released(clock_s, values, to));
+    match (released, any) {
+        (Some((short, motion)), Some((long, _))) if short as f64 >= NEARLY * long as f64 => Some(motion),
+        (_, Some((_, motion))) => Some(motion),
+        _ => (FEWEST..=range.end).find_map(free),
+    }
+}
+
+/// The parabola with its vertex at the first tick that is nearest to the first `to` samples.
+fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Motion> {
+    let there = || (0..to).filter(|&i| values[i].is_finite());
+    let half_square = |i: usize| 0.5 * (clock_s[i] - clock_s[0]).powi(2);
+    let n = there().count() as f64;
+    let (mean_x, mean_s) = there().fold((0.0, 0.0), |(x, s), i| (x + values[i] / n, s + half_square(i) / n));
+    let (along, square) = there().fold((0.0, 0.0), |(along, square), i| {
+        let s = half_square(i) - mean_s;
+        (along + s * (values[i] - mean_x), square + s * s)
+    });
+    let acceleration = along / square;
+    let motion = Motion { value: mean_x - acceleration * mean_s, velocity: 0.0, acceleration };
+    acceleration.is_finite().then_some(motion)
 }
 
 /// How far a fit reaches to each side.
@@ -156,6 +183,15 @@ mod tests {
         let moving: Vec<f64> = (0..40).map(|i| (9.0 * clock[i as usize]).sin() + error(i)).collect();
         let begin = start(&clock, &moving, 1e-3).unwrap();
         assert!((begin.velocity - 9.0).abs() < 0.4 && begin.value.abs() < 3e-3, "{begin:?}");
+    }
+
+    #[test]
+    fn what_falls_from_rest_has_no_velocity_yet() {
+        let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
+        let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
+        let falling: Vec<f64> = (0..40).map(|i| 0.1 + 4.0 * clock[i as usize].powi(2) + error(i)).collect();
+        let begin = start(&clock, &falling, 1e-3).unwrap();
+        assert!(begin.velocity.abs() < 1e-12 && (begin.value - 0.1).abs() < 1e-3, "{begin:?}");
     }
 
     #[test]
