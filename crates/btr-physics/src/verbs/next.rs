@@ -78,10 +78,10 @@ pub fn next_experiment(beside: &Beside, rivals: &[(usize, Vec<f64>)]) -> Result<
     }
     let name = |k: usize| beside.candidates()[rivals[k].0].name();
     let rivals = apart.iter().enumerate().map(|(k, x)| Rival { effect: name(k + 1), separation: *x }).collect();
-    Ok(Some(proposal(&drives[chosen], name(0), rivals, least(&so_far.1))))
+    Ok(Some(proposal(&drives[chosen], &name(0), rivals, least(&so_far.1))))
 }
 
-fn proposal(drive: &Excitation, favourite: String, rivals: Vec<Rival>, separation_so_far: f64) -> NextExperiment {
+fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, separation_so_far: f64) -> NextExperiment {
     let separation = rivals.iter().map(|rival| rival.separation).fold(f64::INFINITY, f64::min);
     let names: Vec<&str> = rivals.iter().map(|rival| rival.effect.as_str()).collect();
     let sentence = format!(
