@@ -69,7 +69,7 @@ fn planted(site: &str, law: &str) -> Placed {
 #[test]
 fn a_law_that_is_no_effect_is_told_with_its_joint() {
     let laws = [
-        ("elbow", "0.2*sin(19*t)", "sin(19"),
+        ("elbow", "0.2*sin(19*t)", "sin(1"),
         ("shoulder", "-1.2*dq*max(0,q)", "dq*max(0,q)"),
         ("yaw", "-0.4*dq*abs(dq)", "dq*abs(dq)"),
     ];
@@ -114,8 +114,8 @@ fn frictions() -> Option<NextExperiment> {
         }
         (candidate, u)
     };
-    let coulomb = rival("coulomb_friction", &[("torque", 0.1)]);
-    let stribeck = rival("stribeck_friction", &[("coulomb", 0.09), ("static", 0.13), ("velocity", 0.05)]);
+    let coulomb = rival("coulomb_friction", &[("torque", 0.28)]);
+    let stribeck = rival("stribeck_friction", &[("coulomb", 0.27), ("static", 0.45), ("velocity", 0.1)]);
     next_experiment(&beside, &[coulomb, stribeck]).unwrap()
 }
 

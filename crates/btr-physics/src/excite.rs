@@ -18,7 +18,8 @@ struct Kind {
     wave: fn(f64, f64) -> f64,
 }
 
-const KINDS: [Kind; 7] = [
+const KINDS: [Kind; 8] = [
+    Kind { name: "creep", told: "ramps that creep through zero velocity", share: 0.06, wave: |t, _| ramp(t / 4.0) },
     Kind {
         name: "slow_ramps",
         told: "slow ramps to and fro through zero velocity",

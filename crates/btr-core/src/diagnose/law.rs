@@ -31,6 +31,8 @@ const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 const WORTH: f64 = 0.9;
 /// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo makes one of.
 const CLOSE: f64 = 10.0;
+/// A term stays if the sum of squares without it were larger than this many times.
+const NEEDED: f64 = 1.05;
 /// A law that explains this share of the excess needs no effects beside it...
 const ENOUGH: f64 = 0.8;
 /// ... and one that explains less than this is no law.
@@ -130,7 +132,27 @@ fn finish(bench: &Bench, base: &Fit, draft: &Draft) -> Option<(Vec<usize>, Fit)>
     };
     let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     fit.solve(bench, EFFORT);
-    Some((draft.terms.iter().map(|term| term.feature).collect(), fit))
+    let terms = draft.terms.iter().map(|term| term.feature).collect();
+    Some(needed(bench, terms, fit))
+}
+
+/// Drops the terms that the fit can do without: far from where they were probed, some turn out to do nothing.
+fn needed(bench: &Bench, mut terms: Vec<usize>, mut fit: Fit) -> (Vec<usize>, Fit) {
+    for term in terms.clone().into_iter().rev() {
+        if terms.len() == 1 {
+            break;
+        }
+        let knobs: Vec<usize> = bench.family.features()[term].term.knobs().collect();
+        let mut u = fit.u.clone();
+        knobs.iter().for_each(|&knob| u[knob] = 0.0);
+        let active = fit.active.iter().copied().filter(|knob| !knobs.contains(knob)).collect();
+        let without = Fit::at(bench, active, u, &fit.step_error);
+        if let Some(without) = without.filter(|without| without.squares() <= NEEDED * fit.squares()) {
+            fit = without;
+            terms.retain(|other| *other != term);
+        }
+    }
+    (terms, fit)
 }
 
 /// A law in the linear picture that the probes give.
