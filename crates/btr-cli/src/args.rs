@@ -51,7 +51,7 @@ pub(crate) enum Verb {
     /// Run a model: replay a log's commands, or its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(Simulate),
-    /// Judge logs before anything is fitted to them: clock, sensors, how late the joints follow their commands
+    /// Judge logs before anything is fitted to them: clock, sensors, lags, and which numbers in doubt they can tell
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv")]
     Check(Check),
     /// Tell where a model fails: per channel, per joint and regime of motion

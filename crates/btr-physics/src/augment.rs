@@ -13,12 +13,13 @@ use btr_core::world::Trial;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The most real tests that are looked at.
-const MOST_TESTS: usize = 8;
+/// The most real tests that are looked at: of a robot with a fixed base, and of a floating one.
+const MOST_TESTS: (usize, usize) = (8, 4);
 /// One in so many of them is held out.
 const HELD_OUT: usize = 4;
-/// How many physics steps a diagnosis of a floating robot may take: contact needs the general engine, which is slow.
-const FLOATING_STEPS: f64 = 3e6;
+/// How many physics steps a diagnosis of a floating robot may take: contact needs the general engine, which is slow. About a
+/// minute on two cores.
+const FLOATING_STEPS: f64 = 1e6;
 
 /// Why simulation and reality lost each other.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -54,7 +55,8 @@ impl Cause {
     }
 
     fn answered(self, experiment: &Experiment, ledger: &Ledger, tell: &dyn Fn(&Rung)) -> Result<Self, String> {
-        let tests = chosen(ledger);
+        let fixed = experiment.model.robot.base == Base::Fixed;
+        let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
         let learn = tests.len() - tests.len() / HELD_OUT;
         let asked: Vec<(&Trial, &Log)> =
             tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log))).collect();
@@ -121,10 +123,10 @@ impl Cause {
 }
 
 /// Real tests that gave a log: all, or some evenly over the whole run, the last one among them.
-fn chosen(ledger: &Ledger) -> Vec<&Entry> {
+fn chosen(ledger: &Ledger, most: usize) -> Vec<&Entry> {
     let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
     let usable: Vec<&Entry> = ledger.entries().iter().filter(gave_a_log).collect();
-    let count = usable.len().min(MOST_TESTS);
+    let count = usable.len().min(most);
     (1..=count).map(|k| usable[k * usable.len() / count - 1]).collect()
 }
 
