@@ -2,7 +2,7 @@
 
 use super::{Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
-use btr_core::diagnose::{Diagnosis, Found, Question, Rung, Verdict};
+use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
 use btr_core::fit::{Bench, Estimate};
 use serde::Serialize;
 use std::time::Instant;
@@ -71,6 +71,8 @@ pub struct DiagnoseReport {
     pub effects: Vec<EffectReport>,
     /// How the error fell, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
+    /// Everything that was fitted, round by round, best first.
+    pub ranking: Vec<Vec<Ranked>>,
     /// The noise floors.
     pub noise_floor: Vec<Floor>,
     /// The share of the squared error that remains and is not noise.
@@ -100,6 +102,7 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         ok: true,
         verdict: diagnosis.verdict,
         effects: grouped(&diagnosis.effects),
+        ranking: diagnosis.rounds.clone(),
         error_ladder: diagnosis.ladder.iter().map(LadderStep::from).collect(),
         noise_floor: problem.floors(),
         unexplained_share: diagnosis.unexplained_share,
