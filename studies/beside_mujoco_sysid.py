@@ -6,9 +6,10 @@
 
 Reality is the arm of `robots/arm5.toml` in MuJoCo, with other rotor inertias and dampings, noisy encoders, and a
 frictionloss on its shoulder. mujoco.sysid fits what is in doubt (five armatures, five dampings) with MuJoCo itself: it has
-reality's own integrator, step and initial states. With `--by-hand` it is then told what to look for: a frictionloss is fitted
-to one joint after the other, and the best of five is taken. btr gets the model file and the logs: `fit`, then `compare` of what was
-fitted, and `diagnose` and `fit --add` from the model file again. An interval is a parameter's 95 % one. Takes two to five minutes per friction on two cores.
+reality's own integrator, step and initial states. With `--by-hand` it is then told what to look for: a frictionloss is
+fitted to one joint after the other, and the best of five is taken. btr gets the model file and the logs: `fit`, then
+`compare` of what was fitted, and `diagnose` and `fit --add` from the model file again. An interval is a parameter's 95 %
+one. Takes two to four minutes per friction on two cores, and `--by-hand` several more.
 """
 
 import argparse

@@ -10,7 +10,8 @@ armature, damping, stiffness, forcerange, gravity, a play or a spring as a secon
 a sensor is a few lines around it. Friction is MuJoCo's soft constraint, made as hard as its step allows: with its defaults a
 stuck joint creeps. Viscous friction and payloads are left out: gains and masses are in doubt, so nothing could tell them.
 
-A case takes about a second in MuJoCo and 5 to 60 s in btr on two cores. Sizes were tuned on seeds below 1000. It prints
+The arm has held its first command for a second when a log begins. A case takes a few seconds in MuJoCo and about half a
+minute in btr on two cores. Seeds below 1000 are for tuning. It prints
 
     exact        the effect at its site, and nothing else
     equivalent   one effect that btr itself declares to be alike, at the same joint
@@ -530,7 +531,7 @@ def summary(outcomes: list[Outcome]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
-    parser.add_argument("--seeds", default="1000..1003", help="A..B, B excluded; those below 1000 were tuned on")
+    parser.add_argument("--seeds", default="1000..1003", help="A..B, B excluded; those below 1000 are for tuning")
     parser.add_argument("--effects", default=",".join(EFFECTS), help=f"of {', '.join(EFFECTS)}")
     parser.add_argument("--keep", type=Path, help="where to keep the logs, a folder per case")
     args = parser.parse_args()

@@ -1,15 +1,17 @@
 //! The desk arm of `robots/arm.toml`, and realities that differ from it.
 
-use crate::excite::{self, Commands, DURATION_S, TICK_S};
+use crate::excite::{self, Commands, TICK_S};
 use crate::score::{Case, Planted};
 use btr_core::family::{Family, Knob, Law, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
+use btr_core::smooth;
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
+use btr_physics::robot::JointKind;
 use btr_physics::sim;
 use rand::RngExt;
 use std::path::Path;
@@ -17,6 +19,8 @@ use std::sync::Arc;
 
 /// How many times finer the reality's time step is.
 const FINER: f64 = 4.0;
+/// How long the arm rests before an episode is recorded, in s.
+const SETTLE_S: f64 = 1.0;
 /// How far the reality's masses and gains are off, at most.
 const MASSES: f64 = 0.2;
 const GAINS: f64 = 0.1;
@@ -78,6 +82,7 @@ struct Reality {
     seed: u64,
     rng: Rng,
     model: Model,
+    told: Vec<Commands>,
     learn: usize,
 }
 
@@ -92,7 +97,7 @@ impl Reality {
         let episodes: Vec<Commands> = training.into_iter().chain(excite::held_out(joints, &mut rng)).collect();
         let mut model = Model { learn, ..model };
         model.scenarios = episodes.iter().enumerate().map(|(i, told)| scenario(&model, i, told)).collect();
-        Reality { seed, rng, model, learn }
+        Reality { seed, rng, model, told: episodes, learn }
     }
 
     /// The model beside what this reality does when `placed` is hidden in it.
@@ -106,22 +111,41 @@ impl Reality {
         let logs: Vec<Log> = (0..self.model.scenarios.len()).map(|i| self.record(&truth, placed, i)).collect();
         let mut model = clone(&self.model, self.learn);
         for (scenario, log) in model.scenarios.iter_mut().zip(&logs) {
-            let first = |joint: &str| log.channel(&format!("q_{joint}")).map_or(0.0, |c| c.values[0]);
-            scenario.start = self.model.robot.movable().map(|(_, l)| (first(&l.joint.name), 0.0)).collect();
+            let begins = |joint: &str| {
+                let readings = log.channel(&format!("q_{joint}"))?;
+                let sigma = self.model.setup.noise.floor("q_", &readings.values)?;
+                smooth::start(log.clock_s(), &readings.values, sigma).map(|start| (start.value, start.velocity))
+            };
+            let joints = self.model.robot.movable().map(|(_, link)| begins(&link.joint.name).unwrap_or_default());
+            scenario.start = joints.collect();
         }
         Beside::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
     }
 
-    /// What the sensors say in an episode.
-    fn record(&self, truth: &[f64], placed: &[Placed], scenario: usize) -> Log {
-        let (robot, mut effects, mut setup) = self.model.at(truth, scenario);
+    /// What the sensors say in an episode, once the arm has come to rest where the episode begins.
+    fn record(&self, truth: &[f64], placed: &[Placed], episode: usize) -> Log {
+        let settle = (SETTLE_S / TICK_S).round() as usize;
+        let told: Commands =
+            self.told[episode].iter().map(|row| [vec![row[0]; settle], row.clone()].concat()).collect();
+        let settled = scenario(&self.model, episode, &told);
+        let (mut robot, mut effects, mut setup) = self.model.at(truth, episode);
+        for (link, row) in robot.links.iter_mut().filter(|link| link.joint.kind != JointKind::Fixed).zip(&told) {
+            link.joint.start = row[0];
+        }
         effects.extend_from_slice(placed);
         setup.dt_s /= FINER;
-        let Some(drive) = self.model.scenarios[scenario].replay.clone() else { quit(&"no replay") };
-        let noise = self.seed.wrapping_mul(1009).wrapping_add(scenario as u64);
-        let mut log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
-        log.retain(|name, _| name.starts_with("q_") || name.starts_with("cmd_"));
-        log
+        setup.duration_s = settled.duration_s;
+        let Some(drive) = settled.replay else { quit(&"no replay") };
+        let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
+        let log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
+        let clock = log.clock_s()[settle..].iter().map(|t| t - SETTLE_S).collect();
+        let mut cut = Log::new(clock).unwrap_or_else(|e| quit(&e));
+        let seen = |name: &str| name.starts_with("q_") || name.starts_with("cmd_");
+        for (name, channel) in log.channels().filter(|(name, _)| seen(name)) {
+            let values = channel.values[settle..].to_vec();
+            cut.insert(name, channel.unit.clone(), channel.role, values).unwrap_or_else(|e| quit(&e));
+        }
+        cut
     }
 
     /// Effects of the library, somewhere, each of a size that shows: so many sigma between the motions with and without it.
@@ -214,7 +238,7 @@ fn scenario(model: &Model, number: usize, told: &Commands) -> Scenario {
     Scenario {
         name: format!("episode {number}"),
         replay: Some(Arc::new(Replay::new(&log, &model.robot))),
-        duration_s: DURATION_S,
+        duration_s: (told[0].len() - 1) as f64 * TICK_S,
         settings: Vec::new(),
         start: told.iter().map(|row| (row[0], 0.0)).collect(),
     }

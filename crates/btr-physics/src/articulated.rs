@@ -235,7 +235,8 @@ impl Articulated {
         for i in 0..n {
             let torque = &self.dofs[i].torque;
             let implicit = dt * torque.damping + dt * dt * torque.stiffness;
-            s.share[i] = if implicit < s.matrix[i * n + i] { 0.5 } else { 1.0 };
+            let rings = implicit >= s.matrix[i * n + i];
+            s.share[i] = if rings || self.dofs[i].at_end { 1.0 } else { 0.5 };
             let resistance = dt * torque.damping + dt * dt * s.share[i] * torque.stiffness;
             s.next[i] -= (1.0 - s.share[i]) * resistance * self.dq[i];
             s.matrix[i * n + i] += s.share[i] * resistance;

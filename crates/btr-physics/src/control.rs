@@ -156,7 +156,7 @@ impl JointControl {
         let motor = Motor::new(&joint.actuator, inertia, setup.dt_s);
         let led = setup.interpolate || motor.is_prescribed();
         let torque = Affine { damping: joint.damping, ..Affine::default() };
-        let passive = Dof { torque, dry_friction: joint.dry_friction, armature: joint.armature };
+        let passive = Dof { torque, dry_friction: joint.dry_friction, armature: joint.armature, at_end: false };
         let (command, acting) = (f64::NAN, Affine::default());
         JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting }
     }

@@ -51,6 +51,9 @@ pub struct Dof {
     pub dry_friction: f64,
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
+    /// Whether `torque` speaks of the state at the step's end alone, as that of a rotor which was eliminated does: the joint
+    /// then has to be advanced by backward Euler.
+    pub at_end: bool,
 }
 
 /// Where the root's frame is and how it moves, in the world.

@@ -36,8 +36,9 @@ pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
     (*angle, *velocity)
 }
 
-/// Takes the rotor's inertia away from the link.
+/// Takes the rotor's inertia away from the link, which from now on hangs on the rotor's state at the step's end.
 pub(super) fn take_inertia(dof: &mut Dof, state: &JointState) -> f64 {
+    dof.at_end = true;
     let known = std::mem::replace(&mut dof.armature, 0.0);
     if known > 0.0 { known } else { SHARE * state.inertia }
 }
