@@ -69,16 +69,18 @@ fn planted(site: &str, law: &str) -> Placed {
 #[test]
 fn a_law_that_is_no_effect_is_told_with_its_joint() {
     let laws = [
-        ("elbow", "0.2*sin(19*t)", "sin(1"),
-        ("shoulder", "-1.2*dq*max(0,q)", "dq*max(0,q)"),
-        ("yaw", "-0.4*dq*abs(dq)", "dq*abs(dq)"),
+        // The frequency is a fitted number: right to half a percent.
+        ("elbow", "0.2*sin(19*t)", ["sin(18.9", "sin(19*", "sin(19.0"]),
+        ("shoulder", "-1.2*dq*max(0,q)", ["dq*max(0,q)"; 3]),
+        ("yaw", "-0.4*dq*abs(dq)", ["dq*abs(dq)"; 3]),
     ];
-    for (joint, law, part) in laws {
+    for (joint, law, parts) in laws {
         let (beside, diagnosis) = asked(&[planted(joint, law)]);
         assert_eq!(diagnosis.verdict, Verdict::Unexplained);
         let found = diagnosis.residual_law.unwrap();
         let (site, _, text) = beside.law(&found).unwrap();
-        assert!(site == joint && text.contains(part) && found.explains > 0.8, "{law}: {text} {}", found.explains);
+        let named = parts.iter().any(|part| text.contains(part));
+        assert!(site == joint && named && found.explains > 0.8, "{law}: {text} {}", found.explains);
         assert!(diagnosis.rollouts < 1500, "{}", diagnosis.rollouts);
     }
 }

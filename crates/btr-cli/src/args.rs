@@ -61,7 +61,7 @@ pub(crate) enum Verb {
     /// Find out which physical effect the model lacks
     #[command(
         after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap\n\n\
-        Without --held-out the last third of each log is held out."
+        Without --held-out the last three tenths of each log are held out."
     )]
     Diagnose(Diagnose),
     /// Write an effect into a model, free to fit

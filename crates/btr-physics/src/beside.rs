@@ -22,7 +22,7 @@ const SHAPE: f64 = 3.0;
 /// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
 
-/// Where nothing is held out, this last share of every log is.
+/// Where nothing is held out, this last share of every log is; `btr diagnose --help` says so.
 const JUDGED_TAIL: f64 = 0.3;
 
 /// A model, the logs it is compared with, and all that may be varied.
@@ -177,7 +177,11 @@ impl Beside {
         let (mut amplitudes, mut shapes) = (candidate.amplitudes.iter(), candidate.shapes.iter());
         let knob = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
         let knobs: Vec<Option<&usize>> = effect.card().params.iter().map(knob).collect();
-        let value = |(knob, param): (Option<&usize>, &Param)| knob.map_or(param.off, |&k| self.knobs[k].value(u[k]));
+        // Rounding must not carry a value across the bound at which its sign would change.
+        let least = |param: &Param| param.bounds.0.min(0.0);
+        let value = |(knob, param): (Option<&usize>, &Param)| {
+            knob.map_or(param.off, |&k| self.knobs[k].value(u[k]).max(least(param)))
+        };
         let values = knobs.into_iter().zip(effect.card().params).map(value).collect();
         Placed { effect, site: candidate.site.clone(), values }
     }

@@ -11,7 +11,7 @@ mod screen;
 
 pub use law::ResidualLaw;
 
-use crate::fit::judge::{Measure, chi, held_out_squares};
+use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
@@ -26,12 +26,10 @@ pub mod thresholds {
     pub const LEARNT_FALL: f64 = 0.05;
     /// ... and that of the held-out logs by more than this.
     pub const HELD_OUT_FALL: f64 = 0.04;
-    /// Up to this error nothing is missing.
-    pub const NOISE: f64 = 1.15;
     /// Above this error what was found does not explain it.
     pub const EXPLAINED: f64 = 1.5;
 }
-use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, NOISE};
+use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL};
 
 /// How much is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -335,7 +333,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     if !state.fit.fresh {
         state.fit.differentiate(bench);
     }
-    let trusted = last <= EXPLAINED;
+    let trusted = last <= NOISE;
     let inflation = Measure::of(bench, &state.fit).inflation();
     let all = estimates(bench.family, &state.fit, inflation, trusted);
     for found in &mut state.chosen {

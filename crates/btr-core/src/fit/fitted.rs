@@ -2,11 +2,9 @@
 
 use super::bench::{Bench, Logs, squares};
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
-use super::judge::{Measure, chi, held_out_squares};
+use super::judge::{Measure, NOISE, chi, held_out_squares};
 use super::solve::{Effort, Ended, Fit};
 
-/// Above this error the residual has structure, and intervals would be wrong with confidence.
-const STRUCTURED: f64 = 1.5;
 /// Where amplitudes that are off are started from, beside off: some effects have no slope there.
 const STARTS: [f64; 2] = [0.4, 1.5];
 /// What each start may spend before the best goes on.
@@ -71,9 +69,9 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     fit.differentiate_finely(bench);
     let (_, train, held_out) = ladder.last()?.clone();
     let error = held_out.unwrap_or(train);
-    let withheld = (error > STRUCTURED).then(|| {
+    let withheld = (error > NOISE).then(|| {
         format!(
-            "the error is still {error:.1} times the noise floor: something is missing, and any interval would be wrong"
+            "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
         )
     });
     let inflation = Measure::of(bench, &fit).inflation();

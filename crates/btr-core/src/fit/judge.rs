@@ -3,9 +3,11 @@
 
 use super::bench::{Bench, Logs, corrected, squares};
 use super::solve::Fit;
+use crate::stats::autocorrelation_time;
 
-/// Samples further apart than this many correlation times count as independent (Sokal's window rule).
-const WINDOW: f64 = 5.0;
+/// Up to this error, in multiples of the noise floor, a residual passes for noise; above it, it has structure, and an interval
+/// would be wrong with confidence.
+pub(crate) const NOISE: f64 = 1.15;
 
 /// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,50 +57,10 @@ fn memory(bench: &Bench, fit: &Fit) -> f64 {
         for channel in &bench.family.logs()[log].channels {
             let series = &fit.residual[start + channel.samples.start..start + channel.samples.end];
             let squares: f64 = series.iter().map(|r| r * r).sum();
-            weighted += squares * correlation_time(series);
+            weighted += squares * autocorrelation_time(series);
             weight += squares;
         }
         start += bench.family.logs()[log].rows();
     }
     if weight > 0.0 { weighted / weight } else { 1.0 }
-}
-
-/// 1 + 2·Σ autocorrelation, up to the window.
-fn correlation_time(x: &[f64]) -> f64 {
-    let n = x.len();
-    let mean = x.iter().sum::<f64>() / n.max(1) as f64;
-    let at = |lag: usize| -> f64 { (lag..n).map(|i| (x[i] - mean) * (x[i - lag] - mean)).sum() };
-    let variance = at(0);
-    if variance <= 0.0 {
-        return 1.0;
-    }
-    let mut time = 1.0;
-    for lag in 1..n / 4 {
-        time += 2.0 * at(lag) / variance;
-        if lag as f64 >= WINDOW * time {
-            break;
-        }
-    }
-    time.max(1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-    use crate::random::stream;
-    use rand::RngExt;
-
-    #[test]
-    fn white_noise_has_no_memory_and_a_slow_process_its_own() {
-        let mut rng = stream(3, &[]);
-        let mut white = || (0..20_000).map(|_| rng.random::<f64>() - 0.5).collect::<Vec<f64>>();
-        assert!((correlation_time(&white()) - 1.0).abs() < 0.1);
-        let mut slow = white();
-        for i in 1..slow.len() {
-            slow[i] += 0.9 * slow[i - 1];
-        }
-        // (1 + a)/(1 - a) = 19 for a first-order process.
-        assert!((correlation_time(&slow) / 19.0 - 1.0).abs() < 0.2, "{}", correlation_time(&slow));
-    }
 }
