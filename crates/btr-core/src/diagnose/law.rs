@@ -8,7 +8,7 @@
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
 //! joints and four logs. There are at most two searches.
 
-use crate::family::Feature;
+use crate::family::{Feature, Step};
 use crate::fit::judge::{Measure, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 use crate::{distance::peak_rate, stats::autocorrelation_time};
@@ -188,7 +188,7 @@ struct Picture<'a> {
 
 impl<'a> Picture<'a> {
     fn new(bench: &'a Bench<'a>, base: &'a Fit) -> Option<Self> {
-        let logs = worst_logs(bench, &base.residual);
+        let logs = bench.worst_logs(&base.residual, PROBED_LOGS);
         let rows: Vec<usize> = logs.iter().flat_map(|(_, rows)| rows.clone()).collect();
         let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&row| base.residual[row]));
         let jacobian = base.jacobian.as_ref()?.select_rows(&rows);
@@ -257,7 +257,7 @@ impl<'a> Picture<'a> {
     fn respond(&self, points: &[Vec<f64>]) -> Vec<Option<DVector<f64>>> {
         let mut changes: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points.len()];
         for (log, rows) in &self.logs {
-            for (change, after) in changes.iter_mut().zip(self.bench.residuals_of_log(points, *log)) {
+            for (change, after) in changes.iter_mut().zip(self.bench.residuals_of(points, &[*log], Step::Usual)) {
                 let Some((change, after)) = change.as_mut().zip(after) else {
                     *change = None;
                     continue;
@@ -355,17 +355,4 @@ impl Normal {
         let cost = self.squares + pull.dot(&amplitudes);
         cost.is_finite().then(|| Solved { columns, amplitudes: amplitudes.as_slice().to_vec(), cost })
     }
-}
-
-/// The logs to learn from with the largest sums of squares, with their rows in the residual.
-fn worst_logs(bench: &Bench, residual: &[f64]) -> Vec<(usize, Range<usize>)> {
-    let mut start = 0;
-    let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();
-    for &log in bench.logs(Logs::Learn) {
-        let rows = start..start + bench.family.logs()[log].rows();
-        start = rows.end;
-        logs.push((crate::fit::squares(&residual[rows.clone()]), log, rows));
-    }
-    logs.sort_by(|a, b| b.0.total_cmp(&a.0));
-    logs.into_iter().take(PROBED_LOGS).map(|(_, log, rows)| (log, rows)).collect()
 }

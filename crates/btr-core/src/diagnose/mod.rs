@@ -140,6 +140,8 @@ struct State {
     ladder: Vec<Rung>,
     rivals: Vec<(usize, Vec<f64>)>,
     rounds: Vec<Vec<Ranked>>,
+    /// The base before each of the chosen was added.
+    bases: Vec<Fit>,
 }
 
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
@@ -173,6 +175,7 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
+        bases: Vec::new(),
     };
     fit.renew_step_error(bench);
     state.fit = fit;
@@ -195,28 +198,45 @@ fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
 
 /// Screens, races and judges; the winner if it is to be believed.
 fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
-    let chosen: Vec<usize> = state.chosen.iter().map(|found| found.candidate).collect();
-    let starts = screen(bench, &mut state.fit, &chosen);
-    let mut rivals = race(bench, &state.fit, &starts);
-    let samples = bench.samples(Logs::Learn);
-    let explains = |rivals: &[Rival]| rivals.first().is_some_and(|r| chi(r.fit.squares(), samples) <= EXPLAINED);
-    if state.chosen.is_empty() && !explains(&rivals) && !bench.family.doubtful().is_empty() {
-        // What is in doubt may have gone astray to make up for the effect: once more from where it began.
+    let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
+    let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
+    let mut bases = vec![state.fit.clone()];
+    if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
         let origin = vec![0.0; state.fit.u.len()];
-        if let Some(mut bare) = Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error) {
-            let again = screen(bench, &mut bare, &chosen);
-            rivals.extend(race(bench, &bare, &again));
-            rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
-            let mut seen = Vec::new();
-            rivals.retain(|r| {
-                !seen.contains(&r.candidate) && {
-                    seen.push(r.candidate);
-                    true
-                }
-            });
-        }
+        bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+    }
+    let starts = screen(bench, &mut bases, &offered);
+    let mut rivals = race(bench, &bases, &starts);
+    if let Some(mut bases) = rivals.first().and_then(|leader| beneath(bench, leader, state)) {
+        let closer: Vec<usize> = starts.iter().map(|start| start.candidate).collect();
+        let starts = screen(bench, &mut bases, &closer);
+        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
     }
     judge_rivals(bench, state, rivals)
+}
+
+/// Where the leader's parameters stand without its effect, if it leaves something to explain: from there the others' probes see
+/// what is missing rather than what the parameters in doubt have done to make up for it.
+fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Vec<Fit>> {
+    let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
+    if explains || bench.family.doubtful().is_empty() {
+        return None;
+    }
+    let mut u = leader.fit.u.clone();
+    bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
+    Some(vec![Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)?])
+}
+
+/// The best fit of each candidate, best first.
+fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
+    rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
+    let mut seen = Vec::new();
+    rivals.retain(|rival| {
+        let first = !seen.contains(&rival.candidate);
+        seen.push(rival.candidate);
+        first
+    });
+    rivals
 }
 
 /// The rival with the lowest B, if it passes all three tests.
@@ -266,7 +286,7 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
 impl State {
     /// Makes the winner the new base.
     fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
-        self.fit = rival.fit;
+        self.bases.push(std::mem::replace(&mut self.fit, rival.fit));
         self.fit.renew_step_error(bench);
         self.fit.jacobian = None;
         self.fit.solve(bench, Effort::FULL);
@@ -279,15 +299,7 @@ impl State {
     fn eliminate(&mut self, bench: &Bench) {
         let mut index = 0;
         while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
-            let candidate = &bench.family.candidates()[self.chosen[index].candidate];
-            let gone: Vec<usize> = candidate.knobs().collect();
-            let mut u = self.fit.u.clone();
-            gone.iter().for_each(|&knob| u[knob] = 0.0);
-            let active: Vec<usize> = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
-            let without = Fit::at(bench, active, u, &self.fit.step_error).map(|mut fit| {
-                fit.solve(bench, Effort { jacobians: 2, steps: 12 });
-                fit
-            });
+            let without = self.without(bench, index);
             let measure = Measure::of(bench, &self.fit);
             let needless = without.filter(|fit| {
                 let costs = measure.criterion(fit) - measure.criterion(&self.fit);
@@ -298,11 +310,36 @@ impl State {
                     self.fit = fit;
                     self.held_out = held_out_squares(bench, &self.fit.u);
                     let gone = self.chosen.remove(index);
+                    self.bases.remove(index + 1);
                     self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
                 }
                 None => index += 1,
             }
         }
+    }
+
+    /// The best fit without one of the chosen.
+    fn without(&self, bench: &Bench, index: usize) -> Option<Fit> {
+        let gone: Vec<usize> = bench.family.candidates()[self.chosen[index].candidate].knobs().collect();
+        let mut u = self.fit.u.clone();
+        gone.iter().for_each(|&knob| u[knob] = 0.0);
+        let active: Vec<usize> = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
+        let removed = Fit::at(bench, active, u, &self.fit.step_error).map(|mut fit| {
+            fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+            fit
+        });
+        // The latest one may have got used to the one before it: once more as if that had never been found.
+        let never = (index + 2 == self.chosen.len()).then(|| self.instead(bench, index)).flatten();
+        removed.into_iter().chain(never).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// The latest of the chosen fitted in the place of an earlier one.
+    fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
+        let latest = self.chosen.last()?.candidate;
+        let mut bases =
+            vec![Fit::at(bench, self.bases[index].active.clone(), self.bases[index].u.clone(), &self.fit.step_error)?];
+        let starts = screen(bench, &mut bases, &[latest]);
+        race(bench, &bases, &starts).pop().map(|rival| rival.fit)
     }
 
     /// Notes where the error is now.
@@ -330,8 +367,10 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
         _ => Verdict::Unexplained,
     };
-    state.fit.differentiate_widely(bench);
     let trusted = last <= NOISE;
+    if trusted {
+        state.fit.differentiate_widely(bench);
+    }
     let inflation = Measure::of(bench, &state.fit).inflation();
     let all = estimates(bench.family, &state.fit, inflation, trusted);
     for found in &mut state.chosen {
@@ -345,7 +384,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     Diagnosis {
         verdict,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
-        integrator_error: chi(crate::fit::squares(&state.fit.step_error), bench.samples(Logs::Learn)),
+        integrator_error: state.fit.integrator_error(bench),
         at_bound: at_bound.collect(),
         rounds: state.rounds,
         effects: state.chosen,

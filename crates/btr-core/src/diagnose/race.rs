@@ -10,6 +10,9 @@ const LEADERS: usize = 3;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
 const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
+/// The effort for whoever leads the race, and for each of the others.
+const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
+const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
 
 /// A candidate with its fit.
 #[derive(Clone, Debug)]
@@ -21,8 +24,9 @@ pub(super) struct Rival {
 }
 
 /// The candidates that the race left, fully fitted, lowest cost first.
-pub(super) fn race(bench: &Bench, base: &Fit, starts: &[Start]) -> Vec<Rival> {
-    let mut rivals: Vec<Rival> = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, base, start)).collect();
+pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start]) -> Vec<Rival> {
+    let begun = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, &bases[start.base], start));
+    let mut rivals: Vec<Rival> = begun.collect();
     for rival in &mut rivals {
         rival.fit.solve(bench, Effort::RACE);
     }
@@ -33,7 +37,7 @@ pub(super) fn race(bench: &Bench, base: &Fit, starts: &[Start]) -> Vec<Rival> {
         let close = rival.fit.squares() <= CLOSE * best;
         if polished.len() < LEADERS || (close && polished.len() < MOST) {
             rival.fit.jacobian = None;
-            rival.fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+            rival.fit.solve(bench, if polished.is_empty() { LEADER } else { FOLLOWER });
             polished.push(rival);
         }
     }

@@ -1,22 +1,30 @@
 //! Which effects are worth fitting: every candidate is tried with finite probes, while all that is in doubt may adapt.
 //!
 //! Probes are finite because some effects have no slope at zero (backlash, delay, a limit). What the base's parameters can do
-//! as well is projected out, so that only what they cannot do counts for a candidate.
+//! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
+//! largest error alone; what is promising there is probed on all of them.
 
 use crate::family::{Candidate, Law, Step};
-use crate::fit::{Bench, Fit, Logs, Residual, corrected};
+use crate::fit::{Bench, Fit, Logs, corrected};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Amplitudes of the probes, in typical sizes.
-const PROBES: [f64; 2] = [0.3, 1.5];
-/// Limits act from some threshold on and are probed around it; they are not scaled.
-const LIMITS: [f64; 6] = [0.12, 0.18, 0.27, 0.4, 0.6, 1.0];
+/// How large probes are.
+struct Sizes {
+    /// Amplitudes, in typical sizes.
+    amplitudes: &'static [f64],
+    /// Limits act from some threshold on and are probed around it; they are not scaled.
+    limits: &'static [f64],
+}
+
+/// For the first glance, and for a closer look.
+const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
+const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
 /// An amplitude so many times the probe's is as far as the probe is believed.
 const STRETCH: f64 = 4.0;
-/// With more starts than this, only the best few by the most telling log are probed in full.
-const FEW_STARTS: usize = 3;
+/// How many candidates survive the glance at one log.
+const GLANCED: usize = 16;
 /// How many candidates are simulated where their probes promise most.
-const VERIFIED: usize = 16;
+const VERIFIED: usize = 10;
 /// A base that could lower its cost by a smaller share is at its optimum.
 const AT_REST: f64 = 0.01;
 /// Stiffness of what stands at a bound, relative to what the logs tell of it.
@@ -29,14 +37,18 @@ const BATCH: usize = 48;
 pub(super) struct Start {
     /// Index of the candidate.
     pub candidate: usize,
+    /// Index of the base it goes on from.
+    pub base: usize,
     /// The point.
     pub u: Vec<f64>,
     /// The cost there: promised, then simulated.
     pub cost: f64,
 }
 
-/// The base around its optimum: what its own parameters can do about any change of the residual.
+/// The base around its optimum, as some of the logs show it: what its own parameters can do about any change of the residual.
 struct Base<'a> {
+    index: usize,
+    logs: Vec<usize>,
     fit: &'a Fit,
     jacobian: &'a DMatrix<f64>,
     factors: Cholesky<f64, Dyn>,
@@ -53,32 +65,66 @@ struct Probe {
 
 /// About how many logs a screening simulates.
 pub(super) fn rollouts(bench: &Bench) -> usize {
-    let probes =
-        |candidate: &Candidate| candidate.starts.len().min(FEW_STARTS) * candidate.amplitudes.len() * PROBES.len();
-    bench.family.candidates().iter().map(probes).sum::<usize>() * bench.logs(Logs::Learn).len()
+    let (candidates, logs) = (bench.family.candidates(), bench.logs(Logs::Learn).len());
+    let probes = |candidate: &Candidate| candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len();
+    candidates.iter().map(probes).sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
-/// All candidates but the chosen ones, most promising first, with the costs that were really simulated.
-pub(super) fn screen(bench: &Bench, base: &mut Fit, chosen: &[usize]) -> Vec<Start> {
-    base.differentiate_finely(bench);
-    let Some(prepared) = Base::new(bench, base) else { return Vec::new() };
-    let mut promising: Vec<Start> = (0..bench.family.candidates().len())
-        .filter(|candidate| !chosen.contains(candidate))
-        .filter_map(|candidate| prepared.promise(bench, candidate))
-        .collect();
-    promising.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    promising.truncate(VERIFIED);
-    verify(bench, base, promising)
+/// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is seen from
+/// all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make up for it.
+pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
+    for (index, base) in bases.iter_mut().enumerate() {
+        if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
+    }
+    let Some((log, rows)) = bases.first().and_then(|base| bench.worst_logs(&base.residual, 1).pop()) else {
+        return Vec::new();
+    };
+    let all = |&candidate: &usize| (candidate, bench.family.candidates()[candidate].starts.clone());
+    let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
+    let glance = |(index, base): (usize, &Fit)| {
+        let there = base.in_rows(rows.clone());
+        let seen = Base::new(bench, index, &there, vec![log]);
+        seen.map_or_else(Vec::new, |seen| seen.promising(bench, &offered, &GLANCE))
+    };
+    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
+    // Everyone is looked at from the first base, and from the one where it promised most.
+    let look = |(index, base): (usize, &Fit)| {
+        let own = glanced.iter().filter(|start| index == 0 || start.base == index);
+        let own: Vec<(usize, Vec<Vec<f64>>)> = own.map(|s| (s.candidate, vec![s.shapes(bench)])).collect();
+        let seen = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec());
+        seen.map_or_else(Vec::new, |seen| seen.promising(bench, &own, &LOOK))
+    };
+    let promising = best(bases.iter().enumerate().flat_map(look).collect(), VERIFIED);
+    verify(bench, bases, promising)
+}
+
+/// The best of each candidate, best first, at most so many.
+fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
+    starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Start> = Vec::new();
+    for start in starts {
+        if kept.len() < most && kept.iter().all(|other| other.candidate != start.candidate) {
+            kept.push(start);
+        }
+    }
+    kept
+}
+
+impl Start {
+    fn shapes(&self, bench: &Bench) -> Vec<f64> {
+        bench.family.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
+    }
 }
 
 /// Simulates every promise once.
-fn verify(bench: &Bench, base: &Fit, promising: Vec<Start>) -> Vec<Start> {
+fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
     let points: Vec<Vec<f64>> = promising.iter().map(|start| start.u.clone()).collect();
     let residuals = bench.residuals(&points, Logs::Learn, Step::Usual);
     let mut verified: Vec<Start> = promising
         .into_iter()
         .zip(residuals)
         .filter_map(|(start, residual)| {
+            let base = &bases[start.base];
             let residual = corrected(residual?, &base.step_error);
             let active = with(base, &bench.family.candidates()[start.candidate]);
             Some(Start { cost: crate::fit::cost(bench.family.knobs(), &active, &start.u, &residual), ..start })
@@ -94,7 +140,7 @@ pub(super) fn with(base: &Fit, candidate: &Candidate) -> Vec<usize> {
 }
 
 impl<'a> Base<'a> {
-    fn new(bench: &Bench, fit: &'a Fit) -> Option<Self> {
+    fn new(bench: &Bench, index: usize, fit: &'a Fit, logs: Vec<usize>) -> Option<Self> {
         let jacobian = fit.jacobian.as_ref()?;
         let mut normal = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
@@ -114,13 +160,18 @@ impl<'a> Base<'a> {
         if gradient.dot(&factors.solve(&gradient)) < AT_REST * fit.cost {
             gradient.fill(0.0);
         }
-        Some(Base { fit, jacobian, factors, gradient })
+        Some(Base { index, logs, fit, jacobian, factors, gradient })
+    }
+
+    /// What candidates promise, each at the best of its starts.
+    fn promising(&self, bench: &Bench, offered: &[(usize, Vec<Vec<f64>>)], sizes: &Sizes) -> Vec<Start> {
+        let promise = |(candidate, starts): &(usize, Vec<Vec<f64>>)| self.promise(bench, *candidate, starts, sizes);
+        offered.iter().filter_map(promise).collect()
     }
 
     /// The best point of a candidate, by its probes.
-    fn promise(&self, bench: &Bench, candidate: usize) -> Option<Start> {
-        let starts = self.best_starts(bench, candidate);
-        let probes = self.probes(bench, candidate, &starts);
+    fn promise(&self, bench: &Bench, candidate: usize, starts: &[Vec<f64>], sizes: &Sizes) -> Option<Start> {
+        let probes = self.probes(bench, candidate, starts, sizes);
         let columns = self.columns(bench, &probes);
         // Probes of one start and one size belong together: one column for each amplitude.
         let amplitudes = bench.family.candidates()[candidate].amplitudes.len();
@@ -129,50 +180,10 @@ impl<'a> Base<'a> {
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// The starts to probe: all if they are few, else those that explain most of the log with the largest error.
-    fn best_starts(&self, bench: &Bench, index: usize) -> Vec<Vec<f64>> {
-        let candidate = &bench.family.candidates()[index];
-        if candidate.starts.len() <= FEW_STARTS {
-            return candidate.starts.clone();
-        }
-        let probes: Vec<Probe> = candidate
-            .starts
-            .iter()
-            .flat_map(|shapes| {
-                candidate.amplitudes.iter().map(move |&amplitude| Probe {
-                    candidate: index,
-                    shapes: shapes.clone(),
-                    amplitude,
-                    size: PROBES[0],
-                })
-            })
-            .collect();
-        let points: Vec<Vec<f64>> = probes.iter().map(|probe| self.point(bench, probe)).collect();
-        let (log, rows) = bench.worst_log(&self.fit.residual);
-        let jacobian = self.jacobian.rows(rows.start, rows.len());
-        let there = bench.residuals_of_log(&points, log);
-        let before = &self.fit.residual[rows.clone()];
-        let step_error = &self.fit.step_error[rows];
-        let share = |after: Option<Residual>| {
-            let Some(after) = after else { return 0.0 };
-            let change = after.iter().zip(step_error).zip(before).map(|((a, e), b)| a + e - b);
-            let change = DVector::from_iterator(before.len(), change);
-            let seen = jacobian.tr_mul(&change);
-            let own = change.norm_squared() - seen.dot(&self.factors.solve(&seen));
-            let along = change.dot(&DVector::from_column_slice(before));
-            if own > 0.0 { along * along / own } else { 0.0 }
-        };
-        let shares: Vec<f64> = there.into_iter().map(share).collect();
-        let mut ranked: Vec<(f64, &Vec<f64>)> =
-            shares.chunks(candidate.amplitudes.len()).map(|s| s.iter().sum()).zip(&candidate.starts).collect();
-        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        ranked.into_iter().take(FEW_STARTS).map(|(_, start)| start.clone()).collect()
-    }
-
-    fn probes(&self, bench: &Bench, index: usize, starts: &[Vec<f64>]) -> Vec<Probe> {
+    fn probes(&self, bench: &Bench, index: usize, starts: &[Vec<f64>], sizes: &Sizes) -> Vec<Probe> {
         let candidate = &bench.family.candidates()[index];
         let limit = candidate.amplitudes.iter().any(|&k| bench.family.knobs()[k].law == Law::Inverse);
-        let sizes: &[f64] = if limit { &LIMITS } else { &PROBES };
+        let sizes = if limit { sizes.limits } else { sizes.amplitudes };
         let mut probes = Vec::new();
         for shapes in starts {
             for &size in sizes {
@@ -198,7 +209,7 @@ impl<'a> Base<'a> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {
             let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, probe)).collect();
-            let residuals = bench.residuals(&points, Logs::Learn, Step::Usual);
+            let residuals = bench.residuals_of(&points, &self.logs, Step::Usual);
             for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let size = point[probe.amplitude];
                 columns.push(residual.map(|residual| {
@@ -247,6 +258,6 @@ impl<'a> Base<'a> {
         let promised = residual + change + self.jacobian * moved;
         let active = with(self.fit, &bench.family.candidates()[probes[0].candidate]);
         let cost = crate::fit::cost(knobs, &active, &u, promised.as_slice());
-        Some(Start { candidate: probes[0].candidate, u, cost })
+        Some(Start { candidate: probes[0].candidate, base: self.index, u, cost })
     }
 }

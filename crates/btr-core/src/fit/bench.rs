@@ -54,7 +54,11 @@ impl<'a> Bench<'a> {
 
     /// Residuals at several points, in parallel; `None` where a simulation blew up.
     pub fn residuals(&self, points: &[Vec<f64>], logs: Logs, step: Step) -> Vec<Option<Residual>> {
-        let which = self.logs(logs);
+        self.residuals_of(points, self.logs(logs), step)
+    }
+
+    /// The same for some logs.
+    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
         let jobs: Vec<(usize, usize)> = (0..points.len()).flat_map(|p| which.iter().map(move |l| (p, *l))).collect();
         self.rollouts.fetch_add(jobs.len(), Ordering::Relaxed);
         let run = |&(point, log): &(usize, usize)| self.of_log(&points[point], log, step);
@@ -86,25 +90,17 @@ impl<'a> Bench<'a> {
         self.logs(logs).iter().map(count).sum()
     }
 
-    /// The log to learn from with the largest sum of squares, and its rows in the residual.
-    pub fn worst_log(&self, residual: &[f64]) -> (usize, Range<usize>) {
+    /// The logs to learn from with the largest sums of squares, worst first, with their rows in the residual.
+    pub fn worst_logs(&self, residual: &[f64], most: usize) -> Vec<(usize, Range<usize>)> {
         let mut start = 0;
-        let mut worst = (0, 0..0, f64::NEG_INFINITY);
+        let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();
         for &log in &self.learn {
             let rows = start..start + self.family.logs()[log].rows();
             start = rows.end;
-            let squares = squares(&residual[rows.clone()]);
-            if squares > worst.2 {
-                worst = (log, rows, squares);
-            }
+            logs.push((squares(&residual[rows.clone()]), log, rows));
         }
-        (worst.0, worst.1)
-    }
-
-    /// Residuals of one log at several points.
-    pub fn residuals_of_log(&self, points: &[Vec<f64>], log: usize) -> Vec<Option<Residual>> {
-        self.rollouts.fetch_add(points.len(), Ordering::Relaxed);
-        points.par_iter().map(|point| self.of_log(point, log, Step::Usual)).collect()
+        logs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        logs.into_iter().take(most).map(|(_, log, rows)| (log, rows)).collect()
     }
 
     /// The residual at one point.

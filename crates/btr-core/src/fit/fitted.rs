@@ -1,6 +1,6 @@
 //! The whole way from a model as it stands to values with intervals.
 
-use super::bench::{Bench, Logs, squares};
+use super::bench::{Bench, Logs};
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
 use super::judge::{Measure, NOISE, chi, held_out_squares};
 use super::solve::{Effort, Ended, Fit};
@@ -78,7 +78,7 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     Some(Fitted {
         parameters: estimates(bench.family, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(bench.family, &fit),
-        integrator_error: chi(squares(&fit.step_error), bench.samples(Logs::Learn)),
+        integrator_error: fit.integrator_error(bench),
         fit,
         train,
         held_out,

@@ -5,6 +5,7 @@ use super::bench::{Bench, Logs, Residual, corrected, squares};
 use crate::family::Knob;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
+use std::ops::Range;
 
 /// The most Jacobians and steps of one call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,12 +76,36 @@ impl Fit {
         squares(&self.residual)
     }
 
-    /// Takes the integrator's error into account as it is here.
+    /// The same fit as some rows of the residual show it.
+    pub(crate) fn in_rows(&self, rows: Range<usize>) -> Fit {
+        let jacobian = self.jacobian.as_ref().map(|jacobian| jacobian.rows(rows.start, rows.len()).into_owned());
+        let (residual, step_error) = (self.residual[rows.clone()].to_vec(), self.step_error[rows].to_vec());
+        let cost = self.cost - self.squares() + squares(&residual);
+        Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
+    }
+
+    /// Takes the integrator's error into account as it is here; not where the error has no order (a rotor that meets its flank a
+    /// step earlier), so that what is extrapolated from half the step makes things worse.
     pub fn renew_step_error(&mut self, bench: &Bench) {
-        let bare: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
-        self.step_error = bench.step_error(&self.u, &bare, Logs::Learn);
-        self.residual = corrected(bare, &self.step_error);
+        let bare = self.bare();
+        let error = bench.step_error(&self.u, &bare, Logs::Learn);
+        let extrapolated = corrected(bare.clone(), &error);
+        (self.residual, self.step_error) = match squares(&extrapolated) < squares(&bare) {
+            true => (extrapolated, error),
+            false => (bare, vec![0.0; error.len()]),
+        };
         self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
+    }
+
+    /// The integrator's error here, in multiples of the noise floor.
+    pub fn integrator_error(&self, bench: &Bench) -> f64 {
+        let error = bench.step_error(&self.u, &self.bare(), Logs::Learn);
+        (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt()
+    }
+
+    /// The residual as simulated.
+    fn bare(&self) -> Residual {
+        self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect()
     }
 
     /// Goes downhill as far as the effort allows.
