@@ -180,6 +180,10 @@ pub trait Family: Sync {
     /// # Errors
     /// A simulation that blew up.
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError>;
+    /// With which power of the step its error falls.
+    fn order(&self) -> i32 {
+        1
+    }
     /// How many numbers tell in which state a log begins, beyond what is known of it for sure.
     fn starts(&self, _log: usize) -> usize {
         0

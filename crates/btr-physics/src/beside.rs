@@ -317,6 +317,10 @@ impl Family for Beside {
         self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
     }
 
+    fn order(&self) -> i32 {
+        self.model.order()
+    }
+
     fn starts(&self, log: usize) -> usize {
         // A base that is free to move begins in a state that no joint tells.
         if self.model.robot.base == Base::Fixed { 2 * self.nudged(log).count() } else { 0 }

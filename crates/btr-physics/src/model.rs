@@ -1,11 +1,12 @@
 //! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
 //! simulations that everything else searches.
 
+use crate::articulated::Articulated;
 use crate::drive::{Drive, DrivePlan};
 use crate::effect::Placed;
 use crate::parameter::Target;
 use crate::robot::{JointKind, Robot};
-use crate::sim::{self, Setup};
+use crate::sim::{self, EngineName, Setup};
 use crate::task::Fitness;
 use btr_core::family::Step;
 use btr_core::log::{Log, Role};
@@ -93,6 +94,11 @@ impl Model {
             fitness: self.fitness.clone(),
             rollouts: 0.into(),
         }
+    }
+
+    /// With which power of the time step the error of its physics engine falls.
+    pub fn order(&self) -> i32 {
+        if self.setup.engine == EngineName::Auto && Articulated::can(&self.robot, &self.setup) { 2 } else { 1 }
     }
 
     /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.

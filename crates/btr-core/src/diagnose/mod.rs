@@ -140,8 +140,6 @@ struct State {
     ladder: Vec<Rung>,
     rivals: Vec<(usize, Vec<f64>)>,
     rounds: Vec<Vec<Ranked>>,
-    /// The base before each of the chosen was added.
-    bases: Vec<Fit>,
 }
 
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
@@ -175,7 +173,6 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
-        bases: Vec::new(),
     };
     fit.renew_step_error(bench);
     state.fit = fit;
@@ -286,7 +283,7 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
 impl State {
     /// Makes the winner the new base.
     fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
-        self.bases.push(std::mem::replace(&mut self.fit, rival.fit));
+        self.fit = rival.fit;
         self.fit.renew_step_error(bench);
         self.fit.jacobian = None;
         self.fit.solve(bench, Effort::FULL);
@@ -310,7 +307,6 @@ impl State {
                     self.fit = fit;
                     self.held_out = held_out_squares(bench, &self.fit.u);
                     let gone = self.chosen.remove(index);
-                    self.bases.remove(index + 1);
                     self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
                 }
                 None => index += 1,
@@ -320,25 +316,31 @@ impl State {
 
     /// The best fit without one of the chosen.
     fn without(&self, bench: &Bench, index: usize) -> Option<Fit> {
-        let gone: Vec<usize> = bench.family.candidates()[self.chosen[index].candidate].knobs().collect();
-        let mut u = self.fit.u.clone();
-        gone.iter().for_each(|&knob| u[knob] = 0.0);
-        let active: Vec<usize> = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
-        let removed = Fit::at(bench, active, u, &self.fit.step_error).map(|mut fit| {
+        let removed = self.less(bench, &[index]).map(|mut fit| {
             fit.solve(bench, Effort { jacobians: 2, steps: 12 });
             fit
         });
         // The latest one may have got used to the one before it: once more as if that had never been found.
-        let never = (index + 2 == self.chosen.len()).then(|| self.instead(bench, index)).flatten();
+        let never = if index + 2 == self.chosen.len() { self.instead(bench, index) } else { None };
         removed.into_iter().chain(never).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// The point without some of the chosen; all else stays.
+    fn less(&self, bench: &Bench, indices: &[usize]) -> Option<Fit> {
+        let knobs =
+            |&index: &usize| bench.family.candidates()[self.chosen[index].candidate].knobs().collect::<Vec<_>>();
+        let gone: Vec<usize> = indices.iter().flat_map(knobs).collect();
+        let mut u = self.fit.u.clone();
+        gone.iter().for_each(|&knob| u[knob] = 0.0);
+        let active = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
+        Fit::at(bench, active, u, &self.fit.step_error)
     }
 
     /// The latest of the chosen fitted in the place of an earlier one.
     fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
-        let latest = self.chosen.last()?.candidate;
-        let mut bases =
-            vec![Fit::at(bench, self.bases[index].active.clone(), self.bases[index].u.clone(), &self.fit.step_error)?];
-        let starts = screen(bench, &mut bases, &[latest]);
+        let latest = self.chosen.len() - 1;
+        let mut bases = vec![self.less(bench, &[index, latest])?];
+        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate]);
         race(bench, &bases, &starts).pop().map(|rival| rival.fit)
     }
 

