@@ -37,6 +37,7 @@ fn scenario(model: &Model, episode: usize) -> Scenario {
         duration_s: 3.0,
         settings: Vec::new(),
         start: Vec::new(),
+        ..Scenario::default()
     }
 }
 

@@ -3,8 +3,10 @@
 //!
 //! `cargo run --release -p btr-tests --bin hidden_effects -- --help`
 
+mod ant;
 mod arm;
 mod excite;
+mod reality;
 mod score;
 
 use btr_core::diagnose::{Question, Rung, diagnose};
@@ -12,6 +14,7 @@ use btr_core::family::Family;
 use btr_core::fit::Bench;
 use btr_core::log::Log;
 use btr_physics::io::{self, Meta};
+use reality::Subject;
 use score::{Case, Outcome, summary};
 use std::path::Path;
 use std::time::Instant;
@@ -19,6 +22,7 @@ use std::time::Instant;
 const HELP: &str = "\
 hidden_effects [KIND] [OPTIONS]
   KIND             one (default), none, two, outside
+  --robot ROBOT    arm (default): a desk arm; ant: six legs on the ground
   --effects A,B    only these; every effect that fits the robot unless given
   --seeds A..B     1..4 unless given; tuning uses seeds below 1000, reports those from 1000 on
   --size X         effects X times their realistic size; 1 unless given
@@ -29,6 +33,7 @@ hidden_effects [KIND] [OPTIONS]
 /// What is asked for on the command line.
 struct Options {
     kind: String,
+    subject: &'static Subject,
     effects: Vec<String>,
     seeds: std::ops::Range<u64>,
     size: f64,
@@ -40,6 +45,7 @@ struct Options {
 fn options() -> Result<Options, String> {
     let mut options = Options {
         kind: "one".into(),
+        subject: &arm::ARM,
         effects: vec![],
         seeds: 1..4,
         size: 1.0,
@@ -52,6 +58,13 @@ fn options() -> Result<Options, String> {
         let mut value = || args.next().ok_or(format!("{arg} needs a value"));
         match arg.as_str() {
             "one" | "none" | "two" | "outside" => options.kind = arg,
+            "--robot" => {
+                options.subject = match value()?.as_str() {
+                    "arm" => &arm::ARM,
+                    "ant" => &ant::ANT,
+                    _ => return Err("--robot takes arm or ant".to_owned()),
+                }
+            }
             "--effects" => options.effects = value()?.split(',').map(str::to_owned).collect(),
             "--size" => options.size = value()?.parse().map_err(|_| "--size takes a number")?,
             "--seeds" => {
@@ -77,7 +90,7 @@ fn main() {
             std::process::exit(2);
         }
     };
-    let cases = arm::cases(&options.kind, &options.effects, options.seeds.clone(), options.size);
+    let cases = reality::cases(options.subject, &options.kind, &options.effects, options.seeds.clone(), options.size);
     if let Some(folder) = &options.write {
         match cases.first().map(|case| write(case, Path::new(folder))) {
             Some(Err(error)) => eprintln!("{error}"),

@@ -188,7 +188,18 @@ pub trait Family: Sync {
     fn starts(&self, _log: usize) -> usize {
         0
     }
-    /// The same as [`residual`](Self::residual) where one of those numbers (or none) is moved by what noise could hide.
+    /// Samples of every channel that follow from one start and no other; none where all of a log does. Those that belong to no
+    /// start have no part in this.
+    fn windows(&self, _log: usize) -> Vec<Range<usize>> {
+        Vec::new()
+    }
+    /// The standard deviation of what is known of those numbers, in units of what [`residual_from`](Self::residual_from) moves
+    /// them by; infinite where nothing is.
+    fn start_spread(&self) -> f64 {
+        f64::INFINITY
+    }
+    /// The same as [`residual`](Self::residual) where one of those numbers (or none), in all windows at once, is moved by
+    /// what noise could hide.
     ///
     /// # Errors
     /// A simulation that blew up.

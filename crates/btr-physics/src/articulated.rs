@@ -10,7 +10,7 @@
 //! (projected Gauss-Seidel on the inverse inertia).
 
 use crate::assemble::{self, Body};
-use crate::engine::{BaseState, Dof, Dynamics};
+use crate::engine::{BaseState, Dof, Dynamics, State};
 use crate::robot::{JointKind, Robot};
 use crate::sim::Setup;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, Vector3};
@@ -424,6 +424,14 @@ impl Dynamics for Articulated {
 
     fn velocities(&self) -> &[f64] {
         &self.dq
+    }
+
+    fn place(&mut self, state: &State) {
+        for (i, &(q, dq)) in state.joints.iter().enumerate() {
+            // Where nothing jumps, what the velocity was before goes on counting.
+            self.before[i] += dq - self.dq[i];
+            (self.q[i], self.dq[i]) = (q, dq);
+        }
     }
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {

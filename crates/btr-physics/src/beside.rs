@@ -2,11 +2,13 @@
 //! where it could sit.
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed, SiteKind};
+use crate::floor;
 use crate::model::{Model, Scenario};
 use crate::robot::{Actuator, Base, JointKind};
 use crate::scales::Scales;
 use crate::sim::Setup;
 use crate::term::{self, Extent, Term};
+use crate::windows::{self, Windows};
 use btr_core::diagnose::ResidualLaw;
 use btr_core::family::{Candidate, Family, Feature, Knob, Law, Measured, Recorded, Step};
 use btr_core::log::{Log, Role, interpolate};
@@ -32,6 +34,8 @@ const JUDGED_TAIL: f64 = 0.3;
 pub struct Beside {
     model: Arc<Model>,
     recorded: Vec<Log>,
+    /// The model's scenarios, with the restarts that the logs call for.
+    situations: Vec<Scenario>,
     parts: Vec<Part>,
     knobs: Vec<Knob>,
     doubtful: Vec<usize>,
@@ -50,6 +54,22 @@ struct Part {
     scenario: usize,
     samples: Range<usize>,
     held_out: bool,
+    /// The same, window by window; none where all follows from the log's start.
+    windows: Vec<Range<usize>>,
+    /// With windows: the noise of every joint's reading; 0 where there is none.
+    noise: Vec<f64>,
+}
+
+impl Part {
+    fn new(scenario: usize, samples: Range<usize>, held_out: bool) -> Self {
+        Part { scenario, samples, held_out, windows: Vec::new(), noise: Vec::new() }
+    }
+
+    /// Whether a sample counts.
+    fn has(&self, sample: usize) -> bool {
+        let windows = || self.windows.iter().any(|window| window.contains(&sample));
+        self.samples.contains(&sample) && (self.windows.is_empty() || windows())
+    }
 }
 
 impl Beside {
@@ -68,12 +88,34 @@ impl Beside {
     /// # Errors
     /// See [`new`](Self::new).
     pub fn to_learn(model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
-        let whole = |(scenario, log): (usize, &Log)| Part { scenario, samples: 0..log.len(), held_out: false };
-        let parts = recorded.iter().enumerate().map(whole).collect();
+        let parts = whole(&recorded);
         Self::in_parts(model, recorded, &[], parts)
     }
 
+    /// The same without any effect that may be missing, and with the sensors' noise alone for a floor.
+    pub(crate) fn bare(model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
+        let parts = whole(&recorded);
+        Self::beside(model, recorded, parts)
+    }
+
     fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
+        let mut beside = Self::beside(model, recorded, parts)?;
+        if beside.parts.iter().any(|part| !part.windows.is_empty()) {
+            let excess = floor::excess(&beside, &beside.learnt())?;
+            for channel in beside.logs.iter_mut().flat_map(|log| &mut log.channels) {
+                channel.sigma *= excess.get(&channel.name).copied().unwrap_or(1.0);
+            }
+        }
+        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
+            for site in sites(effect, &beside.model) {
+                beside.offer(effect, site);
+            }
+        }
+        beside.offer_terms()?;
+        Ok(beside)
+    }
+
+    fn beside(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<Part>) -> Result<Self, WorldError> {
         let scales = Scales::of(&model, &recorded)?;
         let mut beside = Beside {
             knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
@@ -85,17 +127,40 @@ impl Beside {
             terms: Vec::new(),
             scales,
             parts,
+            situations: model.scenarios.clone(),
             model,
             recorded,
         };
+        if beside.model.robot.base == Base::Floating {
+            beside.cut()?;
+        }
         beside.logs = beside.parts.iter().map(|part| beside.measured(part)).collect::<Result<_, _>>()?;
-        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
-            for site in sites(effect, &beside.model) {
-                beside.offer(effect, site);
+        Ok(beside)
+    }
+
+    /// Cuts the logs into windows.
+    fn cut(&mut self) -> Result<(), WorldError> {
+        let own = self.model.simulations.nominal();
+        for (scenario, log) in self.recorded.iter().enumerate() {
+            let Windows { restarts, samples } = windows::cut(&self.model, &own, &self.situations[scenario], log)?;
+            self.situations[scenario].restarts = restarts.into();
+            let noise: Vec<f64> = self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
+            for part in self.parts.iter_mut().filter(|part| part.scenario == scenario) {
+                let within = |window: &Range<usize>| {
+                    window.start.max(part.samples.start)..window.end.min(part.samples.end)
+                };
+                part.noise.clone_from(&noise);
+                part.windows = samples.iter().map(within).filter(|window| !window.is_empty()).collect();
             }
         }
-        beside.offer_terms()?;
-        Ok(beside)
+        Ok(())
+    }
+
+    /// The noise of a joint's reading; 0 where there is none.
+    fn noise(&self, log: &Log, joint: &str) -> f64 {
+        let name = format!("q_{joint}");
+        let channel = log.channel(&name);
+        channel.and_then(|channel| self.model.setup.noise.floor(&name, &channel.values)).unwrap_or(0.0)
     }
 
     /// The model as it stands.
@@ -126,11 +191,11 @@ impl Beside {
     /// # Errors
     /// A simulation that blew up.
     pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: Step) -> Result<Log, WorldError> {
-        self.model.in_situation(scenario.clone()).rollout(&self.inner(u), 0, &self.placed(u), step)
+        self.model.rollout_in(&self.inner(u), scenario, &self.placed(u), step)
     }
 
     /// The values of what is in doubt at a point.
-    fn inner(&self, u: &[f64]) -> Vec<f64> {
+    pub(crate) fn inner(&self, u: &[f64]) -> Vec<f64> {
         self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect()
     }
 
@@ -195,7 +260,8 @@ impl Beside {
         value.clamp(dim.min, dim.max)
     }
 
-    /// The channels of a log that are compared: positions, and torques of joints whose motion is prescribed.
+    /// The channels of a log that are compared: positions, torques of joints whose motion is prescribed, and how a
+    /// floating base turns.
     fn measured(&self, part: &Part) -> Result<Recorded, WorldError> {
         let recorded = &self.recorded[part.scenario];
         let (mut channels, mut present) = (Vec::new(), 0);
@@ -205,7 +271,7 @@ impl Beside {
             let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
-            present += channel.values[part.samples.clone()].iter().filter(|x| x.is_finite()).count();
+            present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
             channels.push(Measured { name, unit: channel.unit.clone(), sigma, samples });
         }
         if channels.is_empty() {
@@ -314,7 +380,7 @@ impl Family for Beside {
     }
 
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
-        self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
+        self.against(log, &self.simulate_in(u, &self.situations[self.parts[log].scenario], step)?)
     }
 
     fn order(&self) -> i32 {
@@ -322,12 +388,31 @@ impl Family for Beside {
     }
 
     fn starts(&self, log: usize) -> usize {
-        // A base that is free to move begins in a state that no joint tells.
-        if self.model.robot.base == Base::Fixed { 2 * self.nudged(log).count() } else { 0 }
+        match (self.model.robot.base, self.parts[log].windows.len()) {
+            (Base::Fixed, _) => 2 * self.nudged(log).count(),
+            // A log too short for a window begins in a state that no joint tells.
+            (Base::Floating, 0) => 0,
+            (Base::Floating, _) => windows::nudges(self.model.robot.movable().count()),
+        }
+    }
+
+    fn windows(&self, log: usize) -> Vec<Range<usize>> {
+        self.parts[log].windows.clone()
+    }
+
+    fn start_spread(&self) -> f64 {
+        // Nudges of a base are as large as what is not known of it.
+        if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
     fn residual_from(&self, u: &[f64], log: usize, nudged: Option<usize>) -> Result<Vec<f64>, WorldError> {
-        let mut scenario = self.model.scenarios[self.parts[log].scenario].clone();
+        let mut scenario = self.situations[self.parts[log].scenario].clone();
+        if let Some(number) = nudged.filter(|_| !scenario.restarts.is_empty()) {
+            let mut restarts = scenario.restarts.to_vec();
+            windows::nudge(&mut restarts, number, &self.parts[log].noise);
+            scenario.restarts = restarts.into();
+            return self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?);
+        }
         if let Some((k, (joint, sigma))) = nudged.and_then(|k| Some((k, self.nudged(log).nth(k / 2)?))) {
             let start = &mut scenario.start[joint];
             match k % 2 {
@@ -358,7 +443,7 @@ impl Beside {
             let said = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
             let pairs = recorded.values(&channel.name)?.iter().zip(said).enumerate();
             let error = |(i, (measured, said)): (usize, (&f64, f64))| {
-                if part.samples.contains(&i) { (measured - said) / channel.sigma } else { f64::NAN }
+                if part.has(i) { (measured - said) / channel.sigma } else { f64::NAN }
             };
             residual.extend(pairs.map(error));
         }
@@ -366,29 +451,31 @@ impl Beside {
     }
 }
 
+/// The logs as they are, to learn from.
+fn whole(recorded: &[Log]) -> Vec<Part> {
+    recorded.iter().enumerate().map(|(scenario, log)| Part::new(scenario, 0..log.len(), false)).collect()
+}
+
 /// The logs as they are; each cut in two where none is held out.
 fn parts(model: &Model, recorded: &[Log]) -> Vec<Part> {
-    let whole =
-        |scenario: usize| Part { scenario, samples: 0..recorded[scenario].len(), held_out: scenario >= model.learn };
+    let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
+    let whole = |scenario: usize| Part::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);
     if model.learn < recorded.len() {
         return (0..recorded.len()).map(whole).collect();
     }
-    let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
-    let first = (0..recorded.len()).map(|scenario| Part { samples: 0..cut(scenario), ..whole(scenario) });
-    let last = (0..recorded.len()).map(|scenario| Part {
-        samples: cut(scenario)..recorded[scenario].len(),
-        held_out: true,
-        scenario,
-    });
+    let first = (0..recorded.len()).map(|scenario| Part::new(scenario, 0..cut(scenario), false));
+    let last = (0..recorded.len()).map(|scenario| Part::new(scenario, cut(scenario)..recorded[scenario].len(), true));
     first.chain(last).collect()
 }
 
 /// Names of the channels that are compared.
 fn compared(model: &Model) -> impl Iterator<Item = String> {
-    model.robot.movable().map(|(_, link)| match link.joint.actuator {
+    let joints = model.robot.movable().map(|(_, link)| match link.joint.actuator {
         Actuator::Prescribed => format!("tau_{}", link.joint.name),
         _ => format!("q_{}", link.joint.name),
-    })
+    });
+    let floating = model.robot.base == Base::Floating && model.setup.sensors.imu;
+    joints.chain(["x", "y", "z"].into_iter().filter(move |_| floating).map(|axis| format!("imu_gyro_{axis}")))
 }
 
 /// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.

@@ -67,6 +67,23 @@ pub struct BaseState {
     pub angular_rad_s: Vector3<f64>,
 }
 
+/// The state of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of [`movable`](crate::robot::Robot::movable).
+    pub joints: Vec<(f64, f64)>,
+    /// The root; without meaning where that is fixed.
+    pub base: BaseState,
+}
+
+impl State {
+    /// Where a robot is.
+    pub fn of(engine: &dyn Dynamics) -> Self {
+        let joints = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
+        State { joints: joints.collect(), base: engine.base() }
+    }
+}
+
 /// A robot in its world, advanced step by step. Joints are counted in the order of
 /// [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
 pub trait Dynamics {
@@ -74,6 +91,8 @@ pub trait Dynamics {
     fn positions(&self) -> &[f64];
     /// Joint velocities in rad/s (m/s).
     fn velocities(&self) -> &[f64];
+    /// Moves everything to another state: the joints' positions and velocities, and a floating root.
+    fn place(&mut self, state: &State);
     /// Sets what acts on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
     /// Advances by the setup's `dt_s`.

@@ -4,7 +4,9 @@
 use crate::articulated::Articulated;
 use crate::drive::{Drive, DrivePlan};
 use crate::effect::Placed;
+use crate::engine::Dynamics;
 use crate::parameter::Target;
+use crate::restart::{self, Restart};
 use crate::robot::{JointKind, Robot};
 use crate::sim::{self, EngineName, Setup};
 use crate::task::Fitness;
@@ -12,6 +14,7 @@ use btr_core::family::Step;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Simulator, WorldError};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// One situation in which the robot is tried.
@@ -20,7 +23,7 @@ pub struct Scenario {
     /// For reports.
     pub name: String,
     /// Commands of a recorded log, instead of the model's drive.
-    pub replay: Option<std::sync::Arc<crate::drive::Replay>>,
+    pub replay: Option<Arc<crate::drive::Replay>>,
     /// T_e in s.
     pub duration_s: f64,
     /// What is known of this situation: payload, gain, supply voltage, ...
@@ -28,6 +31,8 @@ pub struct Scenario {
     /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
     /// empty.
     pub start: Vec<(f64, f64)>,
+    /// States that the robot is moved to on the way, in their order: a chaotic motion is compared in short windows.
+    pub restarts: Arc<[Restart]>,
 }
 
 /// Everything needed to simulate.
@@ -76,12 +81,12 @@ impl Model {
         noise: Option<u64>,
         step: Step,
     ) -> Result<Log, WorldError> {
-        self.run_once(s, c, scenario, &[], step, noise)
+        self.run_once(s, c, &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
     }
 
-    /// The same model in one situation only.
+    /// The same model in other situations, all to learn from.
     #[must_use]
-    pub fn in_situation(&self, scenario: Scenario) -> Model {
+    pub fn in_situations(&self, scenarios: Vec<Scenario>) -> Model {
         Model {
             robot: self.robot.clone(),
             effects: self.effects.clone(),
@@ -89,8 +94,8 @@ impl Model {
             targets: self.targets.clone(),
             simulations: self.simulations.clone(),
             drive: self.drive.clone(),
-            scenarios: vec![scenario],
-            learn: 1,
+            learn: scenarios.len(),
+            scenarios,
             fitness: self.fitness.clone(),
             rollouts: 0.into(),
         }
@@ -106,33 +111,66 @@ impl Model {
     /// # Errors
     /// A point outside S, an effect that fits nothing, or a simulation that blew up.
     pub fn rollout(&self, s: &[f64], scenario: usize, further: &[Placed], step: Step) -> Result<Log, WorldError> {
-        self.run_once(s, &self.drive.space().nominal(), scenario, further, step, None)
+        self.rollout_in(s, &self.scenarios[scenario], further, step)
     }
 
+    /// The same in a situation of its own.
+    ///
+    /// # Errors
+    /// See [`rollout`](Self::rollout).
+    pub fn rollout_in(
+        &self,
+        s: &[f64],
+        situation: &Scenario,
+        further: &[Placed],
+        step: Step,
+    ) -> Result<Log, WorldError> {
+        self.run_once(s, &self.drive.space().nominal(), situation, further, step, None, &mut |_, _| {})
+    }
+
+    /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with
+    /// the time in s.
+    pub(crate) fn led(
+        &self,
+        s: &[f64],
+        situation: &Scenario,
+        lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
+    ) -> Result<Log, WorldError> {
+        self.run_once(s, &self.drive.space().nominal(), situation, &[], Step::Usual, None, lead)
+    }
+
+    #[allow(clippy::too_many_arguments)]
     fn run_once(
         &self,
         s: &[f64],
         c: &[f64],
-        scenario: usize,
+        situation: &Scenario,
         further: &[Placed],
         step: Step,
         noise: Option<u64>,
+        lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, mut effects, mut setup) = self.at(s, scenario);
+        let (mut robot, mut effects, mut setup) = self.in_the(situation, s);
         effects.extend_from_slice(further);
-        if self.scenarios[scenario].replay.is_some() {
-            read_back(&mut robot, &effects, self.scenarios[scenario].start.len())?;
+        if situation.replay.is_some() {
+            read_back(&mut robot, &effects, situation.start.len())?;
         }
         if step == Step::Halved {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
             setup.dt_s /= 2.0;
         }
-        let drive = self.drive_at(c, scenario)?;
+        let drive = self.drive_at(c, situation)?;
         drive.place(&mut robot);
-        sim::simulate(&robot, &effects, &setup, drive.as_ref(), noise)
+        let restarts = restart::read_back(&situation.restarts, &robot, &effects)?;
+        let mut restarted = restart::lead(&restarts, setup.dt_s);
+        let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
+            restarted(time_s, engine);
+            lead(time_s, engine);
+        };
+        sim::simulate_led(&robot, &effects, &setup, drive.as_ref(), noise, &mut lead)
     }
 
     /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.
@@ -141,7 +179,7 @@ impl Model {
     /// A point outside C.
     pub fn references(&self, c: &[f64], scenario: usize) -> Result<Log, WorldError> {
         self.drive.space().check(c)?;
-        let drive = self.drive_at(c, scenario)?;
+        let drive = self.drive_at(c, &self.scenarios[scenario])?;
         let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s).round() as usize;
         let clock: Vec<f64> = (0..=ticks).map(|k| k as f64 * self.setup.control_s).collect();
         let names: Vec<&str> = self.robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
@@ -160,8 +198,11 @@ impl Model {
 
     /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<Placed>, Setup) {
+        self.in_the(&self.scenarios[scenario], s)
+    }
+
+    fn in_the(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<Placed>, Setup) {
         let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
-        let situation = &self.scenarios[scenario];
         let known = situation.settings.iter().map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
             target.set(value, &mut robot, &mut effects, &mut setup);
@@ -174,8 +215,7 @@ impl Model {
 
     /// The references depend on the controller alone: they are worked out for the robot at its own values, as a real
     /// robot's controller would, whatever the simulation is.
-    fn drive_at(&self, c: &[f64], scenario: usize) -> Result<Box<dyn Drive>, WorldError> {
-        let situation = &self.scenarios[scenario];
+    fn drive_at(&self, c: &[f64], situation: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
         match &situation.replay {
             Some(replay) => Ok(Box::new(replay.clone())),
             None => self.drive.at(&self.robot, c, situation.duration_s),

@@ -174,6 +174,19 @@ pub fn simulate(
     drive: &dyn Drive,
     noise_seed: Option<u64>,
 ) -> Result<Log, WorldError> {
+    simulate_led(robot, effects, setup, drive, noise_seed, &mut |_, _| {})
+}
+
+/// The same where somebody may move the robot to another state: `lead` is called after every step with the time in s, once the
+/// sensors have been read; and once before the first.
+pub(crate) fn simulate_led(
+    robot: &Robot,
+    effects: &[Placed],
+    setup: &Setup,
+    drive: &dyn Drive,
+    noise_seed: Option<u64>,
+    lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
+) -> Result<Log, WorldError> {
     let (samples, every) = setup.samples()?;
     let effects = &effect::in_force(effects)?;
     let (robot, setup) = planted(robot, effects, setup)?;
@@ -199,6 +212,7 @@ pub fn simulate(
                 recorder.forces(engine, &control);
             }
         }
+        lead(time_s, engine);
     }
     recorder.finish(setup.dt_s * every as f64, noise_seed, |log| sense(&robot, effects, log))
 }

@@ -214,6 +214,7 @@ pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) 
         duration_s: log.duration_s(),
         settings: Vec::new(),
         start: start(log, robot).map_err(|e| lacking(path, source, &e))?,
+        ..Scenario::default()
     })
 }
 

@@ -8,10 +8,10 @@ mod build;
 mod convert;
 
 use crate::assemble::{self, Body};
-use crate::engine::{BaseState, Dof, Dynamics};
+use crate::engine::{BaseState, Dof, Dynamics, State};
 use crate::robot::{Base, JointKind, Robot};
 use crate::sim::Setup;
-use convert::{from_pose, from_vector, vector};
+use convert::{from_pose, from_vector, pose, vector};
 use nalgebra::{Point3, Translation3, Vector3};
 use rapier3d_f64::dynamics::{Multibody, MultibodyIndex, RigidBodyHandle};
 use rapier3d_f64::geometry::ColliderHandle;
@@ -159,6 +159,37 @@ impl Dynamics for Rapier {
 
     fn velocities(&self) -> &[f64] {
         &self.velocities
+    }
+
+    fn place(&mut self, state: &State) {
+        let BaseState { pose: base, velocity_m_s, angular_rad_s } = state.base;
+        let centre = base * Translation3::from(self.root_com_m);
+        let velocity = velocity_m_s + angular_rad_s.cross(&(base.rotation * self.root_com_m));
+        let was = from_pose(self.world.bodies[self.root].position());
+        let Some(multibody) = self.multibody.and_then(|i| self.world.multibody_joints.get_multibody_mut(i)) else {
+            let body = &mut self.world.bodies[self.root];
+            body.set_position(pose(&centre), true);
+            body.set_linvel(vector(&velocity), true);
+            body.set_angvel(vector(&angular_rad_s), true);
+            return;
+        };
+        let mut displacement = vec![0.0; multibody.ndofs()];
+        if self.floating {
+            let moved = centre.translation.vector - was.translation.vector;
+            let turned = (centre.rotation * was.rotation.inverse()).scaled_axis();
+            displacement[..3].copy_from_slice(moved.as_slice());
+            displacement[3..6].copy_from_slice(turned.as_slice());
+            multibody.generalized_velocity_mut().as_mut_slice()[..3].copy_from_slice(velocity.as_slice());
+            multibody.generalized_velocity_mut().as_mut_slice()[3..6].copy_from_slice(angular_rad_s.as_slice());
+        }
+        for ((slot, &(q, dq)), was) in self.joints.iter().zip(&state.joints).zip(&self.positions) {
+            displacement[slot.dof] = q - was;
+            multibody.generalized_velocity_mut()[slot.dof] = dq;
+        }
+        multibody.apply_displacements(&displacement);
+        multibody.forward_kinematics(&self.world.bodies, false);
+        multibody.update_rigid_bodies(&mut self.world.bodies, true);
+        self.read();
     }
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {

@@ -109,7 +109,7 @@ fn scenario(beside: &Beside, drive: &Excitation) -> Scenario {
         replay: Some(Arc::new(Replay::new(&drive.commands, &model.robot))),
         duration_s: drive.commands.duration_s(),
         settings: model.scenarios.first().map_or(Vec::new(), |first| first.settings.clone()),
-        start: Vec::new(),
+        ..Scenario::default()
     }
 }
 

@@ -1,0 +1,92 @@
+//! The six-legged ant of `ant.toml`, on the ground: it walks, and waves every joint as it likes.
+
+use crate::excite::{Commands, TICK_S};
+use crate::reality::Subject;
+use btr_core::random::Rng;
+use btr_physics::ant;
+use btr_physics::drive::{Drive, Sine};
+use btr_physics::effect::On;
+use rand::RngExt;
+use std::f64::consts::TAU;
+
+/// It has encoders and a gyroscope.
+pub(crate) static ANT: Subject = Subject {
+    file: "hidden_effects/ant.toml",
+    training,
+    held_out,
+    seen: &["q_", "cmd_", "imu_gyro_"],
+    silent: &[],
+    outside: &[
+        (On::Torque, "-8*max(0,q-0.2)^2"),
+        (On::Torque, "0.35*sin(19*t)"),
+        (On::Command, "cmd+0.08*sin(3*t)*cmd"),
+        (On::Torque, "-0.6*min(1,t)*sin(4*q)"),
+    ],
+};
+
+/// Length of an episode, in s.
+const DURATION_S: f64 = 2.2;
+
+fn training(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
+    vec![gait(rng), wave(rng), steps(rng)]
+}
+
+fn held_out(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
+    vec![gait(rng), wave(rng)]
+}
+
+fn clock() -> impl Iterator<Item = f64> {
+    (0..=(DURATION_S / TICK_S).round() as usize).map(|i| i as f64 * TICK_S)
+}
+
+fn between(rng: &mut Rng, least: f64, most: f64) -> f64 {
+    least + (most - least) * rng.random::<f64>()
+}
+
+/// Everything grows from the stance within 0.3 s.
+fn around_stance(offset: impl Fn(usize, f64) -> f64) -> Commands {
+    let row = |(joint, centre): (usize, f64)| {
+        clock().map(|t| centre + (t / 0.3).min(1.0) * (offset(joint, t) - offset(joint, 0.0))).collect()
+    };
+    ant::centres().into_iter().enumerate().map(row).collect()
+}
+
+/// A tripod gait, every joint a little as it likes.
+fn gait(rng: &mut Rng) -> Commands {
+    let mut sine: Sine = ant::tripod();
+    for pair in sine.controller.chunks_mut(2) {
+        pair[0] = pair[0] * between(rng, 0.6, 1.1) + between(rng, 0.0, 0.1);
+        pair[1] += between(rng, -0.3, 0.3);
+    }
+    sine.omega_rad_s *= between(rng, 0.7, 1.1);
+    let centres = ant::centres();
+    around_stance(|joint, t| {
+        let mut command = vec![0.0; centres.len()];
+        sine.command(t, &mut command);
+        command[joint] - centres[joint]
+    })
+}
+
+/// Three sines on every joint.
+fn wave(rng: &mut Rng) -> Commands {
+    let parts: Vec<Vec<[f64; 3]>> = (0..ant::centres().len())
+        .map(|_| {
+            let part = |k: usize, rng: &mut Rng| {
+                [between(rng, 0.04, 0.12), 0.4 + 0.8 * k as f64 + between(rng, 0.0, 0.4), between(rng, 0.0, TAU)]
+            };
+            (0..3).map(|k| part(k, rng)).collect()
+        })
+        .collect();
+    around_stance(|joint, t| parts[joint].iter().map(|[a, f, p]| a * (TAU * f * t + p).sin()).sum())
+}
+
+/// A new place every third of a second, each joint at times of its own.
+fn steps(rng: &mut Rng) -> Commands {
+    let plans: Vec<(f64, Vec<f64>)> = (0..ant::centres().len())
+        .map(|_| (between(rng, 0.0, 0.33), (0..9).map(|_| between(rng, -0.2, 0.2)).collect()))
+        .collect();
+    around_stance(|joint, t| {
+        let (lag, levels) = &plans[joint];
+        levels[((t + lag) / 0.33) as usize % levels.len()]
+    })
+}
