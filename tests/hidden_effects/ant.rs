@@ -25,7 +25,7 @@ pub(crate) static ANT: Subject = Subject {
 };
 
 /// Length of an episode, in s.
-const DURATION_S: f64 = 2.2;
+const DURATION_S: f64 = 1.4;
 
 fn training(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
     vec![gait(rng), wave(rng), steps(rng)]

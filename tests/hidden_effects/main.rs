@@ -129,14 +129,20 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 fn run(case: Case, verbose: bool) -> Outcome {
     let began = Instant::now();
     let bench = Bench::new(&case.family);
+    if verbose {
+        for channel in case.family.logs().iter().take(1).flat_map(|log| &log.channels) {
+            println!("    floor of {:<20} {:.5} {}", channel.name, channel.sigma, channel.unit);
+        }
+    }
     let tell = |rung: &Rung| {
         if verbose {
             println!(
-                "    {:<50} {:7.3} {:7.3}  {} rollouts",
+                "    {:<50} {:7.3} {:7.3}  {} rollouts {:.1} s",
                 rung.step,
                 rung.train,
                 rung.held_out.unwrap_or(f64::NAN),
-                bench.rollouts()
+                bench.rollouts(),
+                began.elapsed().as_secs_f64()
             );
         }
     };
