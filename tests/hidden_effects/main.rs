@@ -92,15 +92,16 @@ fn main() {
     };
     let cases = reality::cases(options.subject, &options.kind, &options.effects, options.seeds.clone(), options.size);
     if let Some(folder) = &options.write {
-        match cases.first().map(|case| write(case, Path::new(folder))) {
-            Some(Err(error)) => eprintln!("{error}"),
-            _ => println!("{}", cases.first().map_or(String::new(), Case::describe)),
+        let Some(case) = cases.into_iter().next().map(|plan| plan()) else { return };
+        match write(&case, Path::new(folder)) {
+            Err(error) => eprintln!("{error}"),
+            Ok(()) => println!("{}", case.describe()),
         }
         return;
     }
     let mut outcomes = Vec::new();
-    for case in cases {
-        let outcome = run(case, options.verbose);
+    for plan in cases {
+        let outcome = run(plan(), options.verbose);
         if !options.quiet {
             println!("{}", outcome.line());
         }

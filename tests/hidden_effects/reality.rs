@@ -48,6 +48,9 @@ pub(crate) struct Subject {
     pub outside: &'static [(On, &'static str)],
 }
 
+/// A case that is still to be simulated.
+pub(crate) type Plan = Box<dyn FnOnce() -> Case>;
+
 /// All cases of a kind.
 pub(crate) fn cases(
     subject: &'static Subject,
@@ -55,31 +58,32 @@ pub(crate) fn cases(
     effects: &[String],
     seeds: std::ops::Range<u64>,
     size: f64,
-) -> Vec<Case> {
+) -> Vec<Plan> {
     let wanted = |name: &str| effects.is_empty() || effects.iter().any(|e| e == name);
     let bare = Reality::new(subject, 0).beside(&[]);
     let mut names: Vec<String> = bare.candidates().iter().map(|c| c.effect.clone()).collect();
     names.dedup();
     names.retain(|name| wanted(name) && !subject.silent.contains(&name.as_str()));
-    let mut cases = Vec::new();
+    let mut cases: Vec<Plan> = Vec::new();
     for seed in seeds {
         match kind {
-            "none" => cases.push(Reality::new(subject, seed).case(&[], size)),
+            "none" => cases.push(Box::new(move || Reality::new(subject, seed).case(&[], size))),
             "two" => {
                 let mut rng = stream(seed, &[77]);
                 let mut pick = || names[(rng.random::<f64>() * names.len() as f64) as usize].clone();
                 let first = pick();
                 let second = std::iter::repeat_with(pick).find(|name| *name != first);
-                cases.push(Reality::new(subject, seed).case(&[first, second.unwrap_or_default()], size));
+                let both = [first, second.unwrap_or_default()];
+                cases.push(Box::new(move || Reality::new(subject, seed).case(&both, size)));
             }
             "outside" => {
                 for law in 0..subject.outside.len() {
-                    cases.push(Reality::new(subject, seed).outside(law));
+                    cases.push(Box::new(move || Reality::new(subject, seed).outside(law)));
                 }
             }
             _ => {
-                for name in &names {
-                    cases.push(Reality::new(subject, seed).case(std::slice::from_ref(name), size));
+                for name in names.clone() {
+                    cases.push(Box::new(move || Reality::new(subject, seed).case(&[name], size)));
                 }
             }
         }

@@ -144,11 +144,11 @@ impl Beside {
         for (scenario, log) in self.recorded.iter().enumerate() {
             let Windows { restarts, samples } = windows::cut(&self.model, &own, &self.situations[scenario], log)?;
             self.situations[scenario].restarts = restarts.into();
-            let noise: Vec<f64> = self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
+            let noise: Vec<f64> =
+                self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
             for part in self.parts.iter_mut().filter(|part| part.scenario == scenario) {
-                let within = |window: &Range<usize>| {
-                    window.start.max(part.samples.start)..window.end.min(part.samples.end)
-                };
+                let within =
+                    |window: &Range<usize>| window.start.max(part.samples.start)..window.end.min(part.samples.end);
                 part.noise.clone_from(&noise);
                 part.windows = samples.iter().map(within).filter(|window| !window.is_empty()).collect();
             }

@@ -41,3 +41,93 @@ pub(crate) fn lead(restarts: &[Restart], dt_s: f64) -> impl FnMut(f64, &mut dyn 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::ant;
+    use crate::drive::Drive;
+    use crate::robot::Base;
+    use crate::sim::{EngineName, Setup, simulate_led};
+    use btr_core::log::Log;
+
+    const DT_S: f64 = 0.002;
+    const AT_S: f64 = 0.3;
+
+    fn setup(robot: &Robot) -> Setup {
+        let floor = if robot.base == Base::Floating { Setup::default().ground } else { None };
+        Setup { dt_s: DT_S, duration_s: 0.6, control_s: 0.01, ground: floor, ..Setup::default() }
+    }
+
+    /// The ant, or the same bolted down.
+    fn robot(base: Base) -> Robot {
+        Robot { base, ..ant::ant() }
+    }
+
+    /// The run, and its state at `AT_S`.
+    fn run(robot: &Robot, engine: EngineName, restarts: &[Restart], drive: &dyn Drive) -> (Log, State) {
+        let mut restarted = lead(restarts, DT_S);
+        let mut there = None;
+        let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
+            if there.is_none() && time_s > AT_S - 0.5 * DT_S {
+                there = Some(State::of(engine));
+            }
+            restarted(time_s, engine);
+        };
+        let setup = Setup { engine, ..setup(robot) };
+        let log = simulate_led(robot, &[], &setup, drive, None, &mut lead).unwrap();
+        (log, there.unwrap())
+    }
+
+    /// Largest distance of joint positions after `from_s`.
+    fn apart(a: &Log, b: &Log, from_s: f64) -> f64 {
+        let joints = a.channels().filter(|(name, _)| name.starts_with("q_"));
+        let late = |log: &Log, name: &str| log.values(name).unwrap()[(from_s / DT_S).round() as usize..].to_vec();
+        let far = |name: &str| late(a, name).iter().zip(late(b, name)).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+        joints.map(|(name, _)| far(name)).fold(0.0, f64::max)
+    }
+
+    /// A tenth of a degree: what a common encoder resolves. Rapier's contacts begin anew when bodies are moved.
+    const ENCODER_STEP_RAD: f64 = 0.0017;
+
+    #[test]
+    fn its_own_state_changes_nothing() {
+        for (base, least) in [(Base::Fixed, 0.0), (Base::Floating, ENCODER_STEP_RAD)] {
+            let (robot, drive) = (robot(base), ant::tripod());
+            let (log, state) = run(&robot, EngineName::Auto, &[], &drive);
+            let (again, _) = run(&robot, EngineName::Auto, &[Restart { time_s: AT_S, state }], &drive);
+            assert!(apart(&log, &again, 0.0) <= least, "{base:?}: {}", apart(&log, &again, 0.0));
+        }
+    }
+
+    #[test]
+    fn whatever_was_before_is_forgotten() {
+        let elsewhere = |mut robot: Robot| {
+            robot.links.iter_mut().for_each(|link| link.joint.start += 0.1);
+            robot.start.translation.z += 0.01;
+            robot
+        };
+        let unhurried = |mut robot: Robot| {
+            for link in &mut robot.links {
+                if let crate::robot::Actuator::Position { ki, .. } = &mut link.joint.actuator {
+                    *ki = 0.0;
+                }
+            }
+            robot
+        };
+        for (base, engine, most) in [
+            (Base::Fixed, EngineName::Auto, 1e-3),
+            (Base::Fixed, EngineName::Rapier, 1e-9),
+            (Base::Floating, EngineName::Rapier, 3e-3),
+        ] {
+            let (robot, drive) = (unhurried(robot(base)), ant::tripod());
+            let (log, state) = run(&robot, engine, &[], &drive);
+            let moved = elsewhere(robot);
+            let (other, _) = run(&moved, engine, &[], &drive);
+            let (again, _) = run(&moved, engine, &[Restart { time_s: AT_S, state }], &drive);
+            let (before, after) = (apart(&log, &other, AT_S + DT_S), apart(&log, &again, AT_S + DT_S));
+            assert!(after < most, "{base:?} {engine:?}: {after}, without {before}");
+        }
+    }
+}

@@ -61,7 +61,8 @@ impl<'a> Measured<'a> {
     fn of(model: &Model, log: &'a Log) -> Self {
         let smoothed = |name: &str| log.channel(name).map(|channel| smooth(log.clock_s(), &channel.values));
         let joints = model.robot.movable().map(|(_, link)| smoothed(&format!("q_{}", link.joint.name))).collect();
-        let axis = |axis: &str| Some(smoothed(&format!("imu_gyro_{axis}"))?.iter().map(|motion| motion.value).collect());
+        let axis =
+            |axis: &str| Some(smoothed(&format!("imu_gyro_{axis}"))?.iter().map(|motion| motion.value).collect());
         let gyro = || Some([axis("x")?, axis("y")?, axis("z")?]);
         Measured { clock_s: log.clock_s(), joints, gyro: gyro() }
     }

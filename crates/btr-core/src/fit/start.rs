@@ -101,8 +101,7 @@ fn whitening(rows: usize, columns: &[DVector<f64>], spread: f64) -> (DMatrix<f64
     let eigen = answers.tr_mul(&answers).symmetric_eigen();
     let lengths = eigen.eigenvalues.map(|square| square.max(0.0).sqrt());
     let seen: Vec<usize> = (0..columns.len()).filter(|&k| lengths[k] > UNSEEN).collect();
-    let basis: Vec<DVector<f64>> =
-        seen.iter().map(|&k| &answers * eigen.eigenvectors.column(k) / lengths[k]).collect();
+    let basis: Vec<DVector<f64>> = seen.iter().map(|&k| &answers * eigen.eigenvectors.column(k) / lengths[k]).collect();
     let shares = seen.iter().map(|&k| 1.0 - (1.0 + lengths[k].powi(2)).powf(-0.5)).collect();
     (if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }, shares)
 }
@@ -159,7 +158,9 @@ mod tests {
             starts.project(0, &mut column);
             DVector::from_vec(column)
         };
-        let by_rows = |m: DMatrix<f64>| DMatrix::from_columns(&m.column_iter().map(|c| whitened(c.into_owned())).collect::<Vec<_>>());
+        let by_rows = |m: DMatrix<f64>| {
+            DMatrix::from_columns(&m.column_iter().map(|c| whitened(c.into_owned())).collect::<Vec<_>>())
+        };
         let covariance = DMatrix::identity(50, 50) + &answers * answers.transpose();
         let white = by_rows(by_rows(covariance).transpose());
         assert_eq!(starts.rank(0), 0);
