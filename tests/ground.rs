@@ -81,7 +81,7 @@ fn friction_on_one_leg_is_found_while_it_walks() {
 }
 
 #[test]
-#[ignore = "fails: a floor from one short log and steps of 5 ms is too low"]
+#[ignore = "fails, for a reason not yet known"]
 fn nothing_is_found_where_nothing_is() {
     assert_eq!(found(&[]), (Verdict::NothingMissing, Vec::new()));
 }

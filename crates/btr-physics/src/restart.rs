@@ -88,7 +88,7 @@ mod tests {
         joints.map(|(name, _)| far(name)).fold(0.0, f64::max)
     }
 
-    /// A tenth of a degree: what a common encoder resolves. Rapier's contacts begin anew when bodies are moved.
+    /// A tenth of a degree: what a common encoder resolves. Why the ant is moved at all is not known yet.
     const ENCODER_STEP_RAD: f64 = 0.0017;
 
     #[test]
