@@ -186,11 +186,12 @@ fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis)
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }
 
-/// Whether the library itself says that two effects at one site are hard to tell apart.
+/// Whether two effects are said to look alike and sit at the same place, as far as their places can be compared.
 fn are_alike(a: &str, b: &str) -> bool {
-    let name = |x: &str| x.split('@').next().unwrap_or_default().to_owned();
-    let says = |x: &str, y: &str| find(&name(x)).is_some_and(|e| e.card().alike.contains(&name(y).as_str()));
-    says(a, b) || says(b, a)
+    let (Some((a, here)), Some((b, there))) = (a.split_once('@'), b.split_once('@')) else { return false };
+    let (Some(a), Some(b)) = (find(a).map(|e| e.card()), find(b).map(|e| e.card())) else { return false };
+    let near = here == there || std::mem::discriminant(&a.site) != std::mem::discriminant(&b.site);
+    near && (a.alike.contains(&b.name) || b.alike.contains(&a.name))
 }
 
 fn intervals(case: &Case, diagnosis: &Diagnosis) -> (usize, usize) {

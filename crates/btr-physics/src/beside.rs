@@ -94,6 +94,7 @@ impl Beside {
                 beside.offer(effect, site);
             }
         }
+        beside.introduce();
         beside.offer_terms()?;
         Ok(beside)
     }
@@ -234,8 +235,21 @@ impl Beside {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
-        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts });
+        let kin = Vec::new();
+        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts, kin });
         self.effects.push(effect);
+    }
+
+    /// Tells candidates who at the same place is said to look like them.
+    fn introduce(&mut self) {
+        let says = |a: usize, b: usize| self.effects[a].card().alike.contains(&self.effects[b].card().name);
+        let alike = |a: usize, b: usize| {
+            let here = self.candidates[a].site == self.candidates[b].site;
+            here && (says(a, b) || says(b, a))
+        };
+        let all = 0..self.candidates.len();
+        let kin: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
+        self.candidates.iter_mut().zip(kin).for_each(|(candidate, kin)| candidate.kin = kin);
     }
 
     /// Adds what laws are made of, for every driven joint.
@@ -266,7 +280,7 @@ impl Beside {
         let shapes = amplitudes.split_off(term.amplitudes());
         self.knobs.extend(knobs);
         let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
-        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts };
+        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts, kin: Vec::new() };
         let swings = term.swings.map(|i| first + i);
         self.features.push(Feature { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

@@ -15,7 +15,7 @@ use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
-use screen::screen;
+use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
 
 /// What decides. All errors are root mean squares in multiples of the noise floor.
@@ -204,24 +204,41 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     }
     let starts = screen(bench, &mut bases, &offered);
     let mut rivals = race(bench, &bases, &starts);
-    if let Some(mut bases) = rivals.first().and_then(|leader| beneath(bench, leader, state)) {
-        let closer: Vec<usize> = starts.iter().map(|start| start.candidate).collect();
-        let starts = screen(bench, &mut bases, &closer);
+    let leader = rivals.first()?;
+    let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
+    if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
+        let mut bases = vec![beneath];
+        let starts = screen(bench, &mut bases, &again);
         rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
     }
     judge_rivals(bench, state, rivals)
 }
 
-/// Where the leader's parameters stand without its effect, if it leaves something to explain: from there the others' probes see
-/// what is missing rather than what the parameters in doubt have done to make up for it.
-fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Vec<Fit>> {
+/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so that nothing
+/// is called certain which its like explains as well; and whoever was screened, if the leader leaves something to explain.
+fn worth_another_look(
+    bench: &Bench,
+    leader: &Rival,
+    rivals: &[Rival],
+    starts: &[Start],
+    offered: &[usize],
+) -> Vec<usize> {
+    let candidates = bench.family.candidates();
+    let kin = |candidate: &usize| {
+        let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
+        !fitted && candidates[leader.candidate].kin.contains(candidate)
+    };
     let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
-    if explains || bench.family.doubtful().is_empty() {
-        return None;
-    }
+    let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
+    offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
+}
+
+/// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
+/// parameters in doubt have done to make up for it.
+fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Fit> {
     let mut u = leader.fit.u.clone();
     bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
-    Some(vec![Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)?])
+    Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
 }
 
 /// The best fit of each candidate, best first.
