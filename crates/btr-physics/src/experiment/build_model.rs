@@ -246,7 +246,7 @@ fn actuator(section: &ActuatorSection) -> Actuator {
         ActuatorSection::Voltage { kt, resistance, gain, max_duty, supply, .. } => {
             Actuator::Voltage { kt, resistance, servo: gain.map(|gain| DutyLoop { gain, max_duty, supply }) }
         }
-        ActuatorSection::Prescribed => Actuator::Prescribed,
+        ActuatorSection::Prescribed { .. } => Actuator::Prescribed,
     }
 }
 
@@ -257,7 +257,8 @@ fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str
         ActuatorSection::Voltage { sample_s: Some(_), gain: None, .. } => {
             return Err(("sample_s", "sample_s needs a position loop; give gain".to_owned()));
         }
-        ActuatorSection::Voltage { sample_s: Some(period_s), .. } => (period_s, 1),
+        ActuatorSection::Voltage { sample_s: Some(period_s), .. }
+        | ActuatorSection::Prescribed { sample_s: Some(period_s) } => (period_s, 1),
         _ => return Ok(None),
     };
     if !(period_s > 0.0 && period_s.is_finite()) {

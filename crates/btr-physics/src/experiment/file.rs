@@ -128,7 +128,11 @@ pub enum ActuatorSection {
     },
     /// The joint follows its measured motion (its command where none was measured); the torque that this takes is compared
     /// with the measured one, both smoothed alike.
-    Prescribed,
+    Prescribed {
+        /// Where a digital servo worked out the measured torque: the time between two instants at which it did, in s. Each is
+        /// logged at its instant and held until the next.
+        sample_s: Option<f64>,
+    },
 }
 
 fn unlimited() -> f64 {

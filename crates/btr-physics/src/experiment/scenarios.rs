@@ -7,7 +7,7 @@ use crate::io;
 use crate::model::Scenario;
 use crate::parameter::Target;
 use crate::robot::{Actuator, Robot};
-use btr_core::log::{Log, LogError};
+use btr_core::log::{Log, LogError, interpolate};
 use btr_core::noise::Noise;
 use btr_core::smooth;
 use indexmap::IndexMap;
@@ -75,11 +75,17 @@ pub(super) fn from_logs(
 pub(super) fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
     let clock_s = log.clock_s().to_vec();
     let mut floor = None;
-    let prescribed = robot.movable().filter(|(_, link)| link.joint.actuator == Actuator::Prescribed);
-    for (_, link) in prescribed {
-        if let Some(torques) = log.values_mut(&format!("tau_{}", link.joint.name)) {
+    let joints = robot.movable().map(|(_, link)| &link.joint);
+    for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
+        if let Some(torques) = log.values_mut(&format!("tau_{}", joint.name)) {
             let sigma = Noise::of(torques).map_or(0.0, |noise| noise.sigma());
             floor = Some(sigma.max(floor.unwrap_or(0.0)));
+            if let Some(sampling) = &joint.sampling {
+                // What is held from its instant on acts half a period later on average.
+                let acted_s: Vec<f64> = clock_s.iter().map(|t| t + 0.5 * sampling.period_s).collect();
+                let acted = interpolate(&acted_s, torques, &clock_s);
+                torques.copy_from_slice(&acted);
+            }
             smooth::in_place(&clock_s, torques);
         }
     }
