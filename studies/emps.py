@@ -15,7 +15,7 @@ Two views of the same machine, both without any friction to begin with:
 
 For each: `btr diagnose` names what is missing, `btr add` writes that into the model, `btr fit` fits it. Errors are relative
 2-norms, 100·|y - y_hat|/|y|. With the motion prescribed both forces are smoothed by parabolas over 20 ms to each side, as btr
-compares them; in the closed loop nothing is smoothed.
+compares them (up to about 25 Hz; the wider the band, the larger the error); in the closed loop nothing is smoothed.
 
 In the file with pulses these are volts at the drive's input (the column says N); they are added to the reference as the
 position that has the same effect.
