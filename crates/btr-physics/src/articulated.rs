@@ -9,6 +9,8 @@
 //! backward Euler instead. Dry friction and joint limits are impulses within bounds that stop a joint where they can
 //! (projected Gauss-Seidel on the inverse inertia).
 
+mod course;
+
 use crate::assemble::{self, Body};
 use crate::engine::{BaseState, Dof, Dynamics};
 use crate::robot::{JointKind, Robot};
@@ -75,6 +77,8 @@ struct Scratch {
     axes: Vec<Spatial>,
     velocities: Vec<Spatial>,
     accelerations: Vec<Spatial>,
+    /// Accelerations of the joints; empty while they are what is asked for.
+    joints: Vec<f64>,
     inertias: Vec<Inertia>,
     forces: Vec<Spatial>,
     /// Row by row: first the mass matrix, then its Cholesky factor.
@@ -159,7 +163,8 @@ impl Articulated {
         }
     }
 
-    /// Fills `forces` with what each joint has to carry if no joint accelerates, and makes `inertias` composite.
+    /// Fills `forces` with what each joint has to carry if no joint accelerates (or as `joints` says, where that is filled), and
+    /// makes `inertias` composite.
     fn carry(&mut self) {
         let s = &mut self.scratch;
         for (i, body) in self.bodies.iter().enumerate() {
@@ -171,6 +176,9 @@ impl Articulated {
             };
             s.velocities[i] = velocity + own;
             s.accelerations[i] = acceleration + s.velocities[i].cross_motion(&own);
+            if let Some(&joint) = s.joints.get(i) {
+                s.accelerations[i] = s.accelerations[i] + s.axes[i] * joint;
+            }
             let momentum = s.inertias[i].times(&s.velocities[i]);
             s.forces[i] = s.inertias[i].times(&s.accelerations[i]) + s.velocities[i].cross_force(&momentum);
         }
@@ -200,10 +208,12 @@ impl Articulated {
     fn advance(&mut self) {
         let (dt, n) = (self.dt_s, self.bodies.len());
         self.predict();
+        self.foresee();
         self.place();
         self.carry();
         self.fill_matrix();
         self.balance();
+        self.lead();
         factorise(&mut self.scratch.matrix, n);
         solve(&self.scratch.matrix, n, &mut self.scratch.next);
         self.stop();
@@ -213,6 +223,7 @@ impl Articulated {
             self.before[i] = old;
             self.dq[i] = new;
         }
+        self.arrive();
     }
 
     /// The linear equations for the velocities at the step's end: `matrix`·dq' = `next`.
@@ -247,7 +258,8 @@ impl Articulated {
     fn stop(&mut self) {
         let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
         s.rows.clear();
-        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate() {
+        let free = |(_, (dof, _)): &(usize, (&Dof, &Moving))| dof.course.is_none();
+        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate().filter(free) {
             let (lower, upper) = ((body.limits.0 - self.q[i]) / dt, (body.limits.1 - self.q[i]) / dt);
             if dof.dry_friction > 0.0 {
                 let most = dt * dof.dry_friction;
@@ -320,6 +332,7 @@ impl Scratch {
             axes: vec![Spatial::ZERO; n],
             velocities: vec![Spatial::ZERO; n],
             accelerations: vec![Spatial::ZERO; n],
+            joints: Vec::with_capacity(n),
             inertias: vec![none; n],
             forces: vec![Spatial::ZERO; n],
             matrix: vec![0.0; n * n],
@@ -428,6 +441,15 @@ impl Dynamics for Articulated {
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
         self.dofs[joint] = *dof;
+    }
+
+    fn leads(&self) -> bool {
+        // Substeps would have to share a course.
+        self.substeps == 1
+    }
+
+    fn needed(&mut self, torques: &mut [f64]) {
+        self.inverse(torques);
     }
 
     fn step(&mut self) {

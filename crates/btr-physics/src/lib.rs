@@ -28,6 +28,7 @@ mod record;
 pub mod report;
 pub mod robot;
 pub mod run;
+mod sampled;
 mod scales;
 pub mod sensor;
 pub mod sim;

@@ -40,16 +40,24 @@ pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Resu
     }
     let known = Known::of(&file, source)?;
     let mut all = Situations { scenarios: Vec::new(), learn: learn.len(), logs: Vec::new(), warnings: Vec::new() };
+    let mut floor = 0.0f64;
     for path in learn.iter().chain(held_out) {
-        let (log, noticed) = io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+        let (mut log, noticed) =
+            io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(scenarios::doubts(&log, &file));
         let noticed = noticed.chain(known.misses(path));
         all.warnings.extend(noticed.map(|warning| format!("{}: {warning}", path.display())));
         all.scenarios.push(known.scenario(path, &log, &robot, source)?);
+        floor = scenarios::smooth_needed(&mut log, &robot).into_iter().fold(floor, f64::max);
         all.logs.push(log);
     }
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
-    Ok(Replays { model: builder.model(all)?, logs, warnings })
+    let mut model = builder.model(all)?;
+    if model.setup.noise.torque <= 0.0 {
+        // A torque that was smoothed does not show its sensor's noise any more.
+        model.setup.noise.torque = floor;
+    }
+    Ok(Replays { model, logs, warnings })
 }
 
 /// What an index says about logs.

@@ -6,8 +6,8 @@ use crate::drive::Replay;
 use crate::io;
 use crate::model::Scenario;
 use crate::parameter::Target;
-use crate::robot::Robot;
-use btr_core::log::{Log, LogError};
+use crate::robot::{Actuator, Robot};
+use btr_core::log::{Log, LogError, interpolate};
 use btr_core::noise::Noise;
 use btr_core::smooth;
 use indexmap::IndexMap;
@@ -60,13 +60,36 @@ pub(super) fn from_logs(
     }
     let (mut scenarios, mut logs, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for one in &wanted {
-        let (log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
+        let (mut log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
         warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
         scenarios.push(scenario((&one.path, &one.row), &log, ("reality", &section.columns), source, robot)?);
+        smooth_needed(&mut log, robot);
         logs.push(log);
     }
     Ok(Situations { scenarios, learn, logs, warnings })
+}
+
+/// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what is
+/// left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
+pub(super) fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
+    let clock_s = log.clock_s().to_vec();
+    let mut floor = None;
+    let joints = robot.movable().map(|(_, link)| &link.joint);
+    for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
+        if let Some(torques) = log.values_mut(&format!("tau_{}", joint.name)) {
+            let sigma = Noise::of(torques).map_or(0.0, |noise| noise.sigma());
+            floor = Some(sigma.max(floor.unwrap_or(0.0)));
+            if let Some(sampling) = &joint.sampling {
+                // What is held from its instant on acts half a period later on average.
+                let acted_s: Vec<f64> = clock_s.iter().map(|t| t + 0.5 * sampling.period_s).collect();
+                let acted = interpolate(&acted_s, torques, &clock_s);
+                torques.copy_from_slice(&acted);
+            }
+            smooth::in_place(&clock_s, torques);
+        }
+    }
+    floor
 }
 
 /// What is odd about a log, though it can be used.
@@ -256,7 +279,9 @@ fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
         .movable()
         .map(|(_, link)| {
             let joint = &link.joint;
-            log.values(&format!("cmd_{}", joint.name))?;
+            if joint.actuator != Actuator::Prescribed {
+                log.values(&format!("cmd_{}", joint.name))?;
+            }
             Ok(start_of(log, &joint.name).unwrap_or((joint.start, 0.0)))
         })
         .collect()
