@@ -49,7 +49,7 @@ steps_per_control = 10
 sample_every = 10
 
 [noise]
-position_rad = 0.00001
+position_rad = 0.00005
 
 [parameters]
 "kp@slide" = { relative = [0.9, 1.11] }
@@ -103,6 +103,12 @@ fn diagnosis(lab: &Lab, name: &str) -> Value {
 fn missing(document: &Value) -> Vec<String> {
     let name = |e: &Value| format!("{}@{}", e["effect"].as_str().unwrap(), e["site"].as_str().unwrap());
     document["effects"].as_array().unwrap().iter().map(name).collect()
+}
+
+/// The first of what is missing, and what cannot be told from it.
+fn with_alike(document: &Value) -> Vec<String> {
+    let others = document["effects"][0]["alike"].as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned());
+    missing(document).into_iter().take(1).chain(others).collect()
 }
 
 fn pendulum(hidden: &str) -> (Lab, Value) {
@@ -167,7 +173,7 @@ fn ten_parameters_are_found_from_twelve_starts() {
 
 #[test]
 fn a_joint_that_rings_is_elastic_and_not_damped() {
-    let (_, document) = pendulum(&effect("joint_elasticity", "hinge", "stiffness = 8.0\ndamping = 0.002"));
+    let (_, document) = pendulum(&effect("joint_elasticity", "hinge", "stiffness = 60.0\ndamping = 0.02"));
     assert_eq!(missing(&document), ["joint_elasticity@hinge"], "{document}");
 }
 
@@ -176,7 +182,9 @@ fn a_lag_is_found_before_anything_is_fitted() {
     let (lab, document) = pendulum(&effect("command_delay", "hinge", "delay = 0.03"));
     let late = lab.json("check pendulum.toml log_0.csv");
     assert!(late.to_string().contains("follows its command after"), "{late}");
-    assert_eq!(missing(&document), ["command_delay@hinge"], "{document}");
+    // On one joint alone it makes no difference whether the command or the reading is late, and btr says so.
+    assert!(with_alike(&document).iter().any(|x| x == "command_delay@hinge"), "{document}");
+    assert!(with_alike(&document).iter().all(|x| x.ends_with("_delay@hinge")), "{document}");
 }
 
 #[test]
@@ -216,15 +224,10 @@ fn one_load_does_not_tell_whether_friction_grows_with_it_and_two_do() {
         diagnosis(&lab, "lift.toml")
     };
     let one = loads([0.0, 0.0, 0.0]);
-    let alike = |document: &Value| {
-        let found = &document["effects"][0];
-        let others = found["alike"].as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned());
-        missing(document).into_iter().take(1).chain(others).collect::<Vec<_>>()
-    };
     for name in ["coulomb_friction@slide", "load_dependent_friction@slide"] {
-        assert!(alike(&one).iter().any(|x| x == name), "{one}");
+        assert!(with_alike(&one).iter().any(|x| x == name), "{one}");
     }
     let two = loads([0.0, 5.0, 2.0]);
     assert_eq!(missing(&two), ["load_dependent_friction@slide"], "{two}");
-    assert!(!alike(&two).iter().any(|x| x.starts_with("coulomb")), "{two}");
+    assert!(!with_alike(&two).iter().any(|x| x.starts_with("coulomb")), "{two}");
 }

@@ -337,9 +337,8 @@ impl State {
             fit.solve(bench, Effort { jacobians: 2, steps: 12 });
             fit
         });
-        // The latest one may have got used to the one before it: once more as if that had never been found.
-        let never = if index + 2 == self.chosen.len() { self.instead(bench, index) } else { None };
-        removed.into_iter().chain(never).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        // The latest one may have got used to this one: once more as if it had never been found.
+        removed.into_iter().chain(self.instead(bench, index)).min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// The point without some of the chosen; all else stays.
