@@ -180,4 +180,15 @@ pub trait Family: Sync {
     /// # Errors
     /// A simulation that blew up.
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError>;
+    /// How many numbers tell in which state a log begins, beyond what is known of it for sure.
+    fn starts(&self, _log: usize) -> usize {
+        0
+    }
+    /// The same as [`residual`](Self::residual) where one of those numbers (or none) is moved by what noise could hide.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    fn residual_from(&self, u: &[f64], log: usize, _nudged: Option<usize>) -> Result<Vec<f64>, WorldError> {
+        self.residual(u, log, Step::Usual)
+    }
 }

@@ -3,7 +3,7 @@
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed, SiteKind};
 use crate::model::{Model, Scenario};
-use crate::robot::{Actuator, JointKind};
+use crate::robot::{Actuator, Base, JointKind};
 use crate::scales::Scales;
 use crate::sim::Setup;
 use crate::term::{self, Extent, Term};
@@ -21,6 +21,9 @@ const WEAK: f64 = 33.0;
 const SHAPE: f64 = 3.0;
 /// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
+
+/// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
+const NUDGE: (f64, f64) = (3.0, 0.05);
 
 /// Where nothing is held out, this last share of every log is; `btr diagnose --help` says so.
 const JUDGED_TAIL: f64 = 0.3;
@@ -311,8 +314,40 @@ impl Family for Beside {
     }
 
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
+        self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
+    }
+
+    fn starts(&self, log: usize) -> usize {
+        // A base that is free to move begins in a state that no joint tells.
+        if self.model.robot.base == Base::Fixed { 2 * self.nudged(log).count() } else { 0 }
+    }
+
+    fn residual_from(&self, u: &[f64], log: usize, nudged: Option<usize>) -> Result<Vec<f64>, WorldError> {
+        let mut scenario = self.model.scenarios[self.parts[log].scenario].clone();
+        if let Some((k, (joint, sigma))) = nudged.and_then(|k| Some((k, self.nudged(log).nth(k / 2)?))) {
+            let start = &mut scenario.start[joint];
+            match k % 2 {
+                0 => start.0 += NUDGE.0 * sigma,
+                _ => start.1 += NUDGE.0 * sigma / NUDGE.1,
+            }
+        }
+        self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?)
+    }
+}
+
+impl Beside {
+    /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
+    fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
+        joints.zip(self.model.robot.movable()).filter_map(move |(i, (_, link))| {
+            let name = format!("q_{}", link.joint.name);
+            Some((i, self.logs[log].channels.iter().find(|channel| channel.name == name)?.sigma))
+        })
+    }
+
+    /// What was measured in a log less what was simulated, in noise floors.
+    fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
         let part = &self.parts[log];
-        let simulated = self.simulate(u, part.scenario, step)?;
         let recorded = &self.recorded[part.scenario];
         let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());
         for channel in &self.logs[log].channels {

@@ -330,9 +330,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
         _ => Verdict::Unexplained,
     };
-    if !state.fit.fresh {
-        state.fit.differentiate(bench);
-    }
+    state.fit.differentiate_widely(bench);
     let trusted = last <= NOISE;
     let inflation = Measure::of(bench, &state.fit).inflation();
     let all = estimates(bench.family, &state.fit, inflation, trusted);

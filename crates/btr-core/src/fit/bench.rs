@@ -1,5 +1,6 @@
 //! Evaluating a family: many points and logs at once, counted.
 
+use super::start::Starts;
 use crate::family::{Family, Step};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -14,6 +15,7 @@ pub struct Bench<'a> {
     pub family: &'a dyn Family,
     learn: Vec<usize>,
     held_out: Vec<usize>,
+    starts: Starts,
     rollouts: AtomicUsize,
 }
 
@@ -33,7 +35,8 @@ impl<'a> Bench<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
     pub fn new(family: &'a dyn Family) -> Self {
         let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
-        Bench { family, learn, held_out, rollouts: AtomicUsize::new(0) }
+        let (starts, rollouts) = Starts::at(family, &vec![0.0; family.knobs().len()]);
+        Bench { family, learn, held_out, starts, rollouts: AtomicUsize::new(rollouts) }
     }
 
     /// Simulated logs so far.
@@ -54,12 +57,12 @@ impl<'a> Bench<'a> {
         let which = self.logs(logs);
         let jobs: Vec<(usize, usize)> = (0..points.len()).flat_map(|p| which.iter().map(move |l| (p, *l))).collect();
         self.rollouts.fetch_add(jobs.len(), Ordering::Relaxed);
-        let run = |&(point, log): &(usize, usize)| self.family.residual(&points[point], log, step).ok();
+        let run = |&(point, log): &(usize, usize)| self.of_log(&points[point], log, step);
         let mut parts: Vec<Option<Vec<f64>>> = jobs.par_iter().map(run).collect();
         let joined = |parts: &mut [Option<Vec<f64>>]| -> Option<Residual> {
             let mut all = Vec::new();
             for part in parts {
-                all.extend(part.take()?.into_iter().map(|r| if r.is_finite() { r } else { 0.0 }));
+                all.extend(part.take()?);
             }
             Some(all)
         };
@@ -69,9 +72,17 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Measured samples of the logs of a kind.
+    /// The residual of one log, without what its start state could do.
+    fn of_log(&self, point: &[f64], log: usize, step: Step) -> Option<Residual> {
+        let mut residual = self.family.residual(point, log, step).ok()?;
+        residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
+        self.starts.project(log, &mut residual);
+        Some(residual)
+    }
+
+    /// Measured samples of the logs of a kind, without those that their start states take.
     pub fn samples(&self, logs: Logs) -> usize {
-        let count = |log: &usize| self.family.logs()[*log].present;
+        let count = |log: &usize| self.family.logs()[*log].present.saturating_sub(self.starts.rank(*log));
         self.logs(logs).iter().map(count).sum()
     }
 
@@ -93,11 +104,7 @@ impl<'a> Bench<'a> {
     /// Residuals of one log at several points.
     pub fn residuals_of_log(&self, points: &[Vec<f64>], log: usize) -> Vec<Option<Residual>> {
         self.rollouts.fetch_add(points.len(), Ordering::Relaxed);
-        let run = |point: &Vec<f64>| {
-            let residual = self.family.residual(point, log, Step::Usual).ok()?;
-            Some(residual.into_iter().map(|r| if r.is_finite() { r } else { 0.0 }).collect())
-        };
-        points.par_iter().map(run).collect()
+        points.par_iter().map(|point| self.of_log(point, log, Step::Usual)).collect()
     }
 
     /// The residual at one point.

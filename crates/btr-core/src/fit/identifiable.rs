@@ -46,7 +46,7 @@ pub fn identifiable(bench: &Bench) -> Option<Identifiable> {
         return None;
     }
     let mut fit = Fit::at(bench, family.doubtful().to_vec(), vec![0.0; knobs.len()], &[])?;
-    fit.differentiate_finely(bench);
+    fit.differentiate_widely(bench);
     let told = told(knobs, &fit)?;
     let left = (DMatrix::identity(told.nrows(), told.nrows()) + &told).cholesky()?.inverse();
     let samples = bench.samples(Logs::Learn).max(1) as f64;

@@ -1,14 +1,17 @@
 //! Fitting the numbers in doubt to measurements.
 
 mod bench;
+mod derivative;
 mod estimate;
 mod fitted;
 mod identifiable;
 pub(crate) mod judge;
 mod solve;
+mod start;
 
 pub use bench::{Bench, Logs, Residual, corrected, squares};
+pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub use fitted::{Fitted, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
-pub use solve::{Effort, Ended, Fit, columns, cost};
+pub use solve::{Effort, Ended, Fit, cost};

@@ -2,7 +2,7 @@
 //! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
 use super::bench::{Bench, Logs, Residual, corrected, squares};
-use crate::family::{Knob, Step};
+use crate::family::Knob;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -38,8 +38,6 @@ pub enum Ended {
 const WORN: f64 = 0.3;
 /// A fall of the cost by a smaller share, or by a smaller amount, is a stall.
 const STALL: (f64, f64) = (1e-4, 0.02);
-/// How much finer than the usual ones fine differences are.
-const FINE: f64 = 0.1;
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
@@ -83,40 +81,6 @@ impl Fit {
         self.step_error = bench.step_error(&self.u, &bare, Logs::Learn);
         self.residual = corrected(bare, &self.step_error);
         self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
-    }
-
-    /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
-    pub fn differentiate(&mut self, bench: &Bench) {
-        let columns = columns(bench, &self.u, &self.active, &self.residual, &self.step_error);
-        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        for (k, column) in columns.iter().enumerate() {
-            jacobian.column_mut(k).copy_from_slice(column);
-        }
-        (self.jacobian, self.fresh) = (Some(jacobian), true);
-    }
-
-    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Their own error
-    /// must not pass for something that the logs tell about a null direction.
-    pub fn differentiate_finely(&mut self, bench: &Bench) {
-        let knobs = bench.family.knobs();
-        let stencils: Vec<[(f64, f64); 2]> = self.active.iter().map(|&k| stencil(&knobs[k], self.u[k])).collect();
-        let moved = |(&knob, stencil): (&usize, &[(f64, f64); 2])| {
-            stencil.map(|(offset, _)| {
-                let mut point = self.u.clone();
-                point[knob] += offset;
-                point
-            })
-        };
-        let points: Vec<Vec<f64>> = self.active.iter().zip(&stencils).flat_map(moved).collect();
-        let there = bench.residuals(&points, Logs::Learn, Step::Usual);
-        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        for (k, (stencil, there)) in stencils.iter().zip(there.chunks(2)).enumerate() {
-            let [Some(near), Some(far)] = there else { continue };
-            for (row, here) in self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).enumerate() {
-                jacobian[(row, k)] = stencil[0].1 * (near[row] - here) + stencil[1].1 * (far[row] - here);
-            }
-        }
-        (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
     /// Goes downhill as far as the effort allows.
@@ -211,43 +175,8 @@ impl Fit {
     }
 }
 
-/// Two offsets and the weights of what changes there, for a derivative of second order.
-fn stencil(knob: &Knob, u: f64) -> [(f64, f64); 2] {
-    let (h, (least, most)) = (FINE * knob.reach, knob.bounds);
-    let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
-    match () {
-        () if u - h >= least && u + h <= most => [(h, 0.5 / h), (-h, -0.5 / h)],
-        () if u + 2.0 * h <= most => one_sided(h),
-        () => one_sided(-h),
-    }
-}
-
 /// Sum of squares of residual and priors.
 pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
     let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
     squares(residual) + prior
-}
-
-/// d residual / d coordinate of each knob, by finite differences.
-pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
-    let knobs = bench.family.knobs();
-    let reach = |knob: usize| {
-        let reach = knobs[knob].reach;
-        if u[knob] + reach <= knobs[knob].bounds.1 { reach } else { -reach }
-    };
-    let moved = |&knob: &usize| {
-        let mut point = u.to_vec();
-        point[knob] += reach(knob);
-        point
-    };
-    let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let there = bench.residuals(&points, Logs::Learn, Step::Usual);
-    let column = |(&knob, there): (&usize, Option<Residual>)| match there {
-        Some(there) => {
-            let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
-            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(knob)).collect()
-        }
-        None => vec![0.0; residual.len()],
-    };
-    active.iter().zip(there).map(column).collect()
 }

@@ -3,7 +3,7 @@
 //! The servo and its encoder sit on the motor's side, the logged position is the link's. Within the gap nothing is transmitted; at
 //! its ends the flanks meet without bouncing. Whether they will touch at the step's end is foreseen from the velocities, so that
 //! they neither miss each other nor chatter. The rotor's inertia is the joint's armature, or a hundredth of what the joint
-//! carries where the model has none; it starts in the middle of the gap.
+//! carries where the model has none; it starts where the servo pushes it.
 
 use super::rotor::{self, Spring};
 use super::{Card, Effect, Param, SiteKind};
@@ -26,6 +26,11 @@ static CARD: Card = Card {
 /// How much stiffer than inertia/dt² the flanks are: they give way by this fraction of what a step would move the link.
 const FLANK: f64 = 100.0;
 
+/// Where a servo that pushes so hard at angle 0 would go if nothing held it.
+fn resting(push: f64, servo: f64) -> f64 {
+    if servo > 0.0 { push / servo } else { f64::INFINITY.copysign(push) }
+}
+
 impl Effect for Backlash {
     fn card(&self) -> &'static Card {
         &CARD
@@ -42,6 +47,7 @@ impl Effect for Backlash {
     fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointState) -> Affine {
         let inertia = rotor::take_inertia(dof, state);
         let (dt_s, play) = (state.dt_s, 0.5 * p[0]);
+        rotor::load(memory, &motor, |push, servo| resting(push, servo).clamp(state.q - play, state.q + play));
         let ahead = rotor::loose(memory, &motor, inertia, dt_s).0 - (state.q + dt_s * state.dq);
         let touches = ahead.abs() > play;
         let stiffness = if touches { FLANK * (inertia + state.inertia) / (dt_s * dt_s) } else { 0.0 };

@@ -1,7 +1,7 @@
 //! A joint that winds up: belts, harmonic drives, printed gears, springs in series.
 //!
 //! The servo and its encoder sit on the motor's side, the logged position is the link's. The rotor's inertia is the joint's
-//! armature, or a hundredth of what the joint carries where the model has none; it starts where the link is.
+//! armature, or a hundredth of what the joint carries where the model has none; it starts where spring and servo are in balance.
 
 use super::rotor::{self, Spring};
 use super::{Card, Effect, Param, SiteKind};
@@ -36,6 +36,7 @@ impl Effect for JointElasticity {
 
     fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointState) -> Affine {
         let inertia = rotor::take_inertia(dof, state);
+        rotor::load(memory, &motor, |push, servo| (push + p[0] * state.q) / (servo + p[0]));
         let spring = Spring { stiffness: p[0], damping: p[1], stretch: memory[1] - state.q };
         rotor::transmit(memory, &motor, inertia, &spring, state.dt_s)
     }

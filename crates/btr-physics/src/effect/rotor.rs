@@ -24,6 +24,10 @@ pub(super) struct Spring {
     pub(super) stretch: f64,
 }
 
+/// What a rotor is doing, its first number: nothing yet, placed beside its link, running.
+const PLACED: f64 = 1.0;
+const RUNNING: f64 = 2.0;
+
 /// The rotor's angle and velocity where the last step led to, now that the link's velocity is known. It starts with the link.
 pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
     let [started, angle, velocity, a, b, ..] = memory else { return (state.q, state.dq) };
@@ -31,9 +35,18 @@ pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
         *velocity = *a + *b * state.dq;
         *angle += state.dt_s * *velocity;
     } else {
-        (*started, *angle, *velocity) = (1.0, state.q, state.dq);
+        (*started, *angle, *velocity) = (PLACED, state.q, state.dq);
     }
     (*angle, *velocity)
+}
+
+/// Before the first step: moves the rotor to where its motor and what is between it and the link are in balance, as they are in
+/// a machine that has been holding its load. `balance` gives that angle for a motor's push at angle 0 and its stiffness.
+pub(super) fn load(memory: &mut [f64], motor: &Affine, balance: impl FnOnce(f64, f64) -> f64) {
+    let [started, angle, velocity, ..] = memory else { return };
+    if *started == PLACED {
+        (*started, *angle) = (RUNNING, balance(motor.constant - motor.damping * *velocity, motor.stiffness));
+    }
 }
 
 /// Takes the rotor's inertia away from the link, which from now on hangs on the rotor's state at the step's end.
