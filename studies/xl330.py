@@ -3,12 +3,12 @@
 
     cargo build --release && python3 studies/xl330.py [--keep runs/xl330]
 
-The model is `robots/xl330_model.toml`, a rigid pendulum and a DC motor. It learns from the twelve public logs at position
-gains 100, 200 and 800 and is judged on the four at gain 400, which nothing is fitted to (`diagnose` asks them to confirm an
-effect before it believes it). `diagnose` names effects one after the other; after each, `btr add` writes those named so far
-into the model and `btr fit` fits it: a line of the table. The columns are root mean square errors in multiples of the
-encoder's noise floor, as btr gives them, and mean absolute errors in rad of `btr simulate` beside the log, averaged over
-the logs. Takes about two minutes on two cores.
+The model is `robots/xl330_model.toml`, a rigid pendulum and a DC motor. `diagnose` learns from eight public logs at the
+position gains 100 and 800 and lets the four at gain 200 confirm what it finds; it names effects one after the other, and drops
+what others have made superfluous. Each of its steps is a line of the table: `btr add` writes what is named so far into the model,
+`btr fit` fits it to all twelve logs, and the four at gain 400, which nothing has seen before, judge. The columns are root mean
+square errors in multiples of the encoder's noise floor, as btr gives them, and mean absolute errors in rad of `btr simulate`
+beside the log, averaged over the logs. Takes about two minutes on two cores.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data" / "bam_xl330_pendulum"
 MODEL = ROOT / "robots" / "xl330_model.toml"
-LEARN, JUDGE = (100, 200, 800), (400,)
+ASKED, CONFIRMING, UNSEEN = (100, 800), (200,), (400,)
 MOST_EFFECTS = 6
 
 
@@ -65,7 +65,7 @@ def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
 
 def mean_errors(btr: str, model: str, folder: Path) -> tuple[float, float, dict[str, float]]:
     """Mean absolute errors of the logs to learn from and of those to judge on, and of each of the latter."""
-    errors = [{log: mean_error(btr, model, log, folder) for log in logs(gains)} for gains in (LEARN, JUDGE)]
+    errors = [{log: mean_error(btr, model, log, folder) for log in logs(gains)} for gains in (ASKED + CONFIRMING, UNSEEN)]
     learnt, judged = (sum(part.values()) / len(part) for part in errors)
     return learnt, judged, {Path(log).stem: error for log, error in errors[1].items()}
 
@@ -86,32 +86,40 @@ class Ladder:
     def fitted(self, step: str, model: str, name: str) -> tuple[dict, dict[str, float]]:
         """Fits a model and prints its line."""
         out = str(self.folder / name)
-        said = ask(self.btr, "fit", model, *logs(LEARN), "--held-out", *logs(JUDGE), "-o", out)
+        said = ask(self.btr, "fit", model, *logs(ASKED + CONFIRMING), "--held-out", *logs(UNSEEN), "-o", out)
         if step.startswith("rigid"):
             first = said["error_ladder"][0]
             self.line("data sheet", first["train"], first["held_out"], model)
         return said, self.line(step, said["train"], said["held_out"], out)
 
 
-def names(effects: list[dict]) -> list[str]:
-    """`effect@site` of each effect."""
-    site = lambda effect: effect["site"] if isinstance(effect["site"], str) else effect["site"][0]  # noqa: E731
-    return [f"{effect['effect']}@{site(effect)}" for effect in effects]
+def rungs(answer: dict) -> list[tuple[str, list[str]]]:
+    """The steps of a diagnosis, with the effects that are in the model after each."""
+    present, found = [], []
+    for step in (step["step"] for step in answer["error_ladder"]):
+        sign, name = step[:2], step[2:]
+        if sign == "+ ":
+            present = [*present, name]
+        elif sign == "- ":
+            present = [other for other in present if other != name]
+        else:
+            continue
+        found.append((step, present))
+    return found
 
 
 def study(btr: str, folder: Path) -> None:
     ladder = Ladder(btr, folder)
     said, each = ladder.fitted("rigid body and motor, fitted", str(MODEL), "rigid.toml")
-    learn, judge = logs(LEARN), logs(JUDGE)
-    answer = ask(btr, "diagnose", str(MODEL), *learn, "--held-out", *judge, "--max-effects", str(MOST_EFFECTS))
-    found = names(answer["effects"])
-    for k, name in enumerate(found):
+    asked = [*logs(ASKED), "--held-out", *logs(CONFIRMING), "--max-effects", str(MOST_EFFECTS)]
+    answer = ask(btr, "diagnose", str(MODEL), *asked)
+    for k, (step, effects) in enumerate(rungs(answer)):
         added = str(folder / f"added{k + 1}.toml")
-        ask(btr, "add", str(MODEL), *found[: k + 1], "-o", added)
-        said, each = ladder.fitted(f"+ {name}", added, f"fitted{k + 1}.toml")
+        ask(btr, "add", str(MODEL), *effects, "-o", added)
+        said, each = ladder.fitted(step, added, f"fitted{k + 1}.toml")
     print(f"\ndiagnose: {answer['verdict']}, {answer['rollouts']} rollouts in {answer['seconds']:.0f} s")
-    for name, effect in zip(found, answer["effects"]):
-        print(f"  {name:<36} alike: {', '.join(effect['alike']) or '-'}")
+    for effect in answer["effects"]:
+        print(f"  {effect['effect']:<36} alike: {', '.join(effect['alike']) or '-'}")
     print("fitted last:")
     for parameter in said["parameters"]:
         print(f"  {parameter['name']:<48}{parameter['value']:10.4g} {parameter['unit']}")
