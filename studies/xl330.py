@@ -33,6 +33,10 @@ def logs(gains: tuple[int, ...]) -> list[str]:
     return [str(DATA / row["file"]) for row in rows]
 
 
+# Models that are written elsewhere find the index all the same.
+INDEX = ["--set", f'logs.index="{DATA / "index.csv"}"']
+
+
 def ask(btr: str, *words: str) -> dict:
     """What btr answers."""
     done = subprocess.run([btr, *words, "--json"], capture_output=True, text=True)
@@ -52,7 +56,7 @@ def column(path: str, time: str, name: str) -> tuple[list[float], list[float]]:
 def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
     """Mean absolute error of a simulation that is told what the log was told, in rad."""
     simulated = str(folder / "simulated.csv")
-    ask(btr, "simulate", model, "--log", log, "-o", simulated)
+    ask(btr, "simulate", *INDEX, model, "--log", log, "-o", simulated)
     clock, said = column(simulated, "t", "q_hinge")
     times, measured = column(log, "t_s", "q_rad")
     errors = []
@@ -86,7 +90,7 @@ class Ladder:
     def fitted(self, step: str, model: str, name: str) -> tuple[dict, dict[str, float]]:
         """Fits a model and prints its line."""
         out = str(self.folder / name)
-        said = ask(self.btr, "fit", model, *logs(ASKED + CONFIRMING), "--held-out", *logs(UNSEEN), "-o", out)
+        said = ask(self.btr, "fit", *INDEX, model, *logs(ASKED + CONFIRMING), "--held-out", *logs(UNSEEN), "-o", out)
         if step.startswith("rigid"):
             first = said["error_ladder"][0]
             self.line("data sheet", first["train"], first["held_out"], model)
@@ -112,10 +116,10 @@ def study(btr: str, folder: Path) -> None:
     ladder = Ladder(btr, folder)
     said, each = ladder.fitted("rigid body and motor, fitted", str(MODEL), "rigid.toml")
     asked = [*logs(ASKED), "--held-out", *logs(CONFIRMING), "--max-effects", str(MOST_EFFECTS)]
-    answer = ask(btr, "diagnose", str(MODEL), *asked)
+    answer = ask(btr, "diagnose", *INDEX, str(MODEL), *asked)
     for k, (step, effects) in enumerate(rungs(answer)):
         added = str(folder / f"added{k + 1}.toml")
-        ask(btr, "add", str(MODEL), *effects, "-o", added)
+        ask(btr, "add", *INDEX, str(MODEL), *effects, "-o", added)
         said, each = ladder.fitted(step, added, f"fitted{k + 1}.toml")
     print(f"\ndiagnose: {answer['verdict']}, {answer['rollouts']} rollouts in {answer['seconds']:.0f} s")
     for effect in answer["effects"]:
