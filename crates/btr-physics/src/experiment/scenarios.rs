@@ -63,7 +63,8 @@ pub(super) fn from_logs(
         let (mut log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
         warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
-        scenarios.push(scenario((&one.path, &one.row), &log, ("reality", &section.columns), source, robot)?);
+        let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
+        scenarios.push(Scenario { settings, ..compared(&one.path, &log, robot, source)? });
         smooth_needed(&mut log, robot);
         logs.push(log);
     }
@@ -206,23 +207,23 @@ fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &
     source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
 }
 
-/// The situation of a log, with what the columns of its row set; `section` is where the columns stand in the file.
-pub(super) fn scenario(
-    (path, row): (&Path, &Row),
-    log: &Log,
+/// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
+pub(super) fn compared(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
+    let replaying = replaying(path, log, robot, source)?;
+    match missing_position(log, robot) {
+        Some(e) => Err(lacking(path, source, &e)),
+        None => Ok(replaying),
+    }
+}
+
+/// What the columns of a row set.
+pub(super) fn settings(
     (section, columns): (&str, &IndexMap<String, ColumnSection>),
+    row: &Row,
     source: &Source,
     robot: &Robot,
-) -> Result<Scenario, FileError> {
-    let replaying = replaying(path, log, robot, source)?;
-    if let Some(e) = missing_position(log, robot) {
-        return Err(lacking(path, source, &e));
-    }
-    let settings = columns
-        .iter()
-        .map(|(target, column)| setting((section, target), column, row, source, robot))
-        .collect::<Result<_, _>>()?;
-    Ok(Scenario { settings, ..replaying })
+) -> Result<Vec<(Target, f64)>, FileError> {
+    columns.iter().map(|(target, column)| setting((section, target), column, row, source, robot)).collect()
 }
 
 /// The situation of a log: its commands, its duration, its start.
