@@ -14,7 +14,7 @@ pub use law::ResidualLaw;
 use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
-use race::{Rival, race};
+use race::{CLOSE, Rival, race};
 use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
 
@@ -140,6 +140,8 @@ struct State {
     ladder: Vec<Rung>,
     rivals: Vec<(usize, Vec<f64>)>,
     rounds: Vec<Vec<Ranked>>,
+    /// The integrator's error, in multiples of the noise floor.
+    integrator: f64,
 }
 
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
@@ -173,13 +175,13 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
+        integrator: fit.renew_step_error(bench),
     };
-    fit.renew_step_error(bench);
     state.fit = fit;
     state.climb(bench, "model as it stands".to_owned(), tell);
     if !family.doubtful().is_empty() {
         state.fit.solve(bench, Effort::FULL);
-        state.fit.renew_step_error(bench);
+        state.integrator = state.fit.renew_step_error(bench);
         state.fit.solve(bench, Effort { jacobians: 1, steps: 6 });
         state.climb(bench, "its parameters fitted".to_owned(), tell);
     }
@@ -187,10 +189,10 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     Some(state)
 }
 
-/// Whether any effect could pass: below the noise there is nothing to win.
+/// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
 fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
     let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
-    squares > 1.0 + LEARNT_FALL / 2.0
+    squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
 /// Screens, races and judges; the winner if it is to be believed.
@@ -301,9 +303,12 @@ impl State {
     /// Makes the winner the new base.
     fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
         self.fit = rival.fit;
-        self.fit.renew_step_error(bench);
+        self.integrator = self.fit.renew_step_error(bench);
         self.fit.jacobian = None;
         self.fit.solve(bench, Effort::FULL);
+        if is_worth_a_round(bench, self) {
+            self.fit.polish(bench);
+        }
         let step = format!("+ {}@{}", found.effect, found.site);
         self.chosen.push(found);
         self.climb(bench, step, tell);
@@ -338,7 +343,14 @@ impl State {
             fit
         });
         // The latest one may have got used to this one: once more as if it had never been found.
-        removed.into_iter().chain(self.instead(bench, index)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let without = removed.into_iter().chain(self.instead(bench, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        without.map(|mut fit| {
+            let near = (1.0 + LEARNT_FALL) * self.fit.squares()..CLOSE * self.fit.squares();
+            if near.contains(&fit.squares()) {
+                fit.polish(bench);
+            }
+            fit
+        })
     }
 
     /// The point without some of the chosen; all else stays.
@@ -402,7 +414,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     Diagnosis {
         verdict,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
-        integrator_error: state.fit.integrator_error(bench),
+        integrator_error: state.integrator,
         at_bound: at_bound.collect(),
         rounds: state.rounds,
         effects: state.chosen,

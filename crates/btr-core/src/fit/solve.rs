@@ -86,21 +86,18 @@ impl Fit {
 
     /// Takes the integrator's error into account as it is here; not where the error has no order (a rotor that meets its flank a
     /// step earlier), so that what is extrapolated from half the step makes things worse.
-    pub fn renew_step_error(&mut self, bench: &Bench) {
+    /// Returns the error's root mean square in multiples of the noise floor.
+    pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
         let bare = self.bare();
         let error = bench.step_error(&self.u, &bare, Logs::Learn);
+        let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
         let extrapolated = corrected(bare.clone(), &error);
         (self.residual, self.step_error) = match squares(&extrapolated) < squares(&bare) {
             true => (extrapolated, error),
             false => (bare, vec![0.0; error.len()]),
         };
         self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
-    }
-
-    /// The integrator's error here, in multiples of the noise floor.
-    pub fn integrator_error(&self, bench: &Bench) -> f64 {
-        let error = bench.step_error(&self.u, &self.bare(), Logs::Learn);
-        (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt()
+        size
     }
 
     /// The residual as simulated.
@@ -142,6 +139,12 @@ impl Fit {
             renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
         }
         Ended::Effort
+    }
+
+    /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
+    pub fn polish(&mut self, bench: &Bench) {
+        self.differentiate_widely(bench);
+        self.solve(bench, Effort { jacobians: 0, steps: 8 });
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
