@@ -240,13 +240,14 @@ impl Beside {
         self.effects.push(effect);
     }
 
-    /// Tells candidates who at the same place is said to look like them.
+    /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it moves.
     fn introduce(&mut self) {
+        let links = &self.model.robot.links;
+        let place =
+            |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
+        let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
         let says = |a: usize, b: usize| self.effects[a].card().alike.contains(&self.effects[b].card().name);
-        let alike = |a: usize, b: usize| {
-            let here = self.candidates[a].site == self.candidates[b].site;
-            here && (says(a, b) || says(b, a))
-        };
+        let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
         let all = 0..self.candidates.len();
         let kin: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
         self.candidates.iter_mut().zip(kin).for_each(|(candidate, kin)| candidate.kin = kin);
