@@ -399,7 +399,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     };
     let trusted = last <= NOISE;
     if trusted {
-        state.fit.differentiate_widely(bench);
+        state.fit.settle(bench);
     }
     let inflation = Measure::of(bench, &state.fit).inflation();
     let all = estimates(bench.family, &state.fit, inflation, trusted);

@@ -65,8 +65,8 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     fit.solve(bench, Effort::FULL);
     let integrator_error = fit.renew_step_error(bench);
     let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
+    fit.settle(bench);
     climb("fitted", &fit);
-    fit.differentiate_widely(bench);
     let (_, train, held_out) = ladder.last()?.clone();
     let error = held_out.unwrap_or(train);
     let withheld = (error > NOISE).then(|| {

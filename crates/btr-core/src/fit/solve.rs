@@ -42,6 +42,10 @@ const STALL: (f64, f64) = (1e-4, 0.02);
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
+/// Steps to the middle of what is left open, and which shares of each are tried.
+const SETTLING: usize = 3;
+const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
+
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -145,6 +149,26 @@ impl Fit {
     pub fn polish(&mut self, bench: &Bench) {
         self.differentiate_widely(bench);
         self.solve(bench, Effort { jacobians: 0, steps: 8 });
+    }
+
+    /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops anywhere along a
+    /// direction that hardly matters to it, an estimate must not.
+    pub fn settle(&mut self, bench: &Bench) {
+        self.differentiate_widely(bench);
+        let knobs = bench.family.knobs();
+        let Some(jacobian) = self.jacobian.clone() else { return };
+        for _ in 0..SETTLING {
+            let Some(direction) = self.direction(knobs, &jacobian, 0.0) else { return };
+            let there = SHARES.iter().filter_map(|share| {
+                let mut u = self.u.clone();
+                let moves = self.active.iter().zip(direction.iter());
+                moves.for_each(|(&knob, x)| u[knob] = knobs[knob].clamp(u[knob] + share * x));
+                Fit::at(bench, self.active.clone(), u, &self.step_error)
+            });
+            let best = there.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(best) = best.filter(|best| best.cost < self.cost) else { return };
+            *self = Fit { jacobian: Some(jacobian.clone()), ..best };
+        }
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
