@@ -144,14 +144,15 @@ fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
         let active = with(base, &bench.family.candidates()[start.candidate]);
         crate::fit::cost(bench.family.knobs(), &active, u, &corrected(residual, &base.step_error))
     };
-    let tried = promising.into_iter().zip(points.chunks(SHARES.len()).zip(residuals.chunks(SHARES.len())));
-    let best = |(start, (points, residuals)): (Start, (&[Vec<f64>], &[Option<Vec<f64>>]))| {
-        let simulated = points.iter().zip(residuals).filter_map(|(u, residual)| {
-            Some(Start { cost: cost(&start, u, residual.clone()?), u: u.clone(), ..start.clone() })
+    let mut simulated = points.into_iter().zip(residuals);
+    let best = |start: Start| {
+        let tried = simulated.by_ref().take(SHARES.len()).filter_map(|(u, residual)| {
+            let cost = cost(&start, &u, residual?);
+            Some(Start { cost, u, ..start.clone() })
         });
-        simulated.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
-    let mut verified: Vec<Start> = tried.filter_map(best).collect();
+    let mut verified: Vec<Start> = promising.into_iter().filter_map(best).collect();
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified

@@ -19,6 +19,13 @@ const LOOKS: usize = 4;
 /// A step shortened by bounds to less than this share of it says too little.
 const CRAMPED: f64 = 0.2;
 
+/// A direction to look along: in units of the priors, in coordinates, and with two steps and the weights of what changes there.
+struct Look {
+    along: DVector<f64>,
+    scaled: DVector<f64>,
+    stencil: [(f64, f64); 2],
+}
+
 impl Fit {
     /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
     pub fn differentiate(&mut self, bench: &Bench) {
@@ -87,14 +94,13 @@ impl Fit {
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
             let stencil = self.stencil_along(knobs, &scaled, step)?;
-            Some((along, scaled, stencil))
+            Some(Look { along, scaled, stencil })
         };
-        let looks: Vec<(DVector<f64>, DVector<f64>, [(f64, f64); 2])> =
-            directions.into_iter().filter_map(placed).collect();
-        let moved = |(_, scaled, stencil): &(DVector<f64>, DVector<f64>, [(f64, f64); 2])| {
-            stencil.map(|(step, _)| {
+        let looks: Vec<Look> = directions.into_iter().filter_map(placed).collect();
+        let moved = |look: &Look| {
+            look.stencil.map(|(step, _)| {
                 let mut point = self.u.clone();
-                let along = self.active.iter().zip(scaled.iter());
+                let along = self.active.iter().zip(look.scaled.iter());
                 along.for_each(|(&knob, x)| point[knob] = knobs[knob].clamp(point[knob] + step * x));
                 point
             })
@@ -103,7 +109,7 @@ impl Fit {
         let there = bench.residuals(&points, Logs::Learn, Step::Usual);
         let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
         let Some(jacobian) = self.jacobian.as_mut() else { return };
-        for ((along, scaled, stencil), there) in looks.iter().zip(there.chunks(2)) {
+        for (Look { along, scaled, stencil }, there) in looks.iter().zip(there.chunks(2)) {
             let [Some(near), Some(far)] = there else { continue };
             let said = &*jacobian * scaled;
             let seen = |row: usize| stencil[0].1 * (near[row] - here[row]) + stencil[1].1 * (far[row] - here[row]);
