@@ -49,7 +49,7 @@ steps_per_control = 10
 sample_every = 10
 
 [noise]
-position_rad = 0.00005
+position_rad = 0.0006
 
 [parameters]
 "kp@slide" = { relative = [0.9, 1.11] }
