@@ -2,11 +2,11 @@
 """EMPS, a real drive with a ball screw: from a rigid carriage to the published figures, with btr's own verbs.
 
     cargo build --release
-    python3 studies/emps.py [DATA] [--keep DIR]
+    python3 studies/emps.py [--keep DIR]
 
 The data set is "Data Set and Reference Models of EMPS" by A. Janot, M. Gautier and M. Brunot (Nonlinear System
-Identification Benchmarks, 2019). DATA is a folder with `episodes/estimation.csv` and `episodes/validation_pulses.csv`, by
-default `../shared/data/emps` beside this project. Nothing is fitted to the pulses: they are held out.
+Identification Benchmarks, 2019), as `episodes/estimation.csv` and `episodes/validation_pulses.csv` in `../shared/data/emps`
+beside this project. Nothing is fitted to the pulses: they are held out.
 
 Two views of the same machine, both without any friction to begin with:
 
@@ -21,18 +21,13 @@ In the file with pulses these are volts at the drive's input (the column says N)
 position that has the same effect.
 """
 
-import argparse
 import csv
-import json
 import math
 import shutil
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-BTR = ROOT / "target" / "release" / "btr"
+from asking import ROOT, ask, run
+
+DATA = ROOT.parent / "shared" / "data" / "emps"
 KP_PER_S, KV_VS_PER_M = 160.18, 243.45
 LOGS = ("estimation", "validation_pulses")
 
@@ -47,17 +42,9 @@ def convert(source, target):
             rows.writerow([row["t_s"], float(row["q_ref_m"]) + pulse_m, row["q_m"], row["force_N"]])
 
 
-def btr(*arguments):
-    """What btr says, as JSON."""
-    run = subprocess.run([BTR, *map(str, arguments), "--json"], capture_output=True, text=True)
-    if run.returncode != 0:
-        sys.exit(f"btr {' '.join(map(str, arguments))}\n{run.stdout}{run.stderr}")
-    return json.loads(run.stdout)
-
-
-def relative(model, log, channel):
+def relative(btr, model, log, channel):
     """100·|y - y_hat|/|y| of a channel, from what `btr compare` says of it."""
-    found = next(c for c in btr("compare", model, log)["channels"] if c["name"] == channel)
+    found = next(c for c in ask(btr, "compare", str(model), str(log))["channels"] if c["name"] == channel)
     with log.open() as file:
         values = [float(row[channel]) for row in csv.DictReader(file)]
     mean_square = (sum(values) / len(values)) ** 2
@@ -65,25 +52,25 @@ def relative(model, log, channel):
     return 100.0 * found["rmse"] / math.sqrt(spread + mean_square)
 
 
-def improve(name, folder, logs):
+def improve(btr, name, folder, logs):
     """Diagnose, add, fit: the fitted model."""
     model, more, fitted = ROOT / "robots" / f"{name}.toml", folder / f"{name}-2.toml", folder / f"{name}-3.toml"
     estimation, pulses = logs
-    found = btr("diagnose", model, estimation, "--held-out", pulses)
+    found = ask(btr, "diagnose", str(model), str(estimation), "--held-out", str(pulses))
     names = [f"{e['effect']}@{e['site']}" for e in found["effects"]]
     print(f"\n{name}: {found['verdict']}, {', '.join(names) or 'nothing'} ({found['rollouts']} rollouts)")
     for rung in found["error_ladder"]:
         print(f"  {rung['step']:<40} {rung['train']:8.2f} x noise floor, {rung['held_out']:8.2f} held out")
     if not names:
         return model
-    btr("add", model, *names, "-o", more)
-    fit = btr("fit", more, estimation, "--held-out", pulses, "-o", fitted)
+    ask(btr, "add", str(model), *names, "-o", str(more))
+    fit = ask(btr, "fit", str(more), str(estimation), "--held-out", str(pulses), "-o", str(fitted))
     for parameter in fit["parameters"]:
         print(f"  {parameter['name']:<46} {parameter['value']:12.5g} {parameter['unit']}")
     return fitted
 
 
-def published_terms(folder, logs):
+def published_terms(btr, folder, logs):
     """The published model of the force: mass, Coulomb and viscous friction, each the same both ways, and an offset."""
     model, fitted = folder / "emps-terms.toml", folder / "emps-terms-2.toml"
     text = (ROOT / "robots" / "emps-force.toml").read_text()
@@ -91,47 +78,37 @@ def published_terms(folder, logs):
     law = '[[effects]]\neffect = "formula"\nsite = "slide"\non = "torque"\nlaw = "-offset"\noffset = 0.0'
     model.write_text(f"{text}{offset}\n\n{law}\n")
     added = ["--add", "coulomb_friction@slide", "--add", "viscous_friction@slide"]
-    fit = btr("fit", model, logs[0], *added, "-o", fitted)
+    fit = ask(btr, "fit", str(model), str(logs[0]), *added, "-o", str(fitted))
     print("\nthe published terms, motion prescribed")
     for parameter in fit["parameters"]:
         print(f"  {parameter['name']:<46} {parameter['value']:12.5g} {parameter['unit']}")
     return fitted
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", nargs="?", type=Path, default=ROOT.parent / "shared" / "data" / "emps")
-    parser.add_argument("--keep", type=Path, help="a folder for the converted logs and the models")
-    given = parser.parse_args()
-    if not given.data.exists():
-        print(f"skipped: data not there ({given.data})")
-        return
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = given.keep or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        logs = [folder / f"{name}.csv" for name in LOGS]
-        # The improved models are written here, and look for it beside them.
-        shutil.copy(ROOT / "robots" / "emps.urdf", folder)
-        for name, log in zip(LOGS, logs):
-            convert(given.data / "episodes" / f"{name}.csv", log)
-        force = improve("emps-force", folder, logs)
-        loop = improve("emps", folder, logs)
-        terms = published_terms(folder, logs)
-        tau, q = "tau_slide", "q_slide"
-        rows = [
-            ("motion prescribed, published terms, force, fit", "4.083", relative(terms, logs[0], tau)),
-            ("motion prescribed, published terms, force, pulses", "5.982", relative(terms, logs[1], tau)),
-            ("motion prescribed, diagnosed, force, fit", "3.112", relative(force, logs[0], tau)),
-            ("motion prescribed, diagnosed, force, pulses", "-", relative(force, logs[1], tau)),
-            ("closed loop, position, fit", "0.0138", relative(loop, logs[0], q)),
-            ("closed loop, position, pulses", "-", relative(loop, logs[1], q)),
-            ("closed loop, force, fit", "5.85", relative(loop, logs[0], tau)),
-            ("closed loop, force, pulses", "8.94", relative(loop, logs[1], tau)),
-        ]
+def study(btr, folder):
+    logs = [folder / f"{name}.csv" for name in LOGS]
+    # The improved models are written here, and look for it beside them.
+    shutil.copy(ROOT / "robots" / "emps.urdf", folder)
+    for name, log in zip(LOGS, logs):
+        convert(DATA / "episodes" / f"{name}.csv", log)
+    force = improve(btr, "emps-force", folder, logs)
+    loop = improve(btr, "emps", folder, logs)
+    terms = published_terms(btr, folder, logs)
+    tau, q = "tau_slide", "q_slide"
+    rows = [
+        ("motion prescribed, published terms, force, fit", "4.083", relative(btr, terms, logs[0], tau)),
+        ("motion prescribed, published terms, force, pulses", "5.982", relative(btr, terms, logs[1], tau)),
+        ("motion prescribed, diagnosed, force, fit", "3.112", relative(btr, force, logs[0], tau)),
+        ("motion prescribed, diagnosed, force, pulses", "-", relative(btr, force, logs[1], tau)),
+        ("closed loop, position, fit", "0.0138", relative(btr, loop, logs[0], q)),
+        ("closed loop, position, pulses", "-", relative(btr, loop, logs[1], q)),
+        ("closed loop, force, fit", "5.85", relative(btr, loop, logs[0], tau)),
+        ("closed loop, force, pulses", "8.94", relative(btr, loop, logs[1], tau)),
+    ]
     print(f"\n{'relative error in %':<50} {'published':<26} reached")
     for what, published, reached in rows:
         print(f"{what:<50} {published:<26} {reached:.4g}")
 
 
 if __name__ == "__main__":
-    main()
+    run(study, DATA, __doc__)

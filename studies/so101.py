@@ -14,12 +14,10 @@ over all joints in multiples of the encoders' noise floor (0.44 mrad), and on th
 about ten minutes on two cores.
 """
 
-import argparse
 import csv
-import tempfile
 from pathlib import Path
 
-from xl330 import ROOT, ask
+from asking import ROOT, ask, run
 
 DATA = ROOT.parent / "shared" / "data" / "sage_so101" / "episodes"
 MODEL = ROOT / "robots" / "so101.toml"
@@ -123,19 +121,5 @@ def study(btr: str, folder: Path) -> None:
     print("law of what remains: " + (f"{law['law']} on {law['on']} of {law['site']}" if law else "none found"))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
-    parser.add_argument("--keep", type=Path, help="where to keep windows and models")
-    args = parser.parse_args()
-    if not DATA.exists():
-        print("skipped: data not there")
-        return
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = args.keep or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        study(args.btr, folder)
-
-
 if __name__ == "__main__":
-    main()
+    run(study, DATA, __doc__)

@@ -11,15 +11,12 @@ square errors in multiples of the encoder's noise floor, as btr gives them, and 
 beside the log, averaged over the logs. Takes about two minutes on two cores.
 """
 
-import argparse
 import bisect
 import csv
-import json
-import subprocess
-import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from asking import ROOT, ask, run
+
 DATA = ROOT.parent / "shared" / "data" / "bam_xl330_pendulum"
 MODEL = ROOT / "robots" / "xl330_model.toml"
 ASKED, CONFIRMING, UNSEEN = (100, 800), (200,), (400,)
@@ -35,15 +32,6 @@ def logs(gains: tuple[int, ...]) -> list[str]:
 
 # Models that are written elsewhere find the index all the same.
 INDEX = ["--set", f'logs.index="{DATA / "index.csv"}"']
-
-
-def ask(btr: str, *words: str) -> dict:
-    """What btr answers."""
-    done = subprocess.run([btr, *words, "--json"], capture_output=True, text=True)
-    said = json.loads(done.stdout)
-    if not said["ok"]:
-        raise SystemExit(f"btr {words[0]}: {done.stdout}{done.stderr}")
-    return said
 
 
 def column(path: str, time: str, name: str) -> tuple[list[float], list[float]]:
@@ -132,19 +120,5 @@ def study(btr: str, folder: Path) -> None:
         print(f"  {log:<36}{error:8.4f}")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
-    parser.add_argument("--keep", type=Path, help="where to keep the models")
-    args = parser.parse_args()
-    if not DATA.exists():
-        print("skipped: data not there")
-        return
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = args.keep or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        study(args.btr, folder)
-
-
 if __name__ == "__main__":
-    main()
+    run(study, DATA, __doc__)
