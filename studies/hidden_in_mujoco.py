@@ -23,10 +23,8 @@ minute in btr on two cores. Seeds below 1000 are for tuning. It prints
 
 import argparse
 import csv
-import json
 import math
 import statistics
-import subprocess
 import tempfile
 import time
 import tomllib
@@ -38,7 +36,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
+from asking import BTR, ROOT, ask
+
 MODEL = ROOT / "robots" / "arm.toml"
 
 STEP_S, TICK_S, DURATION_S = 0.0001, 0.01, 4.0
@@ -469,14 +468,6 @@ class Outcome:
         )
 
 
-def ask(btr: str, *arguments: str) -> dict:
-    """What a verb of btr says."""
-    done = subprocess.run([btr, *arguments, "--json", "-q"], capture_output=True, text=True)
-    if not done.stdout.strip():
-        raise SystemExit(f"{' '.join([btr, *arguments])}\n{done.stderr}")
-    return json.loads(done.stdout)
-
-
 def diagnose(btr: str, folder: Path, hidden: Hidden, seed: int, rivals: dict[str, set[str]]) -> Outcome:
     learn, held = (sorted(map(str, folder.glob(f"{kind}*.csv"))) for kind in ("learn", "held"))
     begin = time.monotonic()
@@ -530,7 +521,7 @@ def summary(outcomes: list[Outcome]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    parser.add_argument("--btr", default=BTR)
     parser.add_argument("--seeds", default="1000..1003", help="A..B, B excluded; those below 1000 are for tuning")
     parser.add_argument("--effects", default=",".join(EFFECTS), help=f"of {', '.join(EFFECTS)}")
     parser.add_argument("--keep", type=Path, help="where to keep the logs, a folder per case")

@@ -139,7 +139,9 @@ impl Reality {
 
     /// What the sensors say in an episode, once the robot has come to rest where the episode begins.
     fn record(&self, truth: &[f64], placed: &[Placed], episode: usize) -> Log {
-        let settle = (SETTLE_S / TICK_S).round() as usize;
+        // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot settled.
+        let skewed = placed.iter().any(|placed| placed.effect.card().name == "clock_skew");
+        let settle = if skewed { 0 } else { (SETTLE_S / TICK_S).round() as usize };
         let told: Commands =
             self.told[episode].iter().map(|row| [vec![row[0]; settle], row.clone()].concat()).collect();
         let settled = scenario(&self.model, episode, &told);
@@ -153,7 +155,8 @@ impl Reality {
         let Some(drive) = settled.replay else { quit(&"no replay") };
         let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
         let log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
-        let clock = log.clock_s()[settle..].iter().map(|t| t - SETTLE_S).collect();
+        let began_s = log.clock_s()[settle];
+        let clock = log.clock_s()[settle..].iter().map(|t| t - began_s).collect();
         let mut cut = Log::new(clock).unwrap_or_else(|e| quit(&e));
         let seen = |name: &str| self.subject.seen.iter().any(|begin| name.starts_with(begin));
         for (name, channel) in log.channels().filter(|(name, _)| seen(name)) {

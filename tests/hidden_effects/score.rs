@@ -54,8 +54,8 @@ pub(crate) struct Outcome {
     after: f64,
     /// What the error looks like where nothing explains it.
     law: String,
-    /// Parameters of the planted effects with an interval, and how many of the intervals hold the truth.
-    intervals: (usize, usize),
+    /// Parameters of the planted effects with an interval, and those whose interval does not hold the truth.
+    intervals: (usize, Vec<String>),
     rollouts: usize,
     seconds: f64,
 }
@@ -74,6 +74,8 @@ enum Score {
     Extra,
     /// Some of what is there, and nothing that is not.
     Part,
+    /// Some of what is there; of the rest there is nothing to be seen, as the parameters in doubt make up for it.
+    Rest,
     /// Nothing named, and nothing to be seen: the parameters in doubt make up for it.
     Absorbed,
     /// Nothing named.
@@ -100,7 +102,7 @@ impl Outcome {
                 score,
                 before: nan,
                 after: nan,
-                intervals: (0, 0),
+                intervals: (0, Vec::new()),
                 rollouts: 0,
                 seconds,
             };
@@ -110,6 +112,7 @@ impl Outcome {
         let before = error(diagnosis.ladder.get(1).or(diagnosis.ladder.first()));
         let score = match score(&case, &truth, &found, &diagnosis) {
             Score::Silent if before < VISIBLE => Score::Absorbed,
+            Score::Part if error(diagnosis.ladder.last()) < VISIBLE => Score::Rest,
             score => score,
         };
         Outcome {
@@ -141,7 +144,7 @@ impl Outcome {
             self.rollouts,
             self.seconds,
             self.law
-        )
+        ) + &self.intervals.1.iter().map(|missed| format!("\n            {missed}")).collect::<String>()
     }
 }
 
@@ -186,28 +189,33 @@ fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis)
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }
 
-/// Whether the library itself says that two effects at one site are hard to tell apart.
+/// Whether two effects are said to look alike and sit at the same place, as far as their places can be compared.
 fn are_alike(a: &str, b: &str) -> bool {
-    let name = |x: &str| x.split('@').next().unwrap_or_default().to_owned();
-    let says = |x: &str, y: &str| find(&name(x)).is_some_and(|e| e.card().alike.contains(&name(y).as_str()));
-    says(a, b) || says(b, a)
+    let (Some((a, here)), Some((b, there))) = (a.split_once('@'), b.split_once('@')) else { return false };
+    let (Some(a), Some(b)) = (find(a).map(|e| e.card()), find(b).map(|e| e.card())) else { return false };
+    let near = here == there || std::mem::discriminant(&a.site) != std::mem::discriminant(&b.site);
+    near && (a.alike.contains(&b.name) || b.alike.contains(&a.name))
 }
 
-fn intervals(case: &Case, diagnosis: &Diagnosis) -> (usize, usize) {
-    let (mut offered, mut held) = (0, 0);
+/// The intervals of what was planted, and those of them that miss the truth.
+fn intervals(case: &Case, diagnosis: &Diagnosis) -> (usize, Vec<String>) {
+    let (mut offered, mut missed) = (0, Vec::new());
     for (name, truth) in case.planted.iter().flat_map(|p| &p.values) {
         let estimates = diagnosis.effects.iter().flat_map(|f| &f.parameters);
         for [low, high] in estimates.filter(|e| e.name == *name).filter_map(|e| e.ci95) {
             offered += 1;
-            held += usize::from(low <= *truth && *truth <= high);
+            if *truth < low || *truth > high {
+                missed.push(format!("{name} = {truth:.5} is not in {low:.5} .. {high:.5}"));
+            }
         }
     }
-    (offered, held)
+    (offered, missed)
 }
 
 /// Counts and medians.
 pub(crate) fn summary(outcomes: &[Outcome]) -> String {
-    let seen: Vec<&Outcome> = outcomes.iter().filter(|o| o.score != Score::Absorbed).collect();
+    let shows = |o: &&Outcome| !matches!(o.score, Score::Absorbed | Score::Rest);
+    let seen: Vec<&Outcome> = outcomes.iter().filter(shows).collect();
     let n = seen.len();
     let mut text = format!("\n{} cases, {n} of them visible", outcomes.len());
     for score in [
@@ -215,6 +223,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
         Score::Equivalent,
         Score::Extra,
         Score::Part,
+        Score::Rest,
         Score::Silent,
         Score::Absorbed,
         Score::Unexplained,
@@ -235,7 +244,8 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
         values.get(n / 2).copied().unwrap_or(f64::NAN)
     };
     let most = outcomes.iter().map(|o| o.rollouts).max().unwrap_or(0);
-    let (offered, held) = outcomes.iter().fold((0, 0), |(a, b), o| (a + o.intervals.0, b + o.intervals.1));
+    let (offered, held) =
+        outcomes.iter().fold((0, 0), |(a, b), o| (a + o.intervals.0, b + o.intervals.0 - o.intervals.1.len()));
     text += &format!(
         "\nheld-out error, median: {:.2} -> {:.3} sigma\nrollouts: median {:.0}, most {most}\nseconds: median {:.1}\n95 % intervals that hold the truth: {held} of {offered}",
         median(&|o| o.before),

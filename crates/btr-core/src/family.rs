@@ -88,6 +88,8 @@ pub struct Candidate {
     pub shapes: Vec<usize>,
     /// Coordinates of the shapes from which it is worth trying, for each start one per shape. At least one, perhaps empty.
     pub starts: Vec<Vec<f64>>,
+    /// Candidates at the same place that look alike, as indices.
+    pub kin: Vec<usize>,
 }
 
 impl Candidate {

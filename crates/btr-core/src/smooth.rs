@@ -51,7 +51,23 @@ pub fn parabola(clock_s: &[f64], values: &[f64], range: Range<usize>, at_s: f64)
 
 /// The smoothed series at every sample; [`Motion::MISSING`] where the sample itself, or too much around it, is missing.
 pub fn smooth(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
-    let reach_s = reach_s(clock_s);
+    within(clock_s, values, reach_s(clock_s))
+}
+
+/// Replaces a series by its smoothed values.
+pub fn in_place(clock_s: &[f64], values: &mut [f64]) {
+    let smoothed = smooth(clock_s, values);
+    values.iter_mut().zip(smoothed).for_each(|(value, motion)| *value = motion.value);
+}
+
+/// The same as [`smooth`] with fits that reach just far enough: four samples to each side. For motions whose accelerations must not be
+/// rounded off more than need be.
+pub fn finely(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
+    // Rounded stamps must not lose the outermost sample.
+    within(clock_s, values, usual_step_s(clock_s).map_or(REACH_S, |step| (REACH_SAMPLES + 0.1) * step))
+}
+
+fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
     let (mut from, mut to) = (0, 0);
     (0..clock_s.len())
         .map(|i| {
@@ -138,14 +154,15 @@ fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Motion> {
 
 /// How far a fit reaches to each side.
 fn reach_s(clock_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if steps.is_empty() {
-        return REACH_S;
-    }
-    let middle = steps.len() / 2;
     // A little more, so that rounded stamps do not lose the outermost sample.
-    let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    (REACH_SAMPLES * usual).max(REACH_S) + 0.1 * usual
+    usual_step_s(clock_s).map_or(REACH_S, |usual| (REACH_SAMPLES * usual).max(REACH_S) + 0.1 * usual)
+}
+
+/// The median step; `None` for fewer than two samples.
+fn usual_step_s(clock_s: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -9,11 +9,15 @@
 //! backward Euler instead. Dry friction and joint limits are impulses within bounds that stop a joint where they can
 //! (projected Gauss-Seidel on the inverse inertia).
 
+mod course;
+mod spatial;
+
 use crate::assemble::{self, Body};
 use crate::engine::{BaseState, Dof, Dynamics, State};
 use crate::robot::{JointKind, Robot};
 use crate::sim::Setup;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, Vector3};
+use spatial::{Inertia, Spatial, factorise, solve};
 
 /// Faster than this (m/s, rad/s) is a blow-up.
 const ABSURD_SPEED: f64 = 1e4;
@@ -53,21 +57,6 @@ struct Moving {
     inertia: Matrix3<f64>,
 }
 
-/// A motion or a force in Pluecker coordinates about the world's origin: angular part (moment), linear part (force).
-#[derive(Clone, Copy, Debug)]
-struct Spatial {
-    angular: Vector3<f64>,
-    linear: Vector3<f64>,
-}
-
-/// A rigid body's inertia about the world's origin.
-#[derive(Clone, Copy)]
-struct Inertia {
-    mass: f64,
-    first: Vector3<f64>,
-    second: Matrix3<f64>,
-}
-
 /// Memory for a step, allocated once.
 struct Scratch {
     rotations: Vec<Rotation3<f64>>,
@@ -75,6 +64,8 @@ struct Scratch {
     axes: Vec<Spatial>,
     velocities: Vec<Spatial>,
     accelerations: Vec<Spatial>,
+    /// Accelerations of the joints; empty while they are what is asked for.
+    joints: Vec<f64>,
     inertias: Vec<Inertia>,
     forces: Vec<Spatial>,
     /// Row by row: first the mass matrix, then its Cholesky factor.
@@ -159,7 +150,8 @@ impl Articulated {
         }
     }
 
-    /// Fills `forces` with what each joint has to carry if no joint accelerates, and makes `inertias` composite.
+    /// Fills `forces` with what each joint has to carry if no joint accelerates (or as `joints` says, where that is filled), and
+    /// makes `inertias` composite.
     fn carry(&mut self) {
         let s = &mut self.scratch;
         for (i, body) in self.bodies.iter().enumerate() {
@@ -171,6 +163,9 @@ impl Articulated {
             };
             s.velocities[i] = velocity + own;
             s.accelerations[i] = acceleration + s.velocities[i].cross_motion(&own);
+            if let Some(&joint) = s.joints.get(i) {
+                s.accelerations[i] = s.accelerations[i] + s.axes[i] * joint;
+            }
             let momentum = s.inertias[i].times(&s.velocities[i]);
             s.forces[i] = s.inertias[i].times(&s.accelerations[i]) + s.velocities[i].cross_force(&momentum);
         }
@@ -200,10 +195,12 @@ impl Articulated {
     fn advance(&mut self) {
         let (dt, n) = (self.dt_s, self.bodies.len());
         self.predict();
+        self.foresee();
         self.place();
         self.carry();
         self.fill_matrix();
         self.balance();
+        self.lead();
         factorise(&mut self.scratch.matrix, n);
         solve(&self.scratch.matrix, n, &mut self.scratch.next);
         self.stop();
@@ -213,6 +210,7 @@ impl Articulated {
             self.before[i] = old;
             self.dq[i] = new;
         }
+        self.arrive();
     }
 
     /// The linear equations for the velocities at the step's end: `matrix`·dq' = `next`.
@@ -247,7 +245,8 @@ impl Articulated {
     fn stop(&mut self) {
         let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
         s.rows.clear();
-        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate() {
+        let free = |(_, (dof, _)): &(usize, (&Dof, &Moving))| dof.course.is_none();
+        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate().filter(free) {
             let (lower, upper) = ((body.limits.0 - self.q[i]) / dt, (body.limits.1 - self.q[i]) / dt);
             if dof.dry_friction > 0.0 {
                 let most = dt * dof.dry_friction;
@@ -320,6 +319,7 @@ impl Scratch {
             axes: vec![Spatial::ZERO; n],
             velocities: vec![Spatial::ZERO; n],
             accelerations: vec![Spatial::ZERO; n],
+            joints: Vec::with_capacity(n),
             inertias: vec![none; n],
             forces: vec![Spatial::ZERO; n],
             matrix: vec![0.0; n * n],
@@ -330,90 +330,6 @@ impl Scratch {
             share: vec![0.5; n],
             rows: Vec::with_capacity(2 * n),
         }
-    }
-}
-
-impl Spatial {
-    const ZERO: Spatial = Spatial { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
-
-    fn dot(&self, other: &Spatial) -> f64 {
-        self.angular.dot(&other.angular) + self.linear.dot(&other.linear)
-    }
-
-    /// How a motion that is fixed to a body changes as the body moves with `self`.
-    fn cross_motion(&self, motion: &Spatial) -> Spatial {
-        Spatial {
-            angular: self.angular.cross(&motion.angular),
-            linear: self.angular.cross(&motion.linear) + self.linear.cross(&motion.angular),
-        }
-    }
-
-    /// The same for a momentum.
-    fn cross_force(&self, force: &Spatial) -> Spatial {
-        Spatial {
-            angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
-            linear: self.angular.cross(&force.linear),
-        }
-    }
-}
-
-impl std::ops::Add for Spatial {
-    type Output = Spatial;
-    fn add(self, other: Spatial) -> Spatial {
-        Spatial { angular: self.angular + other.angular, linear: self.linear + other.linear }
-    }
-}
-
-impl std::ops::Mul<f64> for Spatial {
-    type Output = Spatial;
-    fn mul(self, factor: f64) -> Spatial {
-        Spatial { angular: self.angular * factor, linear: self.linear * factor }
-    }
-}
-
-impl Inertia {
-    /// Momentum of a motion, or the force for an acceleration.
-    fn times(&self, motion: &Spatial) -> Spatial {
-        Spatial {
-            angular: self.second * motion.angular + self.first.cross(&motion.linear),
-            linear: motion.linear * self.mass + motion.angular.cross(&self.first),
-        }
-    }
-
-    fn plus(&self, other: &Inertia) -> Inertia {
-        Inertia { mass: self.mass + other.mass, first: self.first + other.first, second: self.second + other.second }
-    }
-}
-
-/// Cholesky's factor of a symmetric matrix, in place, in the lower triangle.
-fn factorise(matrix: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let mut sum = matrix[i * n + j];
-            for k in 0..j {
-                sum -= matrix[i * n + k] * matrix[j * n + k];
-            }
-            // A body without any inertia makes this NaN, which is noticed as trouble.
-            matrix[i * n + j] = if i == j { sum.sqrt() } else { sum / matrix[j * n + j] };
-        }
-    }
-}
-
-/// Solves with the factor, in place.
-fn solve(factor: &[f64], n: usize, x: &mut [f64]) {
-    for i in 0..n {
-        let mut sum = x[i];
-        for k in 0..i {
-            sum -= factor[i * n + k] * x[k];
-        }
-        x[i] = sum / factor[i * n + i];
-    }
-    for i in (0..n).rev() {
-        let mut sum = x[i];
-        for k in i + 1..n {
-            sum -= factor[k * n + i] * x[k];
-        }
-        x[i] = sum / factor[i * n + i];
     }
 }
 
@@ -436,6 +352,15 @@ impl Dynamics for Articulated {
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
         self.dofs[joint] = *dof;
+    }
+
+    fn leads(&self) -> bool {
+        // Substeps would have to share a course.
+        self.substeps == 1
+    }
+
+    fn needed(&mut self, torques: &mut [f64]) {
+        self.inverse(torques);
     }
 
     fn step(&mut self) {

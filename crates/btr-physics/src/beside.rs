@@ -1,28 +1,24 @@
 //! A model beside recorded logs, as the core's [`Family`]: what is in doubt, and every effect of the library at every site
 //! where it could sit.
 
-use crate::effect::{EFFECTS, Effect, On, Param, Placed, SiteKind};
+mod knobs;
+mod sites;
+
+use crate::effect::{EFFECTS, Effect, On, Param, Placed};
 use crate::floor;
 use crate::model::{Model, Scenario};
-use crate::robot::{Actuator, Base, JointKind};
+use crate::robot::{Actuator, Base};
 use crate::scales::Scales;
-use crate::sim::Setup;
 use crate::term::{self, Extent, Term};
 use crate::windows::{self, Windows};
 use btr_core::diagnose::ResidualLaw;
-use btr_core::family::{Candidate, Family, Feature, Knob, Law, Measured, Recorded, Step};
+use btr_core::family::{Candidate, Family, Feature, Knob, Measured, Recorded, Step};
 use btr_core::log::{Log, Role, interpolate};
-use btr_core::space::{Dim, Scale};
 use btr_core::world::WorldError;
+use knobs::{in_doubt, knob, own};
+use sites::sites;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
-const WEAK: f64 = 33.0;
-/// The same for shapes, in factors of two.
-const SHAPE: f64 = 3.0;
-/// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
-const REACH: (f64, f64) = (0.05, 0.1);
 
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
@@ -111,6 +107,7 @@ impl Beside {
                 beside.offer(effect, site);
             }
         }
+        beside.introduce();
         beside.offer_terms()?;
         Ok(beside)
     }
@@ -300,8 +297,22 @@ impl Beside {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
-        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts });
+        let kin = Vec::new();
+        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts, kin });
         self.effects.push(effect);
+    }
+
+    /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it moves.
+    fn introduce(&mut self) {
+        let links = &self.model.robot.links;
+        let place =
+            |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
+        let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
+        let says = |a: usize, b: usize| self.effects[a].card().alike.contains(&self.effects[b].card().name);
+        let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
+        let all = 0..self.candidates.len();
+        let kin: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
+        self.candidates.iter_mut().zip(kin).for_each(|(candidate, kin)| candidate.kin = kin);
     }
 
     /// Adds what laws are made of, for every driven joint.
@@ -332,7 +343,7 @@ impl Beside {
         let shapes = amplitudes.split_off(term.amplitudes());
         self.knobs.extend(knobs);
         let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
-        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts };
+        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts, kin: Vec::new() };
         let swings = term.swings.map(|i| first + i);
         self.features.push(Feature { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));
@@ -476,104 +487,4 @@ fn compared(model: &Model) -> impl Iterator<Item = String> {
     });
     let floating = model.robot.base == Base::Floating && model.setup.sensors.imu;
     joints.chain(["x", "y", "z"].into_iter().filter(move |_| floating).map(|axis| format!("imu_gyro_{axis}")))
-}
-
-/// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
-fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
-    let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
-    let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
-        let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
-        let card = crate::effect::find(effect)?.card();
-        Some((card.params.iter().find(|p| p.name == param)?, site))
-    });
-    let (law, size, spread) = match effect {
-        // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
-        Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
-            (Law::Exponential, std::f64::consts::LN_2, SHAPE)
-        }
-        Some((param, site)) if dim.scale == Scale::Linear && !param.shape => {
-            (Law::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
-        }
-        _ if dim.min > 0.0 && nominal > 0.0 => (Law::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
-        _ => (Law::Linear, (dim.max - dim.min) / 4.0, 1.0),
-    };
-    let mut knob = Knob {
-        name: dim.name.clone(),
-        unit: dim.unit.clone(),
-        origin: nominal,
-        size,
-        law,
-        bounds: (0.0, 0.0),
-        spread,
-        reach: if effect.is_some() { REACH.1 } else { REACH.0 },
-        amplitude: law == Law::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
-    };
-    knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
-    knob
-}
-
-/// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
-fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
-    let size = param.hint.abs() * scale;
-    let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
-    let (law, origin, size, bounds, spread) = match param {
-        p if p.shape && p.bounds.0 > 0.0 => {
-            let size = std::f64::consts::LN_2;
-            (
-                Law::Exponential,
-                p.hint * scale,
-                size,
-                ((p.bounds.0 / p.hint).ln() / size, (p.bounds.1 / p.hint).ln() / size),
-                SHAPE,
-            )
-        }
-        p if p.shape => {
-            let size = (most - least) / 8.0;
-            (Law::Linear, p.hint * scale, size, ((least - p.hint * scale) / size, (most - p.hint * scale) / size), 4.0)
-        }
-        p if p.off.is_infinite() => (Law::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
-        p if p.off.is_nan() => (Law::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
-        p => (Law::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
-    };
-    let unit = param.unit.to_owned();
-    Knob { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
-}
-
-fn same(a: f64, b: f64) -> bool {
-    a.to_bits() == b.to_bits()
-}
-
-/// What the model has where the effect would put its own value.
-fn own(param: &Param, setup: &Setup) -> f64 {
-    match param.name {
-        "coefficient" => setup.ground.map_or(f64::NAN, |ground| ground.friction),
-        _ => f64::NAN,
-    }
-}
-
-/// Where an effect could sit and does not yet.
-fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
-    let card = effect.card();
-    let taken = |site: &str| {
-        let there =
-            |placed: &&Placed| placed.effect.card().name == card.name && crate::site::matches(&placed.site, site);
-        let named = format!("{}.", card.name);
-        let in_doubt = model.simulations.dims().iter().any(|dim| {
-            dim.name.starts_with(&named)
-                && crate::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
-        });
-        in_doubt || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
-    };
-    let joints = || model.robot.movable().map(|(_, link)| link);
-    let all: Vec<String> = match card.site {
-        SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
-        SiteKind::Link => {
-            let moves = |link: &&crate::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
-            model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()
-        }
-        SiteKind::Base => vec!["base".to_owned()],
-        SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
-        SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
-    };
-    all.into_iter().filter(|site| !taken(site)).collect()
 }

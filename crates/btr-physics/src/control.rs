@@ -3,7 +3,7 @@
 use crate::assemble;
 use crate::drive::Drive;
 use crate::effect::{Effect, Placed, SiteKind};
-use crate::engine::{Affine, Dof, Dynamics};
+use crate::engine::{Affine, Course, Dof, Dynamics};
 use crate::motor::{JointState, Motor};
 use crate::robot::{Joint, Robot};
 use crate::sim::Setup;
@@ -18,6 +18,8 @@ pub(crate) struct Control<'a> {
     coupled: bool,
     /// Sum of the sizes of all motors' torques in the last step.
     load: f64,
+    /// What prescribed motions need; empty where there are none.
+    needed: Vec<f64>,
 }
 
 /// The drive's references around the present.
@@ -43,6 +45,9 @@ struct JointControl {
     command: f64,
     /// What arrived at the link of the motor's torque during the last step.
     acting: Affine,
+    /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has worked it
+    /// out, a prescribed motion needs it.
+    told: Option<f64>,
 }
 
 /// An effect on one joint with its memory.
@@ -75,7 +80,9 @@ impl<'a> Control<'a> {
         }
         let reference = Reference::new(drive, setup.control_s, joints.len());
         let coupled = effects.iter().any(|placed| placed.effect.card().site == SiteKind::Robot);
-        Ok(Control { reference, joints, dt_s: setup.dt_s, coupled, load: 0.0 })
+        let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
+        let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
+        Ok(Control { reference, joints, dt_s: setup.dt_s, coupled, load: 0.0, needed })
     }
 
     /// Takes in the references that are valid at `time_s`.
@@ -94,14 +101,45 @@ impl<'a> Control<'a> {
         }
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let (q, dq) = (engine.positions()[i], engine.velocities()[i]);
+            let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
             // A prescribed joint shall be at its reference when the step ends.
-            let end_s = time_s + self.dt_s;
-            let command = if joint.motor.is_prescribed() { self.reference.led(i, end_s) } else { joint.command };
+            let command = match course {
+                Some(course) => course.to.value,
+                None if joint.motor.is_prescribed() => self.reference.led(i, time_s + self.dt_s),
+                None => joint.command,
+            };
             let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
             let (dt_s, load) = (self.dt_s, self.load);
-            let dof = joint.act(&JointState { time_s, dt_s, q, dq, inertia, torque, load, command });
+            let state = JointState { time_s, dt_s, q, dq, inertia, torque, load, command };
+            let dof = match course.filter(|_| engine.leads()) {
+                Some(course) => joint.follow(course, &state),
+                None => joint.act(&state),
+            };
             engine.set_joint(i, &dof);
         }
+        if !self.needed.is_empty() {
+            self.ask_needed(engine);
+        }
+    }
+
+    /// What prescribed motions need is what their motors are taken to do.
+    fn ask_needed(&mut self, engine: &mut dyn Dynamics) {
+        self.needed.fill(f64::NAN);
+        engine.needed(&mut self.needed);
+        for (joint, &torque) in self.joints.iter_mut().zip(&self.needed).filter(|(_, torque)| !torque.is_nan()) {
+            joint.acting = Affine::constant(torque);
+            joint.told = Some(torque);
+        }
+    }
+
+    /// Whether any motor's torque is known at the beginning of a step.
+    pub(crate) fn tells(&self) -> bool {
+        self.joints.iter().any(|joint| joint.told.is_some())
+    }
+
+    /// The torque of joint `i`'s motor as the step begins that was prepared last, where it is known apart from the step.
+    pub(crate) fn told(&self, i: usize) -> Option<f64> {
+        self.joints[i].told
     }
 
     /// What joint `i` was told, before any effect; NaN when it is not driven.
@@ -144,6 +182,12 @@ impl<'a> Reference<'a> {
         self.drive.over(start_s, end_s, &mut self.next);
     }
 
+    /// The prescribed motion of joint `i` in the step that begins at `time_s`.
+    fn course(&self, i: usize, time_s: f64, dt_s: f64) -> Option<Course> {
+        let (from, to) = (self.drive.motion(i, time_s)?, self.drive.motion(i, time_s + dt_s)?);
+        Some(Course { from, to })
+    }
+
     /// The reference of joint `i` on the line from the last to the next one.
     fn led(&self, i: usize, time_s: f64) -> f64 {
         let share = time_s / self.control_s - self.tick as f64;
@@ -153,12 +197,13 @@ impl<'a> Reference<'a> {
 
 impl JointControl {
     fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
-        let motor = Motor::new(&joint.actuator, inertia, setup.dt_s);
+        let motor = Motor::new(joint, inertia, setup.dt_s);
         let led = setup.interpolate || motor.is_prescribed();
         let torque = Affine { damping: joint.damping, ..Affine::default() };
-        let passive = Dof { torque, dry_friction: joint.dry_friction, armature: joint.armature, at_end: false };
+        let (dry_friction, armature) = (joint.dry_friction, joint.armature);
+        let passive = Dof { torque, dry_friction, armature, at_end: false, course: None };
         let (command, acting) = (f64::NAN, Affine::default());
-        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting }
+        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting, told: None }
     }
 
     fn place(&mut self, placed: &Placed, dt_s: f64) {
@@ -193,6 +238,7 @@ impl JointControl {
         }
         let mut dof = self.passive;
         self.acting = motor.saturated(&servo);
+        self.told = self.motor.is_sampled().then(|| self.acting.at(servo.q, servo.dq));
         for station in self.stations.iter_mut().rev() {
             let (q, dq) = station.link_side;
             let (values, memory) = (&station.values, &mut station.memory);
@@ -203,6 +249,15 @@ impl JointControl {
             station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
         }
         dof.torque.add(&self.acting);
+        dof
+    }
+
+    /// What acts on a joint that is on a course, but for what keeps it there: no motor, no transmission.
+    fn follow(&mut self, course: Course, state: &JointState) -> Dof {
+        let mut dof = Dof { course: Some(course), ..self.passive };
+        for station in &mut self.stations {
+            station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
+        }
         dof
     }
 }

@@ -1,5 +1,6 @@
 //! What the simulation loop asks of a physics engine, whichever it is.
 
+use btr_core::smooth::Motion;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A joint torque that depends linearly on the joint's state: tau = constant − stiffness·q − damping·dq.
@@ -54,6 +55,17 @@ pub struct Dof {
     /// Whether `torque` speaks of the state at the step's end alone, as that of a rotor which was eliminated does: the joint
     /// then has to be advanced by backward Euler.
     pub at_end: bool,
+    /// Where the joint is and goes in the coming step whatever that takes, if its motion is prescribed.
+    pub course: Option<Course>,
+}
+
+/// A prescribed motion over one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    /// When the step begins.
+    pub from: Motion,
+    /// When it ends.
+    pub to: Motion,
 }
 
 /// Where the root's frame is and how it moves, in the world.
@@ -95,6 +107,14 @@ pub trait Dynamics {
     fn place(&mut self, state: &State);
     /// Sets what acts on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
+    /// Whether it can lead joints along a [`Course`]; one that cannot never gets any.
+    fn leads(&self) -> bool {
+        false
+    }
+    /// Writes the torque that every joint on a course needs for it when the coming step begins, and leaves the others alone.
+    fn needed(&mut self, torques: &mut [f64]) {
+        let _ = torques;
+    }
     /// Advances by the setup's `dt_s`.
     fn step(&mut self);
     /// The root.

@@ -30,6 +30,7 @@ pub mod report;
 pub mod restart;
 pub mod robot;
 pub mod run;
+mod sampled;
 mod scales;
 pub mod sensor;
 pub mod sim;

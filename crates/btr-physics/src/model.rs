@@ -12,6 +12,7 @@ use crate::sim::{self, EngineName, Setup};
 use crate::task::Fitness;
 use btr_core::family::Step;
 use btr_core::log::{Log, Role};
+use btr_core::smooth;
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Simulator, WorldError};
 use std::sync::Arc;
@@ -170,7 +171,21 @@ impl Model {
             restarted(time_s, engine);
             lead(time_s, engine);
         };
-        sim::simulate_led(&robot, &effects, &setup, drive.as_ref(), noise, &mut lead)
+        let mut log = sim::simulate_led(&robot, &effects, &setup, drive.as_ref(), noise, &mut lead)?;
+        self.smooth_needed(&mut log, situation);
+        Ok(log)
+    }
+
+    /// The torques that measured motions need are as rough as these: smoothed, as the measured torques are.
+    fn smooth_needed(&self, log: &mut Log, situation: &Scenario) {
+        let Some(replay) = &situation.replay else { return };
+        let joints = self.robot.movable().enumerate().filter(|(i, _)| replay.follows(*i));
+        for (_, (_, link)) in joints {
+            let clock_s = log.clock_s().to_vec();
+            if let Some(torques) = log.values_mut(&format!("tau_{}", link.joint.name)) {
+                smooth::in_place(&clock_s, torques);
+            }
+        }
     }
 
     /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.

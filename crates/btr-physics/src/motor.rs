@@ -1,7 +1,8 @@
 //! Actuators: from a command to a joint torque that the engine can integrate implicitly.
 
 use crate::engine::Affine;
-use crate::robot::{Actuator, DutyLoop};
+use crate::robot::{Actuator, DutyLoop, Joint};
+use crate::sampled::SampledServo;
 
 /// What a joint is doing at the beginning of a step, and what it is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +64,8 @@ pub(crate) struct Motor {
     integral: f64,
     /// Stiffness with which a prescribed joint is held, in N·m/rad.
     hold: f64,
+    /// The clock of a digital servo.
+    sampled: Option<SampledServo>,
 }
 
 /// How much stiffer than inertia/dt² a prescribed joint is held: it lags by this fraction of one step's motion.
@@ -73,9 +76,15 @@ impl Motor {
     ///
     /// A prescribed joint is pulled by an implicit spring far stiffer than its inertia, rather than moved kinematically: so
     /// its acceleration acts on the other links, and the spring's force is the torque that the motion needs.
-    pub(crate) fn new(actuator: &Actuator, carried_inertia: f64, dt_s: f64) -> Self {
+    pub(crate) fn new(joint: &Joint, carried_inertia: f64, dt_s: f64) -> Self {
         let hold = HOLD * carried_inertia.max(f64::MIN_POSITIVE) / (dt_s * dt_s);
-        Motor { actuator: actuator.clone(), integral: 0.0, hold }
+        let sampled = joint.sampling.as_ref().map(SampledServo::new);
+        Motor { actuator: joint.actuator.clone(), integral: 0.0, hold, sampled }
+    }
+
+    /// Whether it works at instants and holds between them.
+    pub(crate) fn is_sampled(&self) -> bool {
+        self.sampled.is_some()
     }
 
     /// Whether the command is the joint's position itself.
@@ -89,7 +98,11 @@ impl Motor {
         let command = state.command;
         if command.is_nan() {
             self.integral = 0.0;
+            self.sampled.iter_mut().for_each(SampledServo::forget);
             return MotorTorque::OFF;
+        }
+        if let Some(torque) = self.held(state) {
+            return torque;
         }
         match self.actuator {
             Actuator::Passive => MotorTorque::OFF,
@@ -110,6 +123,32 @@ impl Motor {
                 let wanted = Affine { constant: self.hold * command, stiffness: self.hold, damping: 0.0 };
                 MotorTorque { wanted, limit: f64::INFINITY }
             }
+        }
+    }
+}
+
+impl Motor {
+    /// What a digital servo holds; `None` for all other motors.
+    fn held(&mut self, state: &JointState) -> Option<MotorTorque> {
+        let Motor { actuator, sampled: Some(sampled), integral, .. } = self else { return None };
+        let command = state.command;
+        match *actuator {
+            Actuator::Position { kp, ki, kd, max_torque } => {
+                let torque = sampled.hold(state, |read| {
+                    *integral += (command - read.q) * read.period_s;
+                    kp * (command - read.q) + ki * *integral - kd * read.dq
+                });
+                let bounded = torque.min(max_torque).max(-max_torque);
+                Some(MotorTorque { wanted: Affine::constant(bounded), limit: max_torque })
+            }
+            Actuator::Voltage { kt, resistance, servo: Some(ref servo) } => {
+                let duty = sampled.hold(state, |read| servo.gain * (command - read.q));
+                let duty = duty.min(servo.max_duty).max(-servo.max_duty);
+                let constant = kt / resistance * servo.supply * duty;
+                let wanted = Affine { constant, ..back_emf(kt, resistance) };
+                Some(MotorTorque { wanted, limit: f64::INFINITY })
+            }
+            _ => None,
         }
     }
 }

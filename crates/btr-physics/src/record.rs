@@ -130,7 +130,8 @@ impl Recorder {
     /// Samples what belongs to the last step.
     pub(crate) fn forces(&mut self, engine: &dyn Dynamics, control: &Control) {
         for i in 0..self.torques.names.len() {
-            self.torques.push(i, control.torque(i, engine.positions()[i], engine.velocities()[i]));
+            let torque = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
+            self.torques.push(i, control.told(i).unwrap_or_else(torque));
         }
         if self.sensors.imu {
             let base = engine.base();
@@ -140,6 +141,16 @@ impl Recorder {
         }
         for foot in 0..self.feet.names.len() {
             self.feet.push(foot, engine.foot_force_n(foot));
+        }
+    }
+
+    /// Puts right the torques of the sample at which the step begins that was prepared last: what a digital servo works out at
+    /// an instant is logged at that instant.
+    pub(crate) fn told(&mut self, control: &Control) {
+        for (i, values) in self.torques.values.iter_mut().enumerate() {
+            if let (Some(last), Some(torque)) = (values.last_mut(), control.told(i)) {
+                *last = torque;
+            }
         }
     }
 

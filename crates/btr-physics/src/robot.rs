@@ -121,6 +121,17 @@ pub struct Joint {
     pub dry_friction: f64,
     /// What drives it.
     pub actuator: Actuator,
+    /// How a digital servo is clocked; a servo without works in continuous time.
+    pub sampling: Option<Sampling>,
+}
+
+/// When a digital servo acts: at fixed instants it reads the position and works out what it holds until the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Time between two instants, in s: a multiple of the physics step.
+    pub period_s: f64,
+    /// The servo's velocity is the difference of two readings that are so many periods apart.
+    pub velocity_over: u32,
 }
 
 /// What turns a command into a torque.
@@ -153,7 +164,7 @@ pub enum Actuator {
         /// The position loop around it, if any.
         servo: Option<DutyLoop>,
     },
-    /// The joint follows its measured motion: the command is the position.
+    /// The joint follows its measured motion, whatever torque that takes; where nothing was measured the command is the position.
     Prescribed,
 }
 
@@ -233,6 +244,7 @@ impl Joint {
             damping: 0.0,
             dry_friction: 0.0,
             actuator: Actuator::Passive,
+            sampling: None,
         }
     }
 

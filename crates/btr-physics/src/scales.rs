@@ -99,7 +99,7 @@ impl Scales {
         let factor = match unit {
             "N·m" | "N" | "N·m/rad" => torque,
             "N·m·s/rad" => torque / speed,
-            "N·m·s²/rad²" => torque / (speed * speed),
+            "N·m·s²/rad²" | "N·m·s^2/rad^2" => torque / (speed * speed),
             "1/(N·m)" => 1.0 / torque,
             "1/J" => 1.0 / (torque * speed),
             "rad/s" => speed,
@@ -114,4 +114,18 @@ impl Scales {
 fn rms(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
     (finite().map(|x| x * x).sum::<f64>() / finite().count().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn drag_is_scaled_as_torque_over_squared_speed() {
+        let whole = Scale { torque: 2.0, speed: 12.0, ..DESK };
+        let scales = Scales { joints: Vec::new(), whole };
+        let drag = crate::effect::find("quadratic_drag").unwrap().card();
+        assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
+    }
 }

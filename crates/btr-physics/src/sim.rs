@@ -193,11 +193,15 @@ pub(crate) fn simulate_led(
     let mut engine = engine_for(&robot, &setup);
     let engine = engine.as_mut();
     let mut control = Control::new(&robot, effects, &setup, drive)?;
+    check_sampling(&robot, &setup)?;
     let mut recorder = Recorder::new(&robot, &setup, samples);
     for step in 0..=(samples - 1) * every {
         let time_s = step as f64 * setup.dt_s;
         if step > 0 {
             control.act(time_s - setup.dt_s, engine);
+            if (step - 1) % every == 0 {
+                recorder.told(&control);
+            }
             recorder.before_step(engine);
             engine.step();
             check(engine, time_s)?;
@@ -214,7 +218,25 @@ pub(crate) fn simulate_led(
         }
         lead(time_s, engine);
     }
+    if control.tells() {
+        control.act((samples - 1) as f64 * every as f64 * setup.dt_s, engine);
+        recorder.told(&control);
+    }
     recorder.finish(setup.dt_s * every as f64, noise_seed, |log| sense(&robot, effects, log))
+}
+
+/// Servos act between two steps, never within one.
+fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+    for joint in robot.movable().map(|(_, link)| &link.joint) {
+        let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
+        if !(steps.round() >= 1.0 && (steps - steps.round()).abs() < 1e-6 * steps) {
+            let name = &joint.name;
+            return Err(setup_error(format!(
+                "the servo of `{name}` samples every {steps} physics steps, not a whole number"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The physics engine for a run: the fast one wherever it is able.

@@ -99,6 +99,7 @@ fn root_joint() -> Joint {
         damping: 0.0,
         dry_friction: 0.0,
         actuator: Actuator::Passive,
+        sampling: None,
     }
 }
 

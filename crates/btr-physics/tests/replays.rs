@@ -73,6 +73,8 @@ fn the_index_sets_what_it_knows_of_a_log() {
         replays.model.scenarios.iter().map(|s| s.settings.first().map(|(_, mass)| *mass)).collect();
     assert_eq!(masses, [Some(2.0), Some(0.5), None]);
     assert!(replays.warnings.len() == 1 && replays.warnings[0].contains("three.csv"), "{:?}", replays.warnings);
+    let lone = experiment::model_replaying(&source(folder.path(), &text), &logs[1]).unwrap();
+    assert_eq!(lone.scenarios[0].settings.first().map(|(_, mass)| *mass), Some(0.5));
     let wrong = text.replace("\"grams\"", "\"gram\"");
     let error = experiment::replays(&source(folder.path(), &wrong), &logs, &[]).err().unwrap();
     assert!(error.line > 0 && error.help.as_deref() == Some("did you mean `grams`?"), "{error} {:?}", error.help);
@@ -92,4 +94,30 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
     let change = usual.values("q_hinge").unwrap().iter().zip(halved.values("q_hinge").unwrap());
     let change = change.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(change > 0.0 && change < 0.01, "{change}");
+}
+
+/// Root mean square of a torque, and of what a model's differs from it, along the measured motion.
+fn needed(folder: &Path, log: &Path, text: &str) -> (f64, f64) {
+    let replays = experiment::replays(&source(folder, text), &[log.to_owned()], &[]).unwrap();
+    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::Usual).unwrap();
+    let (said, measured) = (simulated.values("tau_hinge").unwrap(), replays.logs[0].values("tau_hinge").unwrap());
+    let inner = 10..measured.len() - 10;
+    let rms =
+        |of: &dyn Fn(usize) -> f64| (inner.clone().map(|i| of(i).powi(2)).sum::<f64>() / inner.len() as f64).sqrt();
+    (rms(&|i| measured[i]), rms(&|i| measured[i] - said[i]))
+}
+
+#[test]
+fn a_prescribed_joint_weighs_what_it_carries_without_its_servo() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("swing.csv");
+    let model = experiment::model(&source(folder.path(), MODEL)).unwrap();
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    io::write_log(&path, &model.simulate(&s, &c, 0, None).unwrap(), &Meta::default()).unwrap();
+    let prescribed = MODEL.replace("kind = \"position\"\nkp = 10.0\nkd = 0.2", "kind = \"prescribed\"");
+    let (torque, error) = needed(folder.path(), &path, &prescribed);
+    assert!(error < 0.1 * torque, "{error} of {torque} N·m");
+    let heavy = prescribed.replace("length_m = 0.3", "length_m = 0.3\nmass_kg = 1.5");
+    let (torque, error) = needed(folder.path(), &path, &heavy);
+    assert!(error > 0.3 * torque, "{error} of {torque} N·m");
 }

@@ -3,9 +3,10 @@
 use super::ladder;
 use crate::args::{Add, Global};
 use crate::failure::Failure;
+use btr_physics::adapt::moved;
 use btr_physics::experiment;
 use btr_physics::io::{IoError, write_whole};
-use btr_physics::verbs::{Addition, add};
+use btr_physics::verbs::{AddError, Addition, add};
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,7 +16,10 @@ pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
     let model = experiment::model(&source)?;
     let additions =
         args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;
-    let text = add(&source, &model.robot, &additions)?;
+    let mut text = add(&source, &model.robot, &additions)?;
+    if !same_folder(&args.output, &args.model) {
+        text = moved(&text, source.folder()).map_err(AddError::from)?;
+    }
     write_text(&args.output, &text)?;
     if global.json {
         println!("{}", serde_json::json!({ "ok": true, "model": args.output, "added": args.effects }));
@@ -24,6 +28,15 @@ pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
         println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether two files lie in one folder.
+fn same_folder(a: &Path, b: &Path) -> bool {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        folder.canonicalize().ok()
+    };
+    folder(a).is_some() && folder(a) == folder(b)
 }
 
 /// Writes a text file, whole or not at all.

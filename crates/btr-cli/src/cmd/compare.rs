@@ -16,6 +16,8 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::process::ExitCode;
 
+/// A channel that errs by more noise floors is not only noise.
+const LOUD: f64 = 2.0;
 /// Failures in the terminal; `-v` and `--json` have all.
 const SHOWN: usize = 8;
 
@@ -126,8 +128,13 @@ fn text(outcome: &Outcome, most: usize) -> String {
     let mut channels = Table::new(&CHANNEL_HEADER);
     channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
     let failures = outcome.comparison.failures();
+    // Regimes are told apart by positions; a torque can be wrong where no position is.
+    let loud = outcome.comparison.worst().filter(|channel| channel.chi > LOUD).map(|channel| {
+        format!("No joint's position fails in any regime, but {} errs by {:.1} sigma.", channel.name, channel.chi)
+    });
     let mut lines = vec![channels.render(), String::new()];
     match failures.len() {
+        0 if loud.is_some() => lines.extend(loud),
         0 => lines.push("No joint fails in any regime: what is left is noise.".to_owned()),
         n if n > most => lines.push(format!("Where it fails ({most} of {n}; -v shows all)")),
         _ => lines.push("Where it fails".to_owned()),

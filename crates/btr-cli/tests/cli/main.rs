@@ -9,4 +9,5 @@ mod disengage;
 mod lab;
 mod realities;
 mod runs;
+mod scenarios;
 mod verbs;

@@ -65,8 +65,18 @@ pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Op
         None => Fit::at(bench, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
             .and_then(|origin| law_on(bench, &origin, bare)),
     };
-    let enough = first.into_iter().chain(second).filter(|(_, law)| law.explains >= LEAST);
-    enough.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
+    preferred(first, second, found.and_then(|found| judged(bench, found)))
+}
+
+/// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take their place.
+fn preferred(
+    first: Option<(f64, ResidualLaw)>,
+    second: Option<(f64, ResidualLaw)>,
+    effects_leave: Option<f64>,
+) -> Option<ResidualLaw> {
+    let laws = first.into_iter().chain(second).filter(|(_, law)| law.explains >= LEAST);
+    let better = laws.filter(|(left, _)| effects_leave.is_none_or(|effects| *left < effects));
+    better.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
 }
 
 /// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
@@ -354,5 +364,33 @@ impl Normal {
         let amplitudes = -gram.cholesky()?.solve(&pull);
         let cost = self.squares + pull.dot(&amplitudes);
         cost.is_finite().then(|| Solved { columns, amplitudes: amplitudes.as_slice().to_vec(), cost })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law(explains: f64, beside_effects: bool) -> ResidualLaw {
+        let fit = Fit {
+            active: Vec::new(),
+            u: Vec::new(),
+            residual: Vec::new(),
+            cost: 0.0,
+            step_error: Vec::new(),
+            jacobian: None,
+            fresh: false,
+        };
+        ResidualLaw { terms: Vec::new(), fit, beside_effects, explains }
+    }
+
+    #[test]
+    fn a_law_that_leaves_more_than_the_effects_does_not_take_their_place() {
+        let instead = || Some((40.0, law(0.6, false)));
+        assert!(preferred(instead(), None, Some(5.0)).is_none());
+        assert!(preferred(instead(), Some((4.9, law(0.02, true))), Some(5.0)).is_none());
+        assert!(preferred(instead(), Some((3.0, law(0.4, true))), Some(5.0)).is_some_and(|law| law.beside_effects));
+        assert!(preferred(instead(), None, Some(50.0)).is_some_and(|law| !law.beside_effects));
+        assert!(preferred(instead(), None, None).is_some());
     }
 }

@@ -8,6 +8,7 @@
 mod law;
 mod race;
 mod screen;
+mod state;
 
 pub use law::ResidualLaw;
 
@@ -15,8 +16,9 @@ use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
-use screen::screen;
+use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
+use state::State;
 
 /// What decides. All errors are root mean squares in multiples of the noise floor.
 pub mod thresholds {
@@ -129,19 +131,6 @@ pub struct Diagnosis {
     pub rollouts: usize,
 }
 
-/// The base of a round and what was found so far.
-struct State {
-    fit: Fit,
-    /// The fit without any effect.
-    bare: Fit,
-    /// Squares on the held-out logs.
-    held_out: Option<f64>,
-    chosen: Vec<Found>,
-    ladder: Vec<Rung>,
-    rivals: Vec<(usize, Vec<f64>)>,
-    rounds: Vec<Vec<Ranked>>,
-}
-
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
 ///
 /// `None` where the model blows up as it stands.
@@ -173,13 +162,13 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
+        integrator: fit.renew_step_error(bench),
     };
-    fit.renew_step_error(bench);
     state.fit = fit;
     state.climb(bench, "model as it stands".to_owned(), tell);
     if !family.doubtful().is_empty() {
         state.fit.solve(bench, Effort::FULL);
-        state.fit.renew_step_error(bench);
+        state.integrator = state.fit.renew_step_error(bench);
         state.fit.solve(bench, Effort { jacobians: 1, steps: 6 });
         state.climb(bench, "its parameters fitted".to_owned(), tell);
     }
@@ -187,10 +176,10 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     Some(state)
 }
 
-/// Whether any effect could pass: below the noise there is nothing to win.
+/// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
 fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
     let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
-    squares > 1.0 + LEARNT_FALL / 2.0
+    squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
 /// Screens, races and judges; the winner if it is to be believed.
@@ -204,24 +193,41 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     }
     let starts = screen(bench, &mut bases, &offered);
     let mut rivals = race(bench, &bases, &starts);
-    if let Some(mut bases) = rivals.first().and_then(|leader| beneath(bench, leader, state)) {
-        let closer: Vec<usize> = starts.iter().map(|start| start.candidate).collect();
-        let starts = screen(bench, &mut bases, &closer);
+    let leader = rivals.first()?;
+    let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
+    if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
+        let mut bases = vec![beneath];
+        let starts = screen(bench, &mut bases, &again);
         rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
     }
     judge_rivals(bench, state, rivals)
 }
 
-/// Where the leader's parameters stand without its effect, if it leaves something to explain: from there the others' probes see
-/// what is missing rather than what the parameters in doubt have done to make up for it.
-fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Vec<Fit>> {
+/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so that nothing
+/// is called certain which its like explains as well; and whoever was screened, if the leader leaves something to explain.
+fn worth_another_look(
+    bench: &Bench,
+    leader: &Rival,
+    rivals: &[Rival],
+    starts: &[Start],
+    offered: &[usize],
+) -> Vec<usize> {
+    let candidates = bench.family.candidates();
+    let kin = |candidate: &usize| {
+        let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
+        !fitted && candidates[leader.candidate].kin.contains(candidate)
+    };
     let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
-    if explains || bench.family.doubtful().is_empty() {
-        return None;
-    }
+    let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
+    offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
+}
+
+/// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
+/// parameters in doubt have done to make up for it.
+fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Fit> {
     let mut u = leader.fit.u.clone();
     bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
-    Some(vec![Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)?])
+    Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
 }
 
 /// The best fit of each candidate, best first.
@@ -280,88 +286,6 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     Some((winner, found))
 }
 
-impl State {
-    /// Makes the winner the new base.
-    fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
-        self.fit = rival.fit;
-        self.fit.renew_step_error(bench);
-        self.fit.jacobian = None;
-        self.fit.solve(bench, Effort::FULL);
-        let step = format!("+ {}@{}", found.effect, found.site);
-        self.chosen.push(found);
-        self.climb(bench, step, tell);
-    }
-
-    /// Drops earlier effects that the latest one has made superfluous.
-    fn eliminate(&mut self, bench: &Bench) {
-        let mut index = 0;
-        while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
-            let without = self.without(bench, index);
-            let measure = Measure::of(bench, &self.fit);
-            let needless = without.filter(|fit| {
-                let costs = measure.criterion(fit) - measure.criterion(&self.fit);
-                costs <= DECISIVE || fit.squares() <= (1.0 + LEARNT_FALL) * self.fit.squares()
-            });
-            match needless {
-                Some(fit) => {
-                    self.fit = fit;
-                    self.held_out = held_out_squares(bench, &self.fit.u);
-                    let gone = self.chosen.remove(index);
-                    self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
-                }
-                None => index += 1,
-            }
-        }
-    }
-
-    /// The best fit without one of the chosen.
-    fn without(&self, bench: &Bench, index: usize) -> Option<Fit> {
-        let removed = self.less(bench, &[index]).map(|mut fit| {
-            fit.solve(bench, Effort { jacobians: 2, steps: 12 });
-            fit
-        });
-        // The latest one may have got used to the one before it: once more as if that had never been found.
-        let never = if index + 2 == self.chosen.len() { self.instead(bench, index) } else { None };
-        removed.into_iter().chain(never).min_by(|a, b| a.cost.total_cmp(&b.cost))
-    }
-
-    /// The point without some of the chosen; all else stays.
-    fn less(&self, bench: &Bench, indices: &[usize]) -> Option<Fit> {
-        let knobs =
-            |&index: &usize| bench.family.candidates()[self.chosen[index].candidate].knobs().collect::<Vec<_>>();
-        let gone: Vec<usize> = indices.iter().flat_map(knobs).collect();
-        let mut u = self.fit.u.clone();
-        gone.iter().for_each(|&knob| u[knob] = 0.0);
-        let active = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
-        Fit::at(bench, active, u, &self.fit.step_error)
-    }
-
-    /// The latest of the chosen fitted in the place of an earlier one.
-    fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
-        let latest = self.chosen.len() - 1;
-        let mut bases = vec![self.less(bench, &[index, latest])?];
-        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate]);
-        race(bench, &bases, &starts).pop().map(|rival| rival.fit)
-    }
-
-    /// Notes where the error is now.
-    fn climb(&mut self, bench: &Bench, step: String, tell: &dyn Fn(&Rung)) {
-        let judged = !bench.logs(Logs::HeldOut).is_empty();
-        self.held_out = if judged { held_out_squares(bench, &self.fit.u) } else { None };
-        let rung = self.rung(bench, step);
-        tell(&rung);
-        self.ladder.push(rung);
-    }
-
-    fn rung(&self, bench: &Bench, step: String) -> Rung {
-        Rung {
-            step,
-            train: chi(self.fit.squares(), bench.samples(Logs::Learn)),
-            held_out: self.held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
-        }
-    }
-}
-
 fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
     let verdict = match (state.chosen.is_empty(), last) {
@@ -371,7 +295,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     };
     let trusted = last <= NOISE;
     if trusted {
-        state.fit.differentiate_widely(bench);
+        state.settle(bench);
     }
     let inflation = Measure::of(bench, &state.fit).inflation();
     let all = estimates(bench.family, &state.fit, inflation, trusted);
@@ -386,7 +310,7 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
     Diagnosis {
         verdict,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
-        integrator_error: state.fit.integrator_error(bench),
+        integrator_error: state.integrator,
         at_bound: at_bound.collect(),
         rounds: state.rounds,
         effects: state.chosen,

@@ -1,18 +1,22 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
 use super::screen::{Start, with};
-use crate::fit::{Bench, Effort, Fit, columns};
+use crate::fit::judge::{NOISE, chi};
+use crate::fit::{Bench, Effort, Fit, Logs, columns};
 use nalgebra::DMatrix;
 
 /// How many start the race, and how many are fitted with all effort whatever their rank.
 const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
-const CLOSE: f64 = 1.5;
+pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
 /// The effort for whoever leads the race, and for each of the others.
 const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
 const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
+
+/// The effort for each shape that is tried once more.
+const RESHAPED: Effort = Effort { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
 #[derive(Clone, Debug)]
@@ -38,11 +42,32 @@ pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start]) -> Vec<Rival>
         if polished.len() < LEADERS || (close && polished.len() < MOST) {
             rival.fit.jacobian = None;
             rival.fit.solve(bench, if polished.is_empty() { LEADER } else { FOLLOWER });
+            reshape(bench, &mut rival);
             polished.push(rival);
         }
     }
     sort(&mut polished);
     polished
+}
+
+/// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's law): tries the
+/// other shapes that it could have from where it ended.
+fn reshape(bench: &Bench, rival: &mut Rival) {
+    let candidate = &bench.family.candidates()[rival.candidate];
+    if candidate.starts.len() < 2 || chi(rival.fit.squares(), bench.samples(Logs::Learn)) <= NOISE {
+        return;
+    }
+    let reshaped = candidate.starts.iter().filter_map(|shapes| {
+        let mut u = rival.fit.u.clone();
+        candidate.shapes.iter().zip(shapes).for_each(|(&knob, &shape)| u[knob] = shape);
+        let mut fit = Fit::at(bench, rival.fit.active.clone(), u, &rival.fit.step_error)?;
+        fit.solve(bench, RESHAPED);
+        Some(fit)
+    });
+    if let Some(best) = reshaped.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < rival.fit.cost) {
+        rival.fit = best;
+        rival.fit.solve(bench, FOLLOWER);
+    }
 }
 
 fn sort(rivals: &mut [Rival]) {

@@ -25,6 +25,10 @@ const STRETCH: f64 = 4.0;
 const GLANCED: usize = 16;
 /// How many candidates are simulated where their probes promise most.
 const VERIFIED: usize = 10;
+/// How many of those that promise most go on however they fare when they are simulated.
+const PROMISED: usize = 4;
+/// Which shares of the way to a promise are simulated.
+const SHARES: [f64; 2] = [1.0, 0.3];
 /// A base that could lower its cost by a smaller share is at its optimum.
 const AT_REST: f64 = 0.01;
 /// Stiffness of what stands at a bound, relative to what the logs tell of it.
@@ -51,6 +55,12 @@ struct Base<'a> {
     logs: Vec<usize>,
     fit: &'a Fit,
     jacobian: &'a DMatrix<f64>,
+    pictures: Vec<Picture>,
+}
+
+/// The normal equations around a base. What stands at a bound may be held there by what is missing, or come off it once that is
+/// added: there is a picture of both.
+struct Picture {
     factors: Cholesky<f64, Dyn>,
     gradient: DVector<f64>,
 }
@@ -111,26 +121,40 @@ fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
 }
 
 impl Start {
+    /// Part of the way from a base to here; shapes have nowhere to come from.
+    fn partly(&self, bench: &Bench, base: &Fit, share: f64) -> Vec<f64> {
+        let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
+        bench.family.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
+        u
+    }
+
     fn shapes(&self, bench: &Bench) -> Vec<f64> {
         bench.family.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
     }
 }
 
-/// Simulates every promise once.
+/// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In the order of
+/// what came out, but those that promise most are not lost for it.
 fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
-    let points: Vec<Vec<f64>> = promising.iter().map(|start| start.u.clone()).collect();
+    let partly = |start: &Start| SHARES.map(|share| start.partly(bench, &bases[start.base], share));
+    let points: Vec<Vec<f64>> = promising.iter().flat_map(partly).collect();
     let residuals = bench.residuals(&points, Logs::Learn, Step::Usual);
-    let mut verified: Vec<Start> = promising
-        .into_iter()
-        .zip(residuals)
-        .filter_map(|(start, residual)| {
-            let base = &bases[start.base];
-            let residual = corrected(residual?, &base.step_error);
-            let active = with(base, &bench.family.candidates()[start.candidate]);
-            Some(Start { cost: crate::fit::cost(bench.family.knobs(), &active, &start.u, &residual), ..start })
-        })
-        .collect();
-    verified.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let cost = |start: &Start, u: &[f64], residual: Vec<f64>| {
+        let base = &bases[start.base];
+        let active = with(base, &bench.family.candidates()[start.candidate]);
+        crate::fit::cost(bench.family.knobs(), &active, u, &corrected(residual, &base.step_error))
+    };
+    let mut simulated = points.into_iter().zip(residuals);
+    let best = |start: Start| {
+        let tried = simulated.by_ref().take(SHARES.len()).filter_map(|(u, residual)| {
+            let cost = cost(&start, &u, residual?);
+            Some(Start { cost, u, ..start.clone() })
+        });
+        tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    };
+    let mut verified: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let rest = verified.len().min(PROMISED);
+    verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified
 }
 
@@ -139,28 +163,41 @@ pub(super) fn with(base: &Fit, candidate: &Candidate) -> Vec<usize> {
     base.active.iter().copied().chain(candidate.knobs()).collect()
 }
 
+impl Picture {
+    fn new(normal: DMatrix<f64>, mut gradient: DVector<f64>, cost: f64) -> Option<Self> {
+        let factors = normal.cholesky()?;
+        // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
+        if gradient.dot(&factors.solve(&gradient)) < AT_REST * cost {
+            gradient.fill(0.0);
+        }
+        Some(Picture { factors, gradient })
+    }
+}
+
 impl<'a> Base<'a> {
     fn new(bench: &Bench, index: usize, fit: &'a Fit, logs: Vec<usize>) -> Option<Self> {
         let jacobian = fit.jacobian.as_ref()?;
         let mut normal = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
+        let mut held = Vec::new();
         for (k, &index) in fit.active.iter().enumerate() {
             let knob = &bench.family.knobs()[index];
             let (u, weight) = (fit.u[index], knob.spread.powi(-2));
             normal[(k, k)] += weight;
             gradient[k] += weight * u;
-            // What a bound holds back cannot make up for anything.
             if (u <= knob.bounds.0 && gradient[k] > 0.0) || (u >= knob.bounds.1 && gradient[k] < 0.0) {
+                held.push(k);
+            }
+        }
+        let mut pictures = vec![Picture::new(normal.clone(), gradient.clone(), fit.cost)?];
+        if !held.is_empty() {
+            for k in held {
                 normal[(k, k)] += HELD * (1.0 + normal[(k, k)]);
                 gradient[k] = 0.0;
             }
+            pictures.push(Picture::new(normal, gradient, fit.cost)?);
         }
-        let factors = normal.cholesky()?;
-        // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
-        if gradient.dot(&factors.solve(&gradient)) < AT_REST * fit.cost {
-            gradient.fill(0.0);
-        }
-        Some(Base { index, logs, fit, jacobian, factors, gradient })
+        Some(Base { index, logs, fit, jacobian, pictures })
     }
 
     /// What candidates promise, each at the best of its starts.
@@ -176,7 +213,9 @@ impl<'a> Base<'a> {
         // Probes of one start and one size belong together: one column for each amplitude.
         let amplitudes = bench.family.candidates()[candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
-        let found = groups.filter_map(|(probes, columns)| self.best_of(bench, probes, columns));
+        let found = groups.flat_map(|(probes, columns)| {
+            self.pictures.iter().filter_map(move |picture| self.best_of(bench, picture, probes, columns))
+        });
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
@@ -223,18 +262,24 @@ impl<'a> Base<'a> {
     }
 
     /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
-    fn best_of(&self, bench: &Bench, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<Start> {
+    fn best_of(
+        &self,
+        bench: &Bench,
+        picture: &Picture,
+        probes: &[Probe],
+        columns: &[Option<DVector<f64>>],
+    ) -> Option<Start> {
         let knobs = bench.family.knobs();
         let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
         let k = columns.len();
         let residual = DVector::from_column_slice(&self.fit.residual);
         let seen: Vec<DVector<f64>> = columns.iter().map(|column| self.jacobian.tr_mul(column)).collect();
-        let answered: Vec<DVector<f64>> = seen.iter().map(|seen| self.factors.solve(seen)).collect();
+        let answered: Vec<DVector<f64>> = seen.iter().map(|seen| picture.factors.solve(seen)).collect();
         let own = DMatrix::from_fn(k, k, |i, j| {
             let prior = if i == j { knobs[probes[i].amplitude].spread.powi(-2) } else { 0.0 };
             columns[i].dot(columns[j]) - seen[i].dot(&answered[j]) + prior
         });
-        let pull = DVector::from_fn(k, |i, _| answered[i].dot(&self.gradient) - columns[i].dot(&residual));
+        let pull = DVector::from_fn(k, |i, _| answered[i].dot(&picture.gradient) - columns[i].dot(&residual));
         let wanted = own.cholesky()?.solve(&pull);
         let mut u = self.point(bench, &probes[0]);
         let mut amplitudes = DVector::zeros(k);
@@ -249,7 +294,7 @@ impl<'a> Base<'a> {
             return None;
         }
         let change: DVector<f64> = columns.iter().zip(amplitudes.iter()).map(|(c, a)| *c * *a).sum();
-        let answer = self.factors.solve(&(&self.gradient + self.jacobian.tr_mul(&change)));
+        let answer = picture.factors.solve(&(&picture.gradient + self.jacobian.tr_mul(&change)));
         for (i, &knob) in self.fit.active.iter().enumerate() {
             u[knob] = knobs[knob].clamp(u[knob] - answer[i]);
         }

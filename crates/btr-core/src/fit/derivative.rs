@@ -9,10 +9,22 @@ use nalgebra::{DMatrix, DVector};
 
 /// How much finer than the usual ones fine differences are.
 const FINE: f64 = 0.1;
-/// Directions with more than this share of their prior's deviation left are looked at again, with wide steps...
-const WEAK: f64 = 0.05;
-/// ... so many times: after the first, errors of short steps no longer decide which directions these are.
-const LOOKS: usize = 2;
+/// Steps of fine differences, in standard deviations of the prior: about the shortest ones among them.
+const SHORT: f64 = 0.005;
+/// Directions are looked at again with steps as long as the deviation that is left of them, as long as that grows by this
+/// factor...
+const GROWTH: f64 = 1.5;
+/// ... but no more often than this: each look sees less of the errors of short steps.
+const LOOKS: usize = 4;
+/// A step shortened by bounds to less than this share of it says too little.
+const CRAMPED: f64 = 0.2;
+
+/// A direction to look along: in units of the priors, in coordinates, and with two steps and the weights of what changes there.
+struct Look {
+    along: DVector<f64>,
+    scaled: DVector<f64>,
+    stencil: [(f64, f64); 2],
+}
 
 impl Fit {
     /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
@@ -54,59 +66,73 @@ impl Fit {
     /// would be too narrow just where they matter.
     pub fn differentiate_widely(&mut self, bench: &Bench) {
         self.differentiate_finely(bench);
-        let knobs = bench.family.knobs();
-        // Beside a bound there are only one-sided differences, and those stay.
-        let has_room = |&k: &usize| {
-            let (knob, u) = (&knobs[self.active[k]], self.u[self.active[k]]);
-            u - knob.reach >= knob.bounds.0 && u + knob.reach <= knob.bounds.1
-        };
-        let free: Vec<usize> = (0..self.active.len()).filter(has_room).collect();
+        let mut steps = vec![SHORT; self.active.len()];
         for _ in 0..LOOKS {
-            let Some(told) = told(knobs, self).filter(|_| !free.is_empty()) else { return };
-            let eigen = told.select_rows(&free).select_columns(&free).symmetric_eigen();
-            let deviations = eigen.eigenvalues.map(|told| (1.0 + told.max(0.0)).powf(-0.5));
-            let weak = (0..free.len()).filter(|&i| deviations[i] > WEAK);
-            let steps = weak.map(|i| (eigen.eigenvectors.column(i).into_owned(), deviations[i])).collect();
-            self.look_along(bench, &free, steps);
+            let Some(told) = told(bench.family.knobs(), self).filter(|told| !told.is_empty()) else { return };
+            let eigen = told.symmetric_eigen();
+            let deviation = |i: usize| (1.0 + eigen.eigenvalues[i].max(0.0)).powf(-0.5);
+            // From the best told direction to the worst told one, so that each meets its likes of the look before.
+            let mut order: Vec<usize> = (0..self.active.len()).collect();
+            order.sort_by(|&a, &b| deviation(a).total_cmp(&deviation(b)));
+            let mut wider = Vec::new();
+            for (&i, step) in order.iter().zip(&mut steps).filter(|(i, step)| deviation(**i) > GROWTH * **step) {
+                *step = deviation(i);
+                wider.push((eigen.eigenvectors.column(i).into_owned(), *step));
+            }
+            if wider.is_empty() {
+                return;
+            }
+            self.look_along(bench, wider);
         }
     }
 
-    /// Replaces what the Jacobian says along directions (in units of the priors, of the knobs `free`) by central differences with
-    /// steps as given, or as far as the bounds allow. Directions that blow up stay as they are.
-    fn look_along(&mut self, bench: &Bench, free: &[usize], steps: Vec<(DVector<f64>, f64)>) {
+    /// Replaces what the Jacobian says along directions (in units of the priors) by differences of second order with steps as
+    /// given, or as far as the bounds allow. Directions that blow up or have no room on either side stay as they are.
+    fn look_along(&mut self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) {
         let knobs = bench.family.knobs();
-        let index = |k: usize| self.active[free[k]];
-        let room = |k: usize, along: f64| {
-            let (knob, u) = (&knobs[index(k)], self.u[index(k)]);
-            (u - knob.bounds.0).min(knob.bounds.1 - u) / (along * knob.spread).abs()
+        let spreads = DVector::from_fn(self.active.len(), |k, _| knobs[self.active[k]].spread);
+        let placed = |(along, step): (DVector<f64>, f64)| {
+            let scaled = along.component_mul(&spreads);
+            let stencil = self.stencil_along(knobs, &scaled, step)?;
+            Some(Look { along, scaled, stencil })
         };
-        let shortened = |(along, step): (DVector<f64>, f64)| {
-            let step =
-                along.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(k, x)| room(k, *x)).fold(step, f64::min);
-            (along, step)
-        };
-        let steps: Vec<(DVector<f64>, f64)> = steps.into_iter().map(shortened).collect();
-        let moved = |(along, step): &(DVector<f64>, f64)| {
-            [*step, -step].map(|step| {
+        let looks: Vec<Look> = directions.into_iter().filter_map(placed).collect();
+        let moved = |look: &Look| {
+            look.stencil.map(|(step, _)| {
                 let mut point = self.u.clone();
-                (0..free.len()).for_each(|k| point[index(k)] += step * along[k] * knobs[index(k)].spread);
+                let along = self.active.iter().zip(look.scaled.iter());
+                along.for_each(|(&knob, x)| point[knob] = knobs[knob].clamp(point[knob] + step * x));
                 point
             })
         };
-        let points: Vec<Vec<f64>> = steps.iter().flat_map(moved).collect();
+        let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
         let there = bench.residuals(&points, Logs::Learn, Step::Usual);
-        let spreads = DVector::from_fn(free.len(), |k, _| knobs[index(k)].spread);
+        let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
         let Some(jacobian) = self.jacobian.as_mut() else { return };
-        for ((along, step), there) in steps.iter().zip(there.chunks(2)) {
-            let [Some(ahead), Some(behind)] = there else { continue };
-            let scaled = along.component_mul(&spreads);
-            for row in 0..ahead.len() {
-                let seen = (ahead[row] - behind[row]) / (2.0 * step);
-                let said: f64 = free.iter().zip(scaled.iter()).map(|(&k, x)| jacobian[(row, k)] * x).sum();
-                for (k, &column) in free.iter().enumerate() {
-                    jacobian[(row, column)] += (seen - said) * along[k] / spreads[k];
-                }
-            }
+        for (Look { along, scaled, stencil }, there) in looks.iter().zip(there.chunks(2)) {
+            let [Some(near), Some(far)] = there else { continue };
+            let said = &*jacobian * scaled;
+            let seen = |row: usize| stencil[0].1 * (near[row] - here[row]) + stencil[1].1 * (far[row] - here[row]);
+            let surprise = DVector::from_fn(here.len(), |row, _| seen(row) - said[row]);
+            jacobian.ger(1.0, &surprise, &along.component_div(&spreads), 1.0);
+        }
+    }
+
+    /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.
+    fn stencil_along(&self, knobs: &[Knob], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
+        let room = |side: f64| {
+            let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
+                let bound = if side * x > 0.0 { knobs[k].bounds.1 } else { knobs[k].bounds.0 };
+                (bound - self.u[k]).abs() / x.abs()
+            });
+            rooms.fold(step, f64::min)
+        };
+        let (ahead, behind) = (room(1.0), room(-1.0));
+        let one_sided = |h: f64| [(0.5 * h, 4.0 / h), (h, -1.0 / h)];
+        match (ahead.min(behind), ahead.max(behind)) {
+            (least, _) if least > CRAMPED * step => Some([(least, 0.5 / least), (-least, -0.5 / least)]),
+            (_, most) if most > CRAMPED * step => Some(one_sided(if ahead >= behind { most } else { -most })),
+            _ => None,
         }
     }
 }

@@ -63,10 +63,10 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     }
     fit.jacobian = None;
     fit.solve(bench, Effort::FULL);
-    fit.renew_step_error(bench);
+    let integrator_error = fit.renew_step_error(bench);
     let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
+    fit.settle(bench);
     climb("fitted", &fit);
-    fit.differentiate_widely(bench);
     let (_, train, held_out) = ladder.last()?.clone();
     let error = held_out.unwrap_or(train);
     let withheld = (error > NOISE).then(|| {
@@ -78,7 +78,7 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     Some(Fitted {
         parameters: estimates(bench.family, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(bench.family, &fit),
-        integrator_error: fit.integrator_error(bench),
+        integrator_error,
         fit,
         train,
         held_out,

@@ -42,6 +42,10 @@ const STALL: (f64, f64) = (1e-4, 0.02);
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
+/// Steps to the middle of what is left open, and which shares of each are tried.
+const SETTLING: usize = 3;
+const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
+
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -86,21 +90,18 @@ impl Fit {
 
     /// Takes the integrator's error into account as it is here; not where the error has no order (a rotor that meets its flank a
     /// step earlier), so that what is extrapolated from half the step makes things worse.
-    pub fn renew_step_error(&mut self, bench: &Bench) {
+    /// Returns the error's root mean square in multiples of the noise floor.
+    pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
         let bare = self.bare();
         let error = bench.step_error(&self.u, &bare, Logs::Learn);
+        let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
         let extrapolated = corrected(bare.clone(), &error);
         (self.residual, self.step_error) = match squares(&extrapolated) < squares(&bare) {
             true => (extrapolated, error),
             false => (bare, vec![0.0; error.len()]),
         };
         self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
-    }
-
-    /// The integrator's error here, in multiples of the noise floor.
-    pub fn integrator_error(&self, bench: &Bench) -> f64 {
-        let error = bench.step_error(&self.u, &self.bare(), Logs::Learn);
-        (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt()
+        size
     }
 
     /// The residual as simulated.
@@ -142,6 +143,32 @@ impl Fit {
             renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
         }
         Ended::Effort
+    }
+
+    /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
+    pub fn polish(&mut self, bench: &Bench) {
+        self.differentiate_widely(bench);
+        self.solve(bench, Effort { jacobians: 0, steps: 8 });
+    }
+
+    /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops anywhere along a
+    /// direction that hardly matters to it, an estimate must not.
+    pub fn settle(&mut self, bench: &Bench) {
+        self.differentiate_widely(bench);
+        let knobs = bench.family.knobs();
+        let Some(jacobian) = self.jacobian.clone() else { return };
+        for _ in 0..SETTLING {
+            let Some(direction) = self.direction(knobs, &jacobian, 0.0) else { return };
+            let there = SHARES.iter().filter_map(|share| {
+                let mut u = self.u.clone();
+                let moves = self.active.iter().zip(direction.iter());
+                moves.for_each(|(&knob, x)| u[knob] = knobs[knob].clamp(u[knob] + share * x));
+                Fit::at(bench, self.active.clone(), u, &self.step_error)
+            });
+            let best = there.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(best) = best.filter(|best| best.cost < self.cost) else { return };
+            *self = Fit { jacobian: Some(jacobian.clone()), ..best };
+        }
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be

@@ -23,6 +23,7 @@ pub use sine::Sine;
 pub use zmp_motion::MotionError;
 
 use crate::robot::Robot;
+use btr_core::smooth::Motion;
 
 /// A source of joint references.
 pub trait Drive: Send + Sync {
@@ -38,6 +39,13 @@ pub trait Drive: Send + Sync {
         self.command(start_s, command);
     }
 
+    /// Where a joint (counted as in `command`) whose motion is prescribed is at `time_s`, and how it moves; `None` where only
+    /// references are known.
+    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
+        let _ = (joint, time_s);
+        None
+    }
+
     /// Puts the robot where the motion begins, for drives that begin somewhere of their own.
     fn place(&self, robot: &mut Robot) {
         let _ = robot;
@@ -51,6 +59,10 @@ impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
 
     fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
         (**self).over(start_s, end_s, command);
+    }
+
+    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
+        (**self).motion(joint, time_s)
     }
 
     fn place(&self, robot: &mut Robot) {

@@ -1,8 +1,9 @@
 //! Tells the joints what a log says they were told.
 
 use super::Drive;
-use crate::robot::Robot;
-use btr_core::log::Log;
+use crate::robot::{Actuator, Link, Robot};
+use btr_core::log::{Log, interpolate};
+use btr_core::smooth::{Motion, finely};
 
 /// A stamp that is off by less than this share of the usual time between samples was only rounded.
 const ROUNDED: f64 = 1e-3;
@@ -10,7 +11,7 @@ const ROUNDED: f64 = 1e-3;
 /// The commands of a log, each held until the next one.
 ///
 /// A step that begins between two stamps is told the mean of what was held during it. A missing command (NaN) switches the torque off, as does a channel `torque_on` that is below one half or missing. A joint
-/// without a `cmd_<joint>` channel is never driven.
+/// without a `cmd_<joint>` channel is never driven. A prescribed joint follows its measured `q_<joint>`, smoothed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,
@@ -18,23 +19,36 @@ pub struct Replay {
     rounded_s: f64,
     commands: Vec<Option<Vec<f64>>>,
     torque_on: Option<Vec<f64>>,
+    /// Measured motions, smoothed, of the joints that are to follow them.
+    motions: Vec<Option<Vec<Motion>>>,
 }
 
 impl Replay {
     /// The drive that repeats what `robot` was told in `log`. Time counts from the log's first sample.
     pub fn new(log: &Log, robot: &Robot) -> Self {
         let values = |name: &str| log.channel(name).map(|channel| channel.values.clone());
+        let followed = |link: &Link| {
+            let prescribed = link.joint.actuator == Actuator::Prescribed;
+            let measured = log.channel(&format!("q_{}", link.joint.name)).filter(|_| prescribed)?;
+            complete(log.clock_s(), finely(log.clock_s(), &measured.values))
+        };
         let start_s = log.clock_s().first().copied().unwrap_or(0.0);
         Replay {
             clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
             rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
             commands: robot.movable().map(|(_, link)| values(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
+            motions: robot.movable().map(|(_, link)| followed(link)).collect(),
         }
     }
 }
 
 impl Replay {
+    /// Whether a joint follows its measured motion.
+    pub fn follows(&self, joint: usize) -> bool {
+        self.motions.get(joint).is_some_and(Option::is_some)
+    }
+
     /// The sample that is held at a time.
     fn held(&self, time_s: f64) -> usize {
         self.clock_s.partition_point(|&t| t <= time_s + self.rounded_s).saturating_sub(1)
@@ -48,7 +62,47 @@ impl Replay {
     }
 }
 
+/// A smoothed motion without gaps: linear across them, and constant beyond the ends. `None` where nothing is known.
+fn complete(clock_s: &[f64], motion: Vec<Motion>) -> Option<Vec<Motion>> {
+    let there: Vec<usize> = (0..motion.len()).filter(|&i| motion[i].value.is_finite()).collect();
+    if there.is_empty() || there.len() == motion.len() {
+        return (!there.is_empty()).then_some(motion);
+    }
+    let known_s: Vec<f64> = there.iter().map(|&i| clock_s[i]).collect();
+    let filled = |of: fn(&Motion) -> f64| {
+        interpolate(&known_s, &there.iter().map(|&i| of(&motion[i])).collect::<Vec<_>>(), clock_s)
+    };
+    let parts = filled(|m| m.value).into_iter().zip(filled(|m| m.velocity)).zip(filled(|m| m.acceleration));
+    Some(parts.map(|((value, velocity), acceleration)| Motion { value, velocity, acceleration }).collect())
+}
+
+/// Where a motion leads in a time, at its acceleration.
+fn ahead(motion: &Motion, time_s: f64) -> Motion {
+    let Motion { value, velocity, acceleration } = *motion;
+    let velocity = velocity + time_s * acceleration;
+    Motion { value: value + time_s * (velocity - 0.5 * time_s * acceleration), velocity, acceleration }
+}
+
 impl Drive for Replay {
+    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
+        let motion = self.motions.get(joint)?.as_ref()?;
+        let i = self.held(time_s);
+        let since_s = time_s - self.clock_s[i];
+        if since_s.abs() <= self.rounded_s || i + 1 >= motion.len() {
+            return Some(motion[i]);
+        }
+        // Between two samples, what both lead to.
+        let until_s = self.clock_s[i + 1] - time_s;
+        let (a, b) = (ahead(&motion[i], since_s), ahead(&motion[i + 1], -until_s));
+        let share = since_s / (since_s + until_s);
+        let between = |a: f64, b: f64| a + share * (b - a);
+        Some(Motion {
+            value: between(a.value, b.value),
+            velocity: between(a.velocity, b.velocity),
+            acceleration: between(a.acceleration, b.acceleration),
+        })
+    }
+
     fn command(&self, time_s: f64, command: &mut [f64]) {
         let sample = self.held(time_s);
         command.iter_mut().enumerate().for_each(|(joint, command)| *command = self.told(joint, sample));

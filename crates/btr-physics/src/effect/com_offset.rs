@@ -14,7 +14,7 @@ static CARD: Card = Card {
     tell: "static errors that follow the posture like a payload's, but turned",
     params: &[Param::new("x", "m", (-0.2, 0.2), 0.02), Param::new("y", "m", (-0.2, 0.2), 0.02), Param::new("z", "m", (-0.2, 0.2), 0.02)],
     starts: &[],
-    alike: &["encoder_offset", "gravity_tilt", "payload"],
+    alike: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
 };
 
 impl Effect for ComOffset {

@@ -18,7 +18,7 @@ static CARD: Card = Card {
     tell: "the link rings after stops while the motor stands, and yields under load in proportion to the torque",
     params: &[Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0), Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02)],
     starts: &[&[0.0], &[0.05]],
-    alike: &["backlash"],
+    alike: &["backlash", "command_delay", "motor_lag"],
 };
 
 impl Effect for JointElasticity {

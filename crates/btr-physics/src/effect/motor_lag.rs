@@ -1,6 +1,7 @@
 //! A command that arrives smoothed: a filter, a current loop, a slow servo.
 //!
-//! What the servo is told is the lag's value at the step's end, exact for a command that is held over the step.
+//! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at the step's
+//! end the lag would seem shorter by half a step.
 
 use super::{Card, Effect, Param, SiteKind, follow};
 use crate::motor::JointState;
@@ -29,6 +30,11 @@ impl Effect for MotorLag {
     }
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
-        follow(memory, state.command, |error| error * (1.0 - (-state.dt_s / p[0]).exp()))
+        let steps = state.dt_s / p[0];
+        let gone = -(-steps).exp_m1();
+        let before = if memory.first().is_some_and(|started| *started > 0.0) { memory[1] } else { state.command };
+        follow(memory, state.command, |error| error * gone);
+        // The mean of an exponential that covers the share `gone` of the way.
+        state.command - (state.command - before) * gone / steps
     }
 }

@@ -5,7 +5,7 @@ use super::file::{ActuatorSection, EffectSection, NoiseSection, ParameterSection
 use super::parse::FileError;
 use crate::effect::{self, Effect, FormulaError, Placed, SiteKind};
 use crate::parameter::Target;
-use crate::robot::{Actuator, Base, DutyLoop, Robot};
+use crate::robot::{Actuator, Base, DutyLoop, Robot, Sampling};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
@@ -64,8 +64,10 @@ impl Builder<'_> {
                 let message = format!("{value} = {number} must be zero or more");
                 return Err(self.error(&["actuators", pattern, value], message, None));
             }
+            let sampling =
+                sampling(section).map_err(|(key, message)| self.error(&["actuators", pattern, key], message, None))?;
             for link in robot.links.iter_mut().skip(1).filter(|link| site::matches(pattern, &link.joint.name)) {
-                link.joint.actuator = actuator.clone();
+                (link.joint.actuator, link.joint.sampling) = (actuator.clone(), sampling);
             }
         }
         Ok(())
@@ -239,13 +241,33 @@ fn bounds_help(error: &SpaceError) -> Option<String> {
 fn actuator(section: &ActuatorSection) -> Actuator {
     match *section {
         ActuatorSection::Passive => Actuator::Passive,
-        ActuatorSection::Position { kp, ki, kd, max_torque } => Actuator::Position { kp, ki, kd, max_torque },
+        ActuatorSection::Position { kp, ki, kd, max_torque, .. } => Actuator::Position { kp, ki, kd, max_torque },
         ActuatorSection::Torque { max_torque } => Actuator::Torque { max_torque },
-        ActuatorSection::Voltage { kt, resistance, gain, max_duty, supply } => {
+        ActuatorSection::Voltage { kt, resistance, gain, max_duty, supply, .. } => {
             Actuator::Voltage { kt, resistance, servo: gain.map(|gain| DutyLoop { gain, max_duty, supply }) }
         }
-        ActuatorSection::Prescribed => Actuator::Prescribed,
+        ActuatorSection::Prescribed { .. } => Actuator::Prescribed,
     }
+}
+
+/// How a servo is clocked; the key that makes no sense, and why, otherwise.
+fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str, String)> {
+    let (period_s, velocity_over) = match *section {
+        ActuatorSection::Position { sample_s: Some(period_s), velocity_over, .. } => (period_s, velocity_over),
+        ActuatorSection::Voltage { sample_s: Some(_), gain: None, .. } => {
+            return Err(("sample_s", "sample_s needs a position loop; give gain".to_owned()));
+        }
+        ActuatorSection::Voltage { sample_s: Some(period_s), .. }
+        | ActuatorSection::Prescribed { sample_s: Some(period_s) } => (period_s, 1),
+        _ => return Ok(None),
+    };
+    if !(period_s > 0.0 && period_s.is_finite()) {
+        return Err(("sample_s", format!("sample_s = {period_s} must be positive")));
+    }
+    if velocity_over == 0 {
+        return Err(("velocity_over", "velocity_over must be at least 1".to_owned()));
+    }
+    Ok(Some(Sampling { period_s, velocity_over }))
 }
 
 /// The time between two samples of the fastest log, freed of jitter.

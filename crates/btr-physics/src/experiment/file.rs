@@ -96,6 +96,12 @@ pub enum ActuatorSection {
         /// N·m.
         #[serde(default = "unlimited")]
         max_torque: f64,
+        /// Time between two instants at which a digital servo reads, computes and from then on holds, in s; it works in
+        /// continuous time unless this is given.
+        sample_s: Option<f64>,
+        /// With `sample_s`: its velocity is the difference of two readings that are so many instants apart.
+        #[serde(default = "one_period")]
+        velocity_over: u32,
     },
     /// The command is a torque.
     Torque {
@@ -117,13 +123,24 @@ pub enum ActuatorSection {
         /// V.
         #[serde(default)]
         supply: f64,
+        /// The same as for `position`, for the position loop that `gain` makes.
+        sample_s: Option<f64>,
     },
-    /// The joint follows its measured motion.
-    Prescribed,
+    /// The joint follows its measured motion (its command where none was measured); the torque that this takes is compared
+    /// with the measured one, both smoothed alike.
+    Prescribed {
+        /// Where a digital servo worked out the measured torque: the time between two instants at which it did, in s. Each is
+        /// logged at its instant and held until the next.
+        sample_s: Option<f64>,
+    },
 }
 
 fn unlimited() -> f64 {
     f64::INFINITY
+}
+
+fn one_period() -> u32 {
+    1
 }
 
 fn one() -> f64 {

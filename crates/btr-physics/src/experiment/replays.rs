@@ -6,6 +6,7 @@ use super::parse::{FileError, Source};
 use super::scenarios::{self, Row, Situations};
 use crate::io;
 use crate::model::{Model, Scenario};
+use crate::parameter::Target;
 use crate::robot::Robot;
 use btr_core::log::Log;
 use indexmap::IndexMap;
@@ -40,27 +41,35 @@ pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Resu
     }
     let known = Known::of(&file, source)?;
     let mut all = Situations { scenarios: Vec::new(), learn: learn.len(), logs: Vec::new(), warnings: Vec::new() };
+    let mut floor = 0.0f64;
     for path in learn.iter().chain(held_out) {
-        let (log, noticed) = io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+        let (mut log, noticed) =
+            io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(scenarios::doubts(&log, &file));
         let noticed = noticed.chain(known.misses(path));
         all.warnings.extend(noticed.map(|warning| format!("{}: {warning}", path.display())));
         all.scenarios.push(known.scenario(path, &log, &robot, source)?);
+        floor = scenarios::smooth_needed(&mut log, &robot).into_iter().fold(floor, f64::max);
         all.logs.push(log);
     }
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
-    Ok(Replays { model: builder.model(all)?, logs, warnings })
+    let mut model = builder.model(all)?;
+    if model.setup.noise.torque <= 0.0 {
+        // A torque that was smoothed does not show its sensor's noise any more.
+        model.setup.noise.torque = floor;
+    }
+    Ok(Replays { model, logs, warnings })
 }
 
 /// What an index says about logs.
-struct Known<'a> {
+pub(super) struct Known<'a> {
     section: &'static str,
     rows: Vec<(PathBuf, Row)>,
     columns: Option<&'a IndexMap<String, ColumnSection>>,
 }
 
 impl<'a> Known<'a> {
-    fn of(file: &'a File, source: &Source) -> Result<Self, FileError> {
+    pub(super) fn of(file: &'a File, source: &Source) -> Result<Self, FileError> {
         let (section, index, columns) = match (&file.logs, &file.reality) {
             (Some(logs), _) => ("logs", Some(&logs.index), &logs.columns),
             (None, Some(RealitySection::Logs(logs))) => ("reality", logs.index.as_ref(), &logs.columns),
@@ -92,12 +101,16 @@ impl<'a> Known<'a> {
         unknown.then(|| "the index does not know it; what its columns set keeps the model's own value".to_owned())
     }
 
-    fn scenario(&self, path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
-        let none = IndexMap::new();
-        let columns = self.columns.unwrap_or(&none);
-        match self.row(path) {
-            Some(row) => scenarios::scenario((path, row), log, (self.section, columns), source, robot),
-            None => scenarios::scenario((path, &Row::new()), log, (self.section, &none), source, robot),
+    /// The parameters that the log's row sets; none where the index does not know it.
+    pub(super) fn settings(&self, log: &Path, robot: &Robot, source: &Source) -> Result<Vec<(Target, f64)>, FileError> {
+        match (self.row(log), self.columns) {
+            (Some(row), Some(columns)) => scenarios::settings((self.section, columns), row, source, robot),
+            _ => Ok(Vec::new()),
         }
+    }
+
+    fn scenario(&self, path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
+        let settings = self.settings(path, robot, source)?;
+        Ok(Scenario { settings, ..scenarios::compared(path, log, robot, source)? })
     }
 }

@@ -6,8 +6,8 @@ use crate::drive::Replay;
 use crate::io;
 use crate::model::Scenario;
 use crate::parameter::Target;
-use crate::robot::Robot;
-use btr_core::log::{Log, LogError};
+use crate::robot::{Actuator, Robot};
+use btr_core::log::{Log, LogError, interpolate};
 use btr_core::noise::Noise;
 use btr_core::smooth;
 use indexmap::IndexMap;
@@ -60,13 +60,37 @@ pub(super) fn from_logs(
     }
     let (mut scenarios, mut logs, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for one in &wanted {
-        let (log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
+        let (mut log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
         let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
         warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
-        scenarios.push(scenario((&one.path, &one.row), &log, ("reality", &section.columns), source, robot)?);
+        let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
+        scenarios.push(Scenario { settings, ..compared(&one.path, &log, robot, source)? });
+        smooth_needed(&mut log, robot);
         logs.push(log);
     }
     Ok(Situations { scenarios, learn, logs, warnings })
+}
+
+/// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what is
+/// left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
+pub(super) fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
+    let clock_s = log.clock_s().to_vec();
+    let mut floor = None;
+    let joints = robot.movable().map(|(_, link)| &link.joint);
+    for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
+        if let Some(torques) = log.values_mut(&format!("tau_{}", joint.name)) {
+            let sigma = Noise::of(torques).map_or(0.0, |noise| noise.sigma());
+            floor = Some(sigma.max(floor.unwrap_or(0.0)));
+            if let Some(sampling) = &joint.sampling {
+                // What is held from its instant on acts half a period later on average.
+                let acted_s: Vec<f64> = clock_s.iter().map(|t| t + 0.5 * sampling.period_s).collect();
+                let acted = interpolate(&acted_s, torques, &clock_s);
+                torques.copy_from_slice(&acted);
+            }
+            smooth::in_place(&clock_s, torques);
+        }
+    }
+    floor
 }
 
 /// What is odd about a log, though it can be used.
@@ -183,23 +207,23 @@ fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &
     source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
 }
 
-/// The situation of a log, with what the columns of its row set; `section` is where the columns stand in the file.
-pub(super) fn scenario(
-    (path, row): (&Path, &Row),
-    log: &Log,
+/// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
+pub(super) fn compared(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
+    let replaying = replaying(path, log, robot, source)?;
+    match missing_position(log, robot) {
+        Some(e) => Err(lacking(path, source, &e)),
+        None => Ok(replaying),
+    }
+}
+
+/// What the columns of a row set.
+pub(super) fn settings(
     (section, columns): (&str, &IndexMap<String, ColumnSection>),
+    row: &Row,
     source: &Source,
     robot: &Robot,
-) -> Result<Scenario, FileError> {
-    let replaying = replaying(path, log, robot, source)?;
-    if let Some(e) = missing_position(log, robot) {
-        return Err(lacking(path, source, &e));
-    }
-    let settings = columns
-        .iter()
-        .map(|(target, column)| setting((section, target), column, row, source, robot))
-        .collect::<Result<_, _>>()?;
-    Ok(Scenario { settings, ..replaying })
+) -> Result<Vec<(Target, f64)>, FileError> {
+    columns.iter().map(|(target, column)| setting((section, target), column, row, source, robot)).collect()
 }
 
 /// The situation of a log: its commands, its duration, its start.
@@ -257,7 +281,9 @@ fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
         .movable()
         .map(|(_, link)| {
             let joint = &link.joint;
-            log.values(&format!("cmd_{}", joint.name))?;
+            if joint.actuator != Actuator::Prescribed {
+                log.values(&format!("cmd_{}", joint.name))?;
+            }
             Ok(start_of(log, &joint.name).unwrap_or((joint.start, 0.0)))
         })
         .collect()

@@ -3,9 +3,10 @@
 use super::build::Builder;
 use super::file::DriveSection;
 use super::parse::{FileError, Source};
+use super::replays::Known;
 use super::scenarios::{self, Situations};
 use crate::io;
-use crate::model::Model;
+use crate::model::{Model, Scenario};
 use std::path::Path;
 
 /// The model of a file, with its own drive.
@@ -35,7 +36,8 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
 }
 
-/// The model of a file, told what a log says the robot was told, from where the log starts.
+/// The model of a file, told what a log says the robot was told, from where the log starts, with what an index of logs in the
+/// file knows of it.
 ///
 /// # Errors
 /// Whatever does not make sense; a log that cannot be read or lacks the robot's joints.
@@ -43,6 +45,8 @@ pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> 
     let file = source.parse()?;
     let builder = Builder { file: &file, source };
     let (log_read, _) = io::read_recorded(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
-    let scenario = scenarios::replaying(log, &log_read, &builder.robot()?, source)?;
+    let robot = builder.robot()?;
+    let settings = Known::of(&file, source)?.settings(log, &robot, source)?;
+    let scenario = Scenario { settings, ..scenarios::replaying(log, &log_read, &robot, source)? };
     builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read], warnings: Vec::new() })
 }

@@ -30,7 +30,9 @@ fn torque_at(log: &Log, time_s: f64) -> f64 {
 fn a_lag_answers_a_step_with_its_exponential() {
     let log = driven(placed("motor_lag", "hinge", &[0.04]), &step(), 0.4);
     for time_s in [0.12, 0.14, 0.2] {
-        let expected = 1.0 - f64::exp(-(time_s - 0.1) / 0.04);
+        // The mean over the step that ends at `time_s`.
+        let (from, to) = (f64::exp(-(time_s - 0.0005 - 0.1) / 0.04), f64::exp(-(time_s - 0.1) / 0.04));
+        let expected = 1.0 - 0.04 / 0.0005 * (from - to);
         assert!((torque_at(&log, time_s) - expected).abs() < 1e-9, "{} at {time_s} s", torque_at(&log, time_s));
     }
     assert!(torque_at(&log, 0.1) == 0.0);

@@ -14,5 +14,7 @@ mod joint;
 mod motor;
 mod parameter;
 mod placement;
+mod prescribed;
+mod sampled;
 mod scene;
 mod transmission;

@@ -1,0 +1,123 @@
+//! What a diagnosis has found so far, and how an effect joins it or leaves it.
+
+use super::race::{CLOSE, Rival, race};
+use super::screen::screen;
+use super::thresholds::{DECISIVE, LEARNT_FALL};
+use super::{Found, Ranked, Rung, is_worth_a_round};
+use crate::fit::judge::{Measure, chi, held_out_squares};
+use crate::fit::{Bench, Effort, Fit, Logs};
+
+/// The base of a round and what was found so far.
+pub(super) struct State {
+    pub(super) fit: Fit,
+    /// The fit without any effect.
+    pub(super) bare: Fit,
+    /// Squares on the held-out logs.
+    pub(super) held_out: Option<f64>,
+    pub(super) chosen: Vec<Found>,
+    pub(super) ladder: Vec<Rung>,
+    pub(super) rivals: Vec<(usize, Vec<f64>)>,
+    pub(super) rounds: Vec<Vec<Ranked>>,
+    /// The integrator's error, in multiples of the noise floor.
+    pub(super) integrator: f64,
+}
+
+impl State {
+    /// Makes the winner the new base.
+    pub(super) fn accept(&mut self, bench: &Bench, rival: Rival, found: Found, tell: &dyn Fn(&Rung)) {
+        self.fit = rival.fit;
+        self.integrator = self.fit.renew_step_error(bench);
+        self.fit.jacobian = None;
+        self.fit.solve(bench, Effort::FULL);
+        if is_worth_a_round(bench, self) {
+            self.fit.polish(bench);
+        }
+        let step = format!("+ {}@{}", found.effect, found.site);
+        self.chosen.push(found);
+        self.climb(bench, step, tell);
+    }
+
+    /// Drops earlier effects that the latest one has made superfluous.
+    pub(super) fn eliminate(&mut self, bench: &Bench) {
+        let mut index = 0;
+        while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
+            let without = self.without(bench, index);
+            let measure = Measure::of(bench, &self.fit);
+            let needless = without.filter(|fit| {
+                let costs = measure.criterion(fit) - measure.criterion(&self.fit);
+                costs <= DECISIVE || fit.squares() <= (1.0 + LEARNT_FALL) * self.fit.squares()
+            });
+            match needless {
+                Some(fit) => {
+                    self.fit = fit;
+                    self.held_out = held_out_squares(bench, &self.fit.u);
+                    let gone = self.chosen.remove(index);
+                    self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
+                }
+                None => index += 1,
+            }
+        }
+    }
+
+    /// The best fit without one of the chosen.
+    fn without(&self, bench: &Bench, index: usize) -> Option<Fit> {
+        let removed = self.less(bench, &[index]).map(|mut fit| {
+            fit.solve(bench, Effort { jacobians: 2, steps: 12 });
+            fit
+        });
+        // The latest one may have got used to this one: once more as if it had never been found.
+        let without = removed.into_iter().chain(self.instead(bench, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        without.map(|mut fit| {
+            let near = (1.0 + LEARNT_FALL) * self.fit.squares()..CLOSE * self.fit.squares();
+            if near.contains(&fit.squares()) {
+                fit.polish(bench);
+            }
+            fit
+        })
+    }
+
+    /// The point without some of the chosen; all else stays.
+    fn less(&self, bench: &Bench, indices: &[usize]) -> Option<Fit> {
+        let knobs =
+            |&index: &usize| bench.family.candidates()[self.chosen[index].candidate].knobs().collect::<Vec<_>>();
+        let gone: Vec<usize> = indices.iter().flat_map(knobs).collect();
+        let mut u = self.fit.u.clone();
+        gone.iter().for_each(|&knob| u[knob] = 0.0);
+        let active = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
+        Fit::at(bench, active, u, &self.fit.step_error)
+    }
+
+    /// The latest of the chosen fitted in the place of an earlier one.
+    fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
+        let latest = self.chosen.len() - 1;
+        let mut bases = vec![self.less(bench, &[index, latest])?];
+        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate]);
+        race(bench, &bases, &starts).pop().map(|rival| rival.fit)
+    }
+
+    /// Notes where the error is now.
+    pub(super) fn climb(&mut self, bench: &Bench, step: String, tell: &dyn Fn(&Rung)) {
+        let judged = !bench.logs(Logs::HeldOut).is_empty();
+        self.held_out = if judged { held_out_squares(bench, &self.fit.u) } else { None };
+        let rung = self.rung(bench, step);
+        tell(&rung);
+        self.ladder.push(rung);
+    }
+
+    /// Moves the estimates to the middle of what the logs leave open; the last rung says what the error is there.
+    pub(super) fn settle(&mut self, bench: &Bench) {
+        self.fit.settle(bench);
+        self.held_out = self.held_out.and_then(|_| held_out_squares(bench, &self.fit.u));
+        if let Some(step) = self.ladder.pop().map(|rung| rung.step) {
+            self.ladder.push(self.rung(bench, step));
+        }
+    }
+
+    fn rung(&self, bench: &Bench, step: String) -> Rung {
+        Rung {
+            step,
+            train: chi(self.fit.squares(), bench.samples(Logs::Learn)),
+            held_out: self.held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
+        }
+    }
+}

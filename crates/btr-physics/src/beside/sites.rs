@@ -1,0 +1,32 @@
+//! Where effects could sit.
+
+use crate::effect::{Effect, Placed, SiteKind};
+use crate::model::Model;
+use crate::robot::JointKind;
+
+/// Where an effect could sit and does not yet.
+pub(super) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
+    let card = effect.card();
+    let taken = |site: &str| {
+        let there =
+            |placed: &&Placed| placed.effect.card().name == card.name && crate::site::matches(&placed.site, site);
+        let named = format!("{}.", card.name);
+        let in_doubt = model.simulations.dims().iter().any(|dim| {
+            dim.name.starts_with(&named)
+                && crate::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
+        });
+        in_doubt || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
+    };
+    let joints = || model.robot.movable().map(|(_, link)| link);
+    let all: Vec<String> = match card.site {
+        SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
+        SiteKind::Link => {
+            let moves = |link: &&crate::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
+            model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()
+        }
+        SiteKind::Base => vec!["base".to_owned()],
+        SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
+        SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
+    };
+    all.into_iter().filter(|site| !taken(site)).collect()
+}
