@@ -195,17 +195,26 @@ pub trait Family: Sync {
     fn windows(&self, _log: usize) -> Vec<Range<usize>> {
         Vec::new()
     }
+    /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
+    fn start_near(&self, _log: usize, _number: usize) -> &[String] {
+        &[]
+    }
+    /// Names of the channels in which a candidate is felt before all others; none where it is felt everywhere. At a first glance,
+    /// candidates that are felt in different channels are tried together.
+    fn near(&self, _candidate: usize) -> &[String] {
+        &[]
+    }
     /// The standard deviation of what is known of those numbers, in units of what [`residual_from`](Self::residual_from) moves
     /// them by; infinite where nothing is.
     fn start_spread(&self) -> f64 {
         f64::INFINITY
     }
-    /// The same as [`residual`](Self::residual) where one of those numbers (or none), in all windows at once, is moved by
-    /// what noise could hide.
+    /// The same as [`residual`](Self::residual) where some of those numbers, in all windows at once, are moved by what noise
+    /// could hide.
     ///
     /// # Errors
     /// A simulation that blew up.
-    fn residual_from(&self, u: &[f64], log: usize, _nudged: Option<usize>) -> Result<Vec<f64>, WorldError> {
+    fn residual_from(&self, u: &[f64], log: usize, _nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
         self.residual(u, log, Step::Usual)
     }
 }

@@ -16,7 +16,7 @@ use btr_core::family::{Candidate, Family, Feature, Knob, Measured, Recorded, Ste
 use btr_core::log::{Log, Role, interpolate};
 use btr_core::world::WorldError;
 use knobs::{in_doubt, knob, own};
-use sites::sites;
+use sites::{limbs, sites};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -38,6 +38,10 @@ pub struct Beside {
     candidates: Vec<Candidate>,
     logs: Vec<Recorded>,
     scales: Scales,
+    /// With windows: for each joint, the channels of the joints of its limb.
+    limbs: Vec<Vec<String>>,
+    /// The channels in which each candidate is felt first; none where it is felt everywhere.
+    near: Vec<Vec<String>>,
     /// What stands behind each candidate.
     effects: Vec<&'static dyn Effect>,
     features: Vec<Feature>,
@@ -122,6 +126,8 @@ impl Beside {
             effects: Vec::new(),
             features: Vec::new(),
             terms: Vec::new(),
+            limbs: limbs(&model.robot),
+            near: Vec::new(),
             scales,
             parts,
             situations: model.scenarios.clone(),
@@ -297,9 +303,19 @@ impl Beside {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
+        self.near.push(self.limb_of(&site));
         let kin = Vec::new();
         self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts, kin });
         self.effects.push(effect);
+    }
+
+    /// The channels of the limb that a joint or a link belongs to; none where the robot is compared from beginning to end.
+    fn limb_of(&self, site: &str) -> Vec<String> {
+        if self.parts.iter().all(|part| part.windows.is_empty()) {
+            return Vec::new();
+        }
+        let here = self.model.robot.movable().position(|(_, link)| link.joint.name == site || link.name == site);
+        here.map_or_else(Vec::new, |joint| self.limbs[joint].clone())
     }
 
     /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it moves.
@@ -416,15 +432,26 @@ impl Family for Beside {
         if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
-    fn residual_from(&self, u: &[f64], log: usize, nudged: Option<usize>) -> Result<Vec<f64>, WorldError> {
+    fn start_near(&self, log: usize, number: usize) -> &[String] {
+        match windows::nudged_joint(number, self.model.robot.movable().count()) {
+            Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
+            _ => &[],
+        }
+    }
+
+    fn near(&self, candidate: usize) -> &[String] {
+        &self.near[candidate]
+    }
+
+    fn residual_from(&self, u: &[f64], log: usize, nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
         let mut scenario = self.situations[self.parts[log].scenario].clone();
-        if let Some(number) = nudged.filter(|_| !scenario.restarts.is_empty()) {
+        if !scenario.restarts.is_empty() {
             let mut restarts = scenario.restarts.to_vec();
-            windows::nudge(&mut restarts, number, &self.parts[log].noise);
+            nudged.iter().for_each(|&number| windows::nudge(&mut restarts, number, &self.parts[log].noise));
             scenario.restarts = restarts.into();
             return self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?);
         }
-        if let Some((k, (joint, sigma))) = nudged.and_then(|k| Some((k, self.nudged(log).nth(k / 2)?))) {
+        for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / 2)?))) {
             let start = &mut scenario.start[joint];
             match k % 2 {
                 0 => start.0 += NUDGE.0 * sigma,

@@ -48,16 +48,17 @@ mod tests {
     use super::*;
     use crate::ant;
     use crate::drive::Drive;
+    use crate::rapier::Rapier;
     use crate::robot::Base;
     use crate::sim::{EngineName, Setup, simulate_led};
     use btr_core::log::Log;
 
     const DT_S: f64 = 0.002;
-    const AT_S: f64 = 0.3;
+    const AT_S: f64 = 0.5;
 
     fn setup(robot: &Robot) -> Setup {
         let floor = if robot.base == Base::Floating { Setup::default().ground } else { None };
-        Setup { dt_s: DT_S, duration_s: 0.6, control_s: 0.01, ground: floor, ..Setup::default() }
+        Setup { dt_s: DT_S, duration_s: 0.8, control_s: 0.01, ground: floor, ..Setup::default() }
     }
 
     /// The ant, or the same bolted down.
@@ -80,24 +81,22 @@ mod tests {
         (log, there.unwrap())
     }
 
-    /// Largest distance of joint positions after `from_s`.
-    fn apart(a: &Log, b: &Log, from_s: f64) -> f64 {
+    /// Largest distance of joint positions in so many seconds after `from_s`.
+    fn apart(a: &Log, b: &Log, from_s: f64, for_s: f64) -> f64 {
         let joints = a.channels().filter(|(name, _)| name.starts_with("q_"));
-        let late = |log: &Log, name: &str| log.values(name).unwrap()[(from_s / DT_S).round() as usize..].to_vec();
+        let samples = (from_s / DT_S).round() as usize..=((from_s + for_s) / DT_S).round() as usize;
+        let late = |log: &Log, name: &str| log.values(name).unwrap()[samples.clone()].to_vec();
         let far = |name: &str| late(a, name).iter().zip(late(b, name)).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         joints.map(|(name, _)| far(name)).fold(0.0, f64::max)
     }
 
-    /// A tenth of a degree: what a common encoder resolves. Why the ant is moved at all is not known yet.
-    const ENCODER_STEP_RAD: f64 = 0.0017;
-
     #[test]
     fn its_own_state_changes_nothing() {
-        for (base, least) in [(Base::Fixed, 0.0), (Base::Floating, ENCODER_STEP_RAD)] {
+        for base in [Base::Fixed, Base::Floating] {
             let (robot, drive) = (robot(base), ant::tripod());
             let (log, state) = run(&robot, EngineName::Auto, &[], &drive);
             let (again, _) = run(&robot, EngineName::Auto, &[Restart { time_s: AT_S, state }], &drive);
-            assert!(apart(&log, &again, 0.0) <= least, "{base:?}: {}", apart(&log, &again, 0.0));
+            assert_eq!(apart(&log, &again, 0.0, 0.8), 0.0, "{base:?}");
         }
     }
 
@@ -116,18 +115,35 @@ mod tests {
             }
             robot
         };
-        for (base, engine, most) in [
-            (Base::Fixed, EngineName::Auto, 1e-3),
-            (Base::Fixed, EngineName::Rapier, 1e-9),
-            (Base::Floating, EngineName::Rapier, 3e-3),
+        // With contact, only at first: the impulses that Rapier's few sweeps begin with are not part of the state, and in another
+        // order they end elsewhere.
+        for (base, engine, for_s, most) in [
+            (Base::Fixed, EngineName::Auto, 0.2, 1e-9),
+            (Base::Fixed, EngineName::Rapier, 0.2, 1e-12),
+            (Base::Floating, EngineName::Rapier, 0.01, 1e-3),
         ] {
             let (robot, drive) = (unhurried(robot(base)), ant::tripod());
             let (log, state) = run(&robot, engine, &[], &drive);
             let moved = elsewhere(robot);
             let (other, _) = run(&moved, engine, &[], &drive);
             let (again, _) = run(&moved, engine, &[Restart { time_s: AT_S, state }], &drive);
-            let (before, after) = (apart(&log, &other, AT_S + DT_S), apart(&log, &again, AT_S + DT_S));
+            let [before, after] = [&other, &again].map(|late| apart(&log, late, AT_S + DT_S, for_s));
             assert!(after < most, "{base:?} {engine:?}: {after}, without {before}");
         }
+    }
+
+    #[test]
+    fn shapes_come_along() {
+        let standing = ant::ant();
+        let setup = setup(&standing);
+        let on_the_floor = State::of(&Rapier::new(&standing, &setup));
+        let mut aloft = standing;
+        aloft.start.translation.z += 0.05;
+        let mut engine = Rapier::new(&aloft, &setup);
+        engine.step();
+        assert_eq!(engine.foot_force_n(0), 0.0);
+        engine.place(&on_the_floor);
+        engine.step();
+        assert!(engine.foot_force_n(0) > 0.0);
     }
 }

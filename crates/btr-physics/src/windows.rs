@@ -146,6 +146,11 @@ pub(crate) fn nudges(joints: usize) -> usize {
     2 * joints + BASE.len()
 }
 
+/// The joint that one of those numbers is about.
+pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
+    (number / 2 < joints).then_some(number / 2)
+}
+
 /// Moves the starts of all windows by what is not known of one of their numbers; `sigmas` are the joints' noise floors.
 pub(crate) fn nudge(restarts: &mut [Restart], number: usize, sigmas: &[f64]) {
     for Restart { state: State { joints, base }, .. } in restarts {

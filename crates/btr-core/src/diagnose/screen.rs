@@ -5,6 +5,7 @@
 //! largest error alone; what is promising there is probed on all of them.
 
 use crate::family::{Candidate, Law, Step};
+use crate::fit::together::{rows_near, shared};
 use crate::fit::{Bench, Fit, Logs, corrected};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -94,7 +95,7 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
     let glance = |(index, base): (usize, &Fit)| {
         let there = base.in_rows(rows.clone());
         let seen = Base::new(bench, index, &there, vec![log]);
-        seen.map_or_else(Vec::new, |seen| seen.promising(bench, &offered, &GLANCE))
+        seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
     };
     let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
     // Everyone is looked at from the first base, and from the one where it promised most.
@@ -202,16 +203,35 @@ impl<'a> Base<'a> {
 
     /// What candidates promise, each at the best of its starts.
     fn promising(&self, bench: &Bench, offered: &[(usize, Vec<Vec<f64>>)], sizes: &Sizes) -> Vec<Start> {
-        let promise = |(candidate, starts): &(usize, Vec<Vec<f64>>)| self.promise(bench, *candidate, starts, sizes);
+        let promise = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
+            let probes = self.probes(bench, *candidate, starts, sizes);
+            let columns = self.columns(bench, &probes);
+            self.promise(bench, &probes, &columns)
+        };
         offered.iter().filter_map(promise).collect()
     }
 
+    /// The same where candidates that are felt in different places are tried in one simulation.
+    fn promising_together(&self, bench: &Bench, offered: &[(usize, Vec<Vec<f64>>)], sizes: &Sizes) -> Vec<Start> {
+        let candidates = bench.family.candidates();
+        let mut promising = Vec::new();
+        for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
+            let each: Vec<Vec<Probe>> =
+                kind.iter().map(|(candidate, starts)| self.probes(bench, *candidate, starts, sizes)).collect();
+            let all: Vec<&Probe> = each.iter().flatten().collect();
+            let mut columns = self.columns_together(bench, &all).into_iter();
+            for probes in &each {
+                let own: Vec<Option<DVector<f64>>> = columns.by_ref().take(probes.len()).collect();
+                promising.extend(self.promise(bench, probes, &own));
+            }
+        }
+        promising
+    }
+
     /// The best point of a candidate, by its probes.
-    fn promise(&self, bench: &Bench, candidate: usize, starts: &[Vec<f64>], sizes: &Sizes) -> Option<Start> {
-        let probes = self.probes(bench, candidate, starts, sizes);
-        let columns = self.columns(bench, &probes);
+    fn promise(&self, bench: &Bench, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<Start> {
         // Probes of one start and one size belong together: one column for each amplitude.
-        let amplitudes = bench.family.candidates()[candidate].amplitudes.len();
+        let amplitudes = bench.family.candidates()[probes.first()?.candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
         let found = groups.flat_map(|(probes, columns)| {
             self.pictures.iter().filter_map(move |picture| self.best_of(bench, picture, probes, columns))
@@ -234,12 +254,14 @@ impl<'a> Base<'a> {
         probes
     }
 
-    fn point(&self, bench: &Bench, probe: &Probe) -> Vec<f64> {
+    fn point(&self, bench: &Bench, probes: &[&Probe]) -> Vec<f64> {
         let mut u = self.fit.u.clone();
-        for (&knob, &shape) in bench.family.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
-            u[knob] = shape;
+        for probe in probes {
+            for (&knob, &shape) in bench.family.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
+                u[knob] = shape;
+            }
+            u[probe.amplitude] = bench.family.knobs()[probe.amplitude].clamp(probe.size);
         }
-        u[probe.amplitude] = bench.family.knobs()[probe.amplitude].clamp(probe.size);
         u
     }
 
@@ -247,18 +269,59 @@ impl<'a> Base<'a> {
     fn columns(&self, bench: &Bench, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {
-            let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, probe)).collect();
+            let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, &[probe])).collect();
             let residuals = bench.residuals_of(&points, &self.logs, Step::Usual);
             for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let size = point[probe.amplitude];
-                columns.push(residual.map(|residual| {
-                    let after = corrected(residual, &self.fit.step_error);
-                    let change = after.iter().zip(&self.fit.residual).map(|(a, b)| (a - b) / size);
-                    DVector::from_iterator(after.len(), change)
-                }));
+                columns.push(residual.map(|residual| self.column(residual, size)));
             }
         }
         columns
+    }
+
+    /// The same, several in one simulation: each column as far as its candidate's own channels go.
+    fn columns_together(&self, bench: &Bench, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
+        let near = |probe: &Probe| bench.family.near(probe.candidate);
+        let shots = shared(probes.iter().map(|probe| near(probe)));
+        let mut columns = vec![None; probes.len()];
+        for batch in shots.chunks(BATCH) {
+            let point = |shot: &Vec<usize>| {
+                let probes: Vec<&Probe> = shot.iter().map(|&i| probes[i]).collect();
+                self.point(bench, &probes)
+            };
+            let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
+            let residuals = bench.residuals_of(&points, &self.logs, Step::Usual);
+            for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
+                let Some(residual) = residual else { continue };
+                for &i in shot {
+                    let column = self.column(residual.clone(), point[probes[i].amplitude]);
+                    columns[i] = Some(self.only_near(bench, column, near(probes[i])));
+                }
+            }
+        }
+        columns
+    }
+
+    /// The change that a residual is of the base's, per unit of an amplitude of this size.
+    fn column(&self, residual: Vec<f64>, size: f64) -> DVector<f64> {
+        let after = corrected(residual, &self.fit.step_error);
+        let change = after.iter().zip(&self.fit.residual).map(|(a, b)| (a - b) / size);
+        DVector::from_iterator(after.len(), change)
+    }
+
+    /// A column without what is not of these channels.
+    fn only_near(&self, bench: &Bench, column: DVector<f64>, near: &[String]) -> DVector<f64> {
+        if near.is_empty() {
+            return column;
+        }
+        let (mut only, mut first) = (DVector::zeros(column.len()), 0);
+        for log in self.logs.iter().map(|&log| &bench.family.logs()[log]) {
+            for row in rows_near(log, near).into_iter().flatten() {
+                only[first + row] = column[first + row];
+            }
+            first += log.rows();
+        }
+        only
     }
 
     /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
@@ -281,7 +344,7 @@ impl<'a> Base<'a> {
         });
         let pull = DVector::from_fn(k, |i, _| answered[i].dot(&picture.gradient) - columns[i].dot(&residual));
         let wanted = own.cholesky()?.solve(&pull);
-        let mut u = self.point(bench, &probes[0]);
+        let mut u = self.point(bench, &[&probes[0]]);
         let mut amplitudes = DVector::zeros(k);
         for (i, probe) in probes.iter().enumerate() {
             let knob = &knobs[probe.amplitude];

@@ -8,6 +8,7 @@ mod identifiable;
 pub(crate) mod judge;
 mod solve;
 mod start;
+pub(crate) mod together;
 
 pub use bench::{Bench, Logs, Residual, corrected, squares};
 pub use derivative::columns;

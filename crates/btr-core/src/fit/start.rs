@@ -3,6 +3,7 @@
 //! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
 //! again, as if B's share of it were noise.
 
+use super::together::{rows_near, shared};
 use crate::family::Family;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -25,21 +26,24 @@ struct Window {
 impl Starts {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
     pub(super) fn at(family: &dyn Family, u: &[f64]) -> (Starts, usize) {
-        let jobs: Vec<(usize, Option<usize>)> = (0..family.logs().len())
-            .filter(|&log| family.starts(log) > 0)
-            .flat_map(|log| std::iter::once((log, None)).chain((0..family.starts(log)).map(move |k| (log, Some(k)))))
-            .collect();
-        let run = |&(log, nudge): &(usize, Option<usize>)| family.residual_from(u, log, nudge).ok();
-        let mut answers = jobs.par_iter().map(run).collect::<Vec<_>>().into_iter();
+        let shots = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
+        // The first of each log is moved nowhere.
+        let of_log = |log: usize| std::iter::once(Vec::new()).chain(shots(log)).map(move |shot| (log, shot));
+        let logs = (0..family.logs().len()).filter(|&log| family.starts(log) > 0);
+        let jobs: Vec<(usize, Vec<usize>)> = logs.flat_map(of_log).collect();
+        let run = |(log, nudged): &(usize, Vec<usize>)| family.residual_from(u, *log, nudged).ok();
+        let answers: Vec<Option<Vec<f64>>> = jobs.par_iter().map(run).collect();
         let windows = |log: usize| {
-            let usual = if family.starts(log) > 0 { answers.next().flatten() } else { None };
-            let nudged: Vec<Option<Vec<f64>>> = answers.by_ref().take(family.starts(log)).collect();
-            let Some(usual) = usual else { return Vec::new() };
-            let change = |there: Vec<f64>| {
-                let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
-                there.iter().zip(&usual).map(|(a, b)| finite(a - b)).collect()
-            };
-            let changes: Vec<Vec<f64>> = nudged.into_iter().flatten().map(change).collect();
+            let own = || jobs.iter().zip(&answers).filter(move |((of, _), _)| *of == log);
+            let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
+            let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
+            for ((_, nudged), there) in own().skip(1) {
+                let Some(there) = there else { continue };
+                let change = |&number: &usize| (number, change(family, log, number, usual, there));
+                changes.extend(nudged.iter().map(change));
+            }
+            changes.sort_by_key(|(number, _)| *number);
+            let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
             rows(family, log).into_iter().map(|rows| Window::new(rows, &changes, family.start_spread())).collect()
         };
         let starts = (0..family.logs().len()).map(windows).collect();
@@ -57,6 +61,16 @@ impl Starts {
             window.project(residual);
         }
     }
+}
+
+/// What one number of a start changes, where it is felt.
+fn change(family: &dyn Family, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+    let mut change = vec![0.0; usual.len()];
+    for row in rows_near(&family.logs()[log], family.start_near(log, number)).into_iter().flatten() {
+        let moved = there[row] - usual[row];
+        change[row] = if moved.is_finite() { moved } else { 0.0 };
+    }
+    change
 }
 
 /// The rows of each window of a log.

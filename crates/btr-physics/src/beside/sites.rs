@@ -2,7 +2,7 @@
 
 use crate::effect::{Effect, Placed, SiteKind};
 use crate::model::Model;
-use crate::robot::JointKind;
+use crate::robot::{JointKind, Robot};
 
 /// Where an effect could sit and does not yet.
 pub(super) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
@@ -29,4 +29,20 @@ pub(super) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
         SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
     };
     all.into_iter().filter(|site| !taken(site)).collect()
+}
+
+/// For each joint that moves, the position channels of all that hang on the root by the same joint.
+pub(super) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
+    let limb = |mut link: usize| {
+        while let Some(parent) = robot.links[link].parent.filter(|&parent| robot.links[parent].parent.is_some()) {
+            link = parent;
+        }
+        link
+    };
+    let own: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
+    let channel = |link: &crate::robot::Link| format!("q_{}", link.joint.name);
+    let members = |limb: &usize| {
+        robot.movable().zip(&own).filter(|(_, other)| *other == limb).map(|((_, link), _)| channel(link)).collect()
+    };
+    own.iter().map(members).collect()
 }
