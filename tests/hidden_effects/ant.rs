@@ -28,11 +28,11 @@ pub(crate) static ANT: Subject = Subject {
 const DURATION_S: f64 = 1.4;
 
 fn training(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
-    vec![gait(rng), wave(rng), steps(rng)]
+    vec![gait(rng), mixed(rng)]
 }
 
 fn held_out(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
-    vec![gait(rng), wave(rng)]
+    vec![gait(rng), mixed(rng)]
 }
 
 fn clock() -> impl Iterator<Item = f64> {
@@ -67,26 +67,24 @@ fn gait(rng: &mut Rng) -> Commands {
     })
 }
 
-/// Three sines on every joint.
-fn wave(rng: &mut Rng) -> Commands {
-    let parts: Vec<Vec<[f64; 3]>> = (0..ant::centres().len())
-        .map(|_| {
-            let part = |k: usize, rng: &mut Rng| {
-                [between(rng, 0.04, 0.12), 0.4 + 0.8 * k as f64 + between(rng, 0.0, 0.4), between(rng, 0.0, TAU)]
-            };
-            (0..3).map(|k| part(k, rng)).collect()
-        })
-        .collect();
-    around_stance(|joint, t| parts[joint].iter().map(|[a, f, p]| a * (TAU * f * t + p).sin()).sum())
+/// Two sines on every joint, and a new place every third of a second, at times of its own.
+fn mixed(rng: &mut Rng) -> Commands {
+    let plan = |rng: &mut Rng| Plan {
+        sines: [0.4, 1.4].map(|f| [between(rng, 0.04, 0.1), f + between(rng, 0.0, 0.6), between(rng, 0.0, TAU)]),
+        lag_s: between(rng, 0.0, 0.33),
+        levels: std::array::from_fn(|_| between(rng, -0.15, 0.15)),
+    };
+    let plans: Vec<Plan> = (0..ant::centres().len()).map(|_| plan(rng)).collect();
+    around_stance(|joint, t| {
+        let Plan { sines, lag_s, levels } = &plans[joint];
+        let level = levels[((t + lag_s) / 0.33) as usize % levels.len()];
+        level + sines.iter().map(|[a, f, p]| a * (TAU * f * t + p).sin()).sum::<f64>()
+    })
 }
 
-/// A new place every third of a second, each joint at times of its own.
-fn steps(rng: &mut Rng) -> Commands {
-    let plans: Vec<(f64, Vec<f64>)> = (0..ant::centres().len())
-        .map(|_| (between(rng, 0.0, 0.33), (0..9).map(|_| between(rng, -0.2, 0.2)).collect()))
-        .collect();
-    around_stance(|joint, t| {
-        let (lag, levels) = &plans[joint];
-        levels[((t + lag) / 0.33) as usize % levels.len()]
-    })
+/// What one joint does in such an episode: amplitude in rad, frequency in Hz and phase of its sines; its places in rad.
+struct Plan {
+    sines: [[f64; 3]; 2],
+    lag_s: f64,
+    levels: [f64; 9],
 }

@@ -147,6 +147,9 @@ fn run(case: Case, verbose: bool) -> Outcome {
             );
         }
     };
+    if verbose {
+        println!("    {} rollouts {:.1} s", bench.rollouts(), began.elapsed().as_secs_f64());
+    }
     let diagnosis = diagnose(&bench, Question::default(), &tell);
     let seconds = began.elapsed().as_secs_f64();
     for round in diagnosis.iter().filter(|_| verbose).flat_map(|d| &d.rounds) {

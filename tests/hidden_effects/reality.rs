@@ -59,11 +59,13 @@ pub(crate) fn cases(
     seeds: std::ops::Range<u64>,
     size: f64,
 ) -> Vec<Plan> {
-    let wanted = |name: &str| effects.is_empty() || effects.iter().any(|e| e == name);
-    let bare = Reality::new(subject, 0).beside(&[]);
-    let mut names: Vec<String> = bare.candidates().iter().map(|c| c.effect.clone()).collect();
-    names.dedup();
-    names.retain(|name| wanted(name) && !subject.silent.contains(&name.as_str()));
+    let mut names = effects.to_vec();
+    if names.is_empty() && matches!(kind, "one" | "two") {
+        let bare = Reality::new(subject, 0).beside(&[]);
+        names = bare.candidates().iter().map(|c| c.effect.clone()).collect();
+        names.dedup();
+        names.retain(|name| !subject.silent.contains(&name.as_str()));
+    }
     let mut cases: Vec<Plan> = Vec::new();
     for seed in seeds {
         match kind {
@@ -205,8 +207,9 @@ impl Reality {
         let wanted = size * SHOWS.0 * (SHOWS.1 / SHOWS.0).powf(self.rng.random());
         let mut planted =
             Planted { effect: name.to_owned(), site: candidate.site.clone(), coordinates, values: Vec::new() };
+        let without = residuals(bare, &vec![0.0; bare.knobs().len()]);
         for _ in 0..SCALINGS {
-            let shown = shows(bare, &planted);
+            let shown = shows(bare, &without, &planted);
             if (shown / wanted - 1.0).abs() < 0.1 {
                 break;
             }
@@ -228,20 +231,21 @@ impl Reality {
     }
 }
 
-/// Root mean square of what an effect changes in the training episodes, in multiples of the noise.
-fn shows(bare: &Beside, planted: &Planted) -> f64 {
-    let mut u = vec![0.0; bare.knobs().len()];
+/// Residuals of the training episodes.
+fn residuals(bare: &Beside, u: &[f64]) -> Vec<f64> {
     let learn = bare.logs().iter().filter(|log| !log.held_out).count();
-    let residuals = |u: &[f64]| -> Vec<f64> {
-        (0..learn).flat_map(|log| bare.residual(u, log, Step::Usual).unwrap_or_default()).collect()
-    };
-    let without = residuals(&u);
+    (0..learn).flat_map(|log| bare.residual(u, log, Step::Usual).unwrap_or_default()).collect()
+}
+
+/// Root mean square of what an effect changes in the training episodes, in multiples of the noise.
+fn shows(bare: &Beside, without: &[f64], planted: &Planted) -> f64 {
+    let mut u = vec![0.0; bare.knobs().len()];
     planted.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
-    let with = residuals(&u);
+    let with = residuals(bare, &u);
     if with.len() != without.len() {
         return f64::INFINITY;
     }
-    let changes = with.iter().zip(&without).map(|(a, b)| (a - b).powi(2)).filter(|square| square.is_finite());
+    let changes = with.iter().zip(without).map(|(a, b)| (a - b).powi(2)).filter(|square| square.is_finite());
     let (squares, samples) = changes.fold((0.0, 0), |(sum, n), square| (sum + square, n + 1));
     (squares / f64::from(samples)).sqrt()
 }

@@ -195,6 +195,11 @@ pub trait Family: Sync {
     fn windows(&self, _log: usize) -> Vec<Range<usize>> {
         Vec::new()
     }
+    /// Whether the noise floors have the integrator's own error in them: where motion is chaotic, half the step does not tell what
+    /// no step at all would do.
+    fn step_is_noise(&self) -> bool {
+        false
+    }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {
         &[]

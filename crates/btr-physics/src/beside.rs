@@ -432,6 +432,10 @@ impl Family for Beside {
         if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
+    fn step_is_noise(&self) -> bool {
+        self.parts.iter().any(|part| !part.windows.is_empty())
+    }
+
     fn start_near(&self, log: usize, number: usize) -> &[String] {
         match windows::nudged_joint(number, self.model.robot.movable().count()) {
             Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
