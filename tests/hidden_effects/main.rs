@@ -114,6 +114,9 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 
 /// One diagnosis.
 fn run(case: Case, verbose: bool) -> Outcome {
+    if verbose {
+        println!("{}", case.describe());
+    }
     let began = Instant::now();
     let bench = Bench::new(&case.family);
     let tell = |rung: &Rung| {
