@@ -132,6 +132,12 @@ fn run(case: Case, verbose: bool) -> Outcome {
     };
     let diagnosis = diagnose(&bench, Question::default(), &tell);
     let seconds = began.elapsed().as_secs_f64();
+    if let Some(diagnosis) = diagnosis.as_ref().filter(|_| verbose) {
+        println!("    the integrator's own error: {:.3}", diagnosis.integrator_error);
+        for e in diagnosis.effects.iter().flat_map(|found| &found.parameters) {
+            println!("    {} = {:.5} {:?}", e.name, e.value, e.ci95);
+        }
+    }
     for round in diagnosis.iter().filter(|_| verbose).flat_map(|d| &d.rounds) {
         let ranked = round.iter().map(|r| format!("{} {:.3} ({:.0})", r.name, r.train, r.delta_bic));
         println!("    round: {}", ranked.collect::<Vec<_>>().join(", "));

@@ -37,6 +37,8 @@ pub(super) const USUAL: Net = Net { glanced: 16, verified: 10, runners: 8 };
 pub(super) const WIDE: Net = Net { glanced: usize::MAX, verified: 24, runners: 16 };
 /// How many of those that promise most go on however they fare when they are simulated.
 const PROMISED: usize = 4;
+/// How many are simulated where the glance alone saw them best: all logs together may hide what one log shows.
+const STRIKING: usize = 3;
 /// Which shares of the way to a promise are simulated.
 const SHARES: [f64; 2] = [1.0, 0.3];
 /// A base that could lower its cost by a smaller share is at its optimum.
@@ -114,7 +116,8 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize], net: N
         let seen = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec());
         seen.map_or_else(Vec::new, |seen| seen.promising(bench, &own, &LOOK))
     };
-    let promising = best(bases.iter().enumerate().flat_map(look).collect(), net.verified);
+    let mut promising = best(bases.iter().enumerate().flat_map(look).collect(), net.verified);
+    promising.extend(glanced.iter().take(STRIKING).cloned());
     verify(bench, bases, promising)
 }
 
@@ -162,7 +165,9 @@ fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
         });
         tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
-    let mut verified: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let all: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let beaten = |start: &&Start| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
+    let mut verified: Vec<Start> = all.iter().filter(|start| !beaten(start)).cloned().collect();
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified
