@@ -11,6 +11,7 @@ pub(crate) static ARM: Subject = Subject {
     held_out: excite::held_out,
     seen: &["q_", "cmd_"],
     silent: &["imu_bias"],
+    max_rollouts: usize::MAX,
     outside: &[
         (On::Torque, "-8*max(0,q-0.2)^2"),
         (On::Torque, "0.35*sin(19*t)"),

@@ -101,7 +101,7 @@ fn main() {
     }
     let mut outcomes = Vec::new();
     for plan in cases {
-        let outcome = run(plan(), options.verbose);
+        let outcome = run(plan(), options.subject.max_rollouts, options.verbose);
         if !options.quiet {
             println!("{}", outcome.line());
         }
@@ -127,7 +127,10 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// One diagnosis.
-fn run(case: Case, verbose: bool) -> Outcome {
+fn run(case: Case, max_rollouts: usize, verbose: bool) -> Outcome {
+    if verbose {
+        println!("{}", case.describe());
+    }
     let began = Instant::now();
     let bench = Bench::new(&case.family);
     if verbose {
@@ -150,8 +153,14 @@ fn run(case: Case, verbose: bool) -> Outcome {
     if verbose {
         println!("    {} rollouts {:.1} s", bench.rollouts(), began.elapsed().as_secs_f64());
     }
-    let diagnosis = diagnose(&bench, Question::default(), &tell);
+    let diagnosis = diagnose(&bench, Question { max_rollouts, ..Question::default() }, &tell);
     let seconds = began.elapsed().as_secs_f64();
+    if let Some(diagnosis) = diagnosis.as_ref().filter(|_| verbose) {
+        println!("    the integrator's own error: {:.3}", diagnosis.integrator_error);
+        for e in diagnosis.effects.iter().flat_map(|found| &found.parameters) {
+            println!("    {} = {:.5} {:?}", e.name, e.value, e.ci95);
+        }
+    }
     for round in diagnosis.iter().filter(|_| verbose).flat_map(|d| &d.rounds) {
         let ranked = round.iter().map(|r| format!("{} {:.3} ({:.0})", r.name, r.train, r.delta_bic));
         println!("    round: {}", ranked.collect::<Vec<_>>().join(", "));

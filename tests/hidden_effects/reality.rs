@@ -28,6 +28,8 @@ const GAINS: f64 = 0.1;
 const SIZES: (f64, f64) = (0.7, 1.5);
 /// Limits bind from about here on; see the scales of the robot.
 const LIMITS: (f64, f64) = (0.3, 0.5);
+/// ... and are loosened no further than to this.
+const LOOSEST: f64 = 0.1;
 /// What a hidden effect changes of the motion, in multiples of the noise: evenly over the orders of magnitude.
 const SHOWS: (f64, f64) = (3.0, 40.0);
 /// How often an effect is scaled towards that.
@@ -44,6 +46,8 @@ pub(crate) struct Subject {
     pub seen: &'static [&'static str],
     /// Effects that nothing of it could show.
     pub silent: &'static [&'static str],
+    /// The most logs that a diagnosis may simulate before another round begins.
+    pub max_rollouts: usize,
     /// Laws that are in no library: `on` what, and the law.
     pub outside: &'static [(On, &'static str)],
 }
@@ -215,7 +219,10 @@ impl Reality {
             }
             let factor = (wanted / shown.max(1e-3)).clamp(0.2, 5.0);
             for (knob, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
-                *u = bare.knobs()[*knob].clamp(*u * factor);
+                let knob = &bare.knobs()[*knob];
+                // A limit that is hardly ever met is none, however much it is loosened.
+                let least = if knob.law == Law::Inverse { LOOSEST } else { f64::NEG_INFINITY };
+                *u = knob.clamp(*u * factor).max(least);
             }
         }
         let value = |(k, u): &(usize, f64)| (bare.knobs()[*k].name.clone(), bare.knobs()[*k].value(*u));

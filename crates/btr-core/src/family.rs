@@ -195,10 +195,14 @@ pub trait Family: Sync {
     fn windows(&self, _log: usize) -> Vec<Range<usize>> {
         Vec::new()
     }
-    /// Whether the noise floors have the integrator's own error in them: where motion is chaotic, half the step does not tell what
-    /// no step at all would do.
-    fn step_is_noise(&self) -> bool {
+    /// Whether small errors grow, as with contact. Then half the step does not tell what no step at all would do: the noise floors
+    /// must have the integrator's own error in them.
+    fn is_chaotic(&self) -> bool {
         false
+    }
+    /// Where motion is chaotic: what remains at a point on the held-out logs even if nothing is missing there, in noise floors.
+    fn remainder(&self, _u: &[f64]) -> f64 {
+        1.0
     }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {

@@ -92,19 +92,29 @@ impl Beside {
         Self::in_parts(model, recorded, &[], parts)
     }
 
-    /// The same without any effect that may be missing, and with the sensors' noise alone for a floor.
-    pub(crate) fn bare(model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
+    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor.
+    pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
-        Self::beside(model, recorded, parts)
+        let other = Self::beside(model, recorded, parts)?;
+        let (knobs, candidates, features) = (self.knobs.clone(), self.candidates.clone(), self.features.clone());
+        let (effects, terms) = (self.effects.clone(), self.terms.clone());
+        Ok(Beside { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other })
+    }
+
+    /// The logs' channels, to change their floors.
+    pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut Recorded> {
+        self.logs.iter_mut()
+    }
+
+    /// The scenario of a log.
+    pub(crate) fn scenario(&self, log: usize) -> usize {
+        self.parts[log].scenario
     }
 
     fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
         let mut beside = Self::beside(model, recorded, parts)?;
-        if beside.parts.iter().any(|part| !part.windows.is_empty()) {
-            let excess = floor::excess(&beside, &beside.learnt())?;
-            for channel in beside.logs.iter_mut().flat_map(|log| &mut log.channels) {
-                channel.sigma *= excess.get(&channel.name).copied().unwrap_or(1.0);
-            }
+        if beside.is_chaotic() {
+            floor::raise(&mut beside)?;
         }
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
             for site in sites(effect, &beside.model) {
@@ -432,8 +442,12 @@ impl Family for Beside {
         if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
-    fn step_is_noise(&self) -> bool {
+    fn is_chaotic(&self) -> bool {
         self.parts.iter().any(|part| !part.windows.is_empty())
+    }
+
+    fn remainder(&self, u: &[f64]) -> f64 {
+        if self.is_chaotic() { floor::remainder(self, u).unwrap_or(1.0) } else { 1.0 }
     }
 
     fn start_near(&self, log: usize, number: usize) -> &[String] {

@@ -48,6 +48,8 @@ struct JointControl {
     /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has worked it
     /// out, a prescribed motion needs it.
     told: Option<f64>,
+    /// Its velocity as the last step began.
+    before: Option<f64>,
 }
 
 /// An effect on one joint with its memory.
@@ -110,7 +112,9 @@ impl<'a> Control<'a> {
             };
             let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
             let (dt_s, load) = (self.dt_s, self.load);
-            let state = JointState { time_s, dt_s, q, dq, inertia, torque, load, command };
+            let acceleration = joint.before.map_or(0.0, |before| (dq - before) / dt_s);
+            joint.before = Some(dq);
+            let state = JointState { time_s, dt_s, q, dq, acceleration, inertia, torque, load, command };
             let dof = match course.filter(|_| engine.leads()) {
                 Some(course) => joint.follow(course, &state),
                 None => joint.act(&state),
@@ -203,7 +207,7 @@ impl JointControl {
         let (dry_friction, armature) = (joint.dry_friction, joint.armature);
         let passive = Dof { torque, dry_friction, armature, at_end: false, course: None };
         let (command, acting) = (f64::NAN, Affine::default());
-        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting, told: None }
+        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting, told: None, before: None }
     }
 
     fn place(&mut self, placed: &Placed, dt_s: f64) {

@@ -1,13 +1,12 @@
 //! What a model leaves of its own motion on the ground. With contact, windows do not fit to the sensors' noise even where nothing
 //! is missing: the state at a window's start is known roughly, and a foot that touches down a sample later ends elsewhere. So
 //! the model is asked to explain itself: it moves with other numbers in doubt than its own, as plausible as those, is measured
-//! with noise, and is compared at its true numbers as a robot's log would be. What remains is the floor of each channel.
+//! with noise, and is compared at its true numbers as a robot's log would be. What remains is the floor.
 
 use crate::beside::Beside;
-use crate::model::{Model, Scenario};
 use crate::sensor::Noise;
 use btr_core::family::{Family, Step};
-use btr_core::fit::Bench;
+use btr_core::fit::{Bench, squares};
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
 use btr_core::world::WorldError;
@@ -15,61 +14,128 @@ use indexmap::IndexMap;
 use rand::RngExt;
 use std::sync::Arc;
 
-/// The most logs that are repeated.
-const LOGS: usize = 3;
-/// Stream of the numbers in doubt, and of the noise.
+/// Streams of the numbers in doubt, and of the noise.
 const SEED: u64 = 0xF100;
+/// How often the model is asked: one motion is one sample of chaos.
+const DRAWS: u64 = 2;
 /// How far those numbers are from the model's own, in standard deviations.
 const OFF: f64 = 0.7;
 
-/// By how much what remains of each channel is larger than its noise; never less than 1.
-pub(crate) fn excess(beside: &Beside, learnt: &[usize]) -> Result<IndexMap<String, f64>, WorldError> {
+/// Sums of squares, and how many samples they are of.
+#[derive(Clone, Copy, Default)]
+struct Left(f64, usize);
+
+impl Left {
+    fn add(&mut self, squares: f64, samples: usize) {
+        *self = Left(self.0 + squares, self.1 + samples);
+    }
+
+    fn rms(self) -> f64 {
+        (self.0 / self.1.max(1) as f64).sqrt()
+    }
+}
+
+/// Raises the floors of all logs to what remains of each channel in each scenario; none falls below the sensors' noise. A channel's
+/// floor is taken from all logs and then fitted to each as a whole: a single channel of a short log says too little.
+pub(crate) fn raise(beside: &mut Beside) -> Result<(), WorldError> {
+    let mut left: Vec<Vec<(usize, IndexMap<String, Left>)>> = Vec::new();
+    for draw in 0..DRAWS {
+        left.push(of_logs(beside, &plausible(beside, draw), draw)?);
+    }
+    let all = || left.iter().flatten();
+    let mut channels: IndexMap<String, Left> = IndexMap::new();
+    for (name, own) in all().flat_map(|(_, log)| log) {
+        channels.entry(name.clone()).or_default().add(own.0, own.1);
+    }
+    let excess: IndexMap<String, f64> = channels.into_iter().map(|(name, left)| (name, left.rms().max(1.0))).collect();
+    let of_scenario = |scenario: usize| {
+        let mut share = Left::default();
+        for (name, own) in all().filter(|(of, _)| *of == scenario).flat_map(|(_, log)| log) {
+            share.add(own.0 / excess[name].powi(2), own.1);
+        }
+        if share.1 == 0 { 1.0 } else { share.rms() }
+    };
+    let shares: Vec<f64> = (0..beside.logs().len()).map(|log| of_scenario(beside.scenario(log))).collect();
+    for (log, share) in beside.floors().zip(shares) {
+        for channel in &mut log.channels {
+            channel.sigma *= excess.get(&channel.name).map_or(1.0, |excess| (excess * share).max(1.0));
+        }
+    }
+    Ok(())
+}
+
+/// What remains of the held-out logs at a point where nothing is missing, in their floors.
+pub(crate) fn remainder(beside: &Beside, u: &[f64]) -> Result<f64, WorldError> {
+    let mut total = Left::default();
+    let logs = of_logs(beside, u, DRAWS)?;
+    for log in beside.logs().iter().enumerate().filter(|(_, log)| log.held_out) {
+        let scenario = beside.scenario(log.0);
+        for (_, own) in logs.iter().filter(|(of, _)| *of == scenario) {
+            for channel in &log.1.channels {
+                // Those of `own` are in the sensors' noise.
+                let noise = noise_of(beside, scenario, &channel.name);
+                let Some(left) = own.get(&channel.name) else { continue };
+                total.add(left.0 * (noise / channel.sigma).powi(2), left.1);
+            }
+        }
+    }
+    Ok(if total.1 == 0 { 1.0 } else { total.rms() })
+}
+
+/// The noise floor of a channel as its sensor has it.
+fn noise_of(beside: &Beside, scenario: usize, name: &str) -> f64 {
+    let values = beside.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
+    beside.model().setup.noise.floor(name, values).unwrap_or(1.0)
+}
+
+/// Numbers in doubt that could be true as well.
+fn plausible(beside: &Beside, draw: u64) -> Vec<f64> {
     let mut truth = vec![0.0; beside.knobs().len()];
-    let mut rng = stream(SEED, &[0]);
+    let mut rng = stream(SEED, &[draw]);
     for &k in beside.doubtful() {
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
         truth[k] = beside.knobs()[k].clamp(sign * OFF * beside.knobs()[k].spread.min(1.0));
     }
-    let scenarios: Vec<usize> = learnt.iter().copied().take(LOGS).collect();
-    let situations = scenarios.iter().map(|&scenario| beside.model().scenarios[scenario].clone()).collect();
-    let model = itself(beside, situations);
-    let own = model.drive.space().nominal();
-    let values = beside.inner(&truth);
-    let record = |(k, &scenario): (usize, &usize)| {
-        // With a finer step: the integrator's own error remains as well.
-        let log = model.simulate_in_steps(&values, &own, k, Some(derive(SEED, &[1, k as u64])), Step::Halved)?;
-        seen(&log, &beside.recorded()[scenario])
-    };
-    let logs: Vec<Log> = scenarios.iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
-    let twin = Beside::bare(Arc::new(model), logs)?;
-    let bench = Bench::new(&twin);
-    let mut point = vec![0.0; twin.knobs().len()];
-    twin.doubtful().iter().zip(beside.doubtful()).for_each(|(&own, &k)| point[own] = truth[k]);
-    let mut squares: IndexMap<String, (f64, usize)> = IndexMap::new();
-    for (index, log) in twin.logs().iter().enumerate() {
-        let residual = bench.residuals_of(std::slice::from_ref(&point), &[index], Step::Usual).pop().flatten();
-        let Some(residual) = residual else { continue };
-        for channel in &log.channels {
-            let sum = squares.entry(channel.name.clone()).or_default();
-            sum.0 += residual[channel.samples.clone()].iter().map(|r| r * r).sum::<f64>();
-            sum.1 += log.present / log.channels.len();
-        }
-    }
-    Ok(squares.into_iter().map(|(name, (sum, n))| (name, (sum / n.max(1) as f64).sqrt().max(1.0))).collect())
+    truth
 }
 
-/// The model with sensors as noisy as those of the logs.
-fn itself(beside: &Beside, situations: Vec<Scenario>) -> Model {
-    let largest = |begin: &str| {
-        let channels = beside.logs().iter().flat_map(|log| &log.channels);
-        channels.filter(|channel| channel.name.starts_with(begin)).map(|channel| channel.sigma).fold(0.0, f64::max)
+/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise.
+fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Vec<(usize, IndexMap<String, Left>)>, WorldError> {
+    let mut model = beside.model().in_situations(beside.model().scenarios.clone());
+    model.setup.noise = noise(beside);
+    let values = beside.inner(truth);
+    let record = |(scenario, recorded): (usize, &Log)| {
+        // With a finer step: the integrator's own error remains as well.
+        let seed = derive(SEED, &[draw + 1, scenario as u64]);
+        seen(&model.measured(&values, &model.scenarios[scenario], &beside.placed(truth), seed)?, recorded)
     };
-    let mut model = beside.model().in_situations(situations);
-    let noise = model.setup.noise;
+    let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
+    let twin = beside.beside_others(Arc::new(model), logs)?;
+    let bench = Bench::new(&twin);
+    let mut left = Vec::new();
+    for (index, log) in twin.logs().iter().enumerate() {
+        let residual = bench.residuals_of(&[truth.to_vec()], &[index], Step::Usual).pop().flatten();
+        let Some(residual) = residual else { continue };
+        let samples = log.present / log.channels.len();
+        let own = |channel: &btr_core::family::Measured| {
+            (channel.name.clone(), Left(squares(&residual[channel.samples.clone()]), samples))
+        };
+        left.push((twin.scenario(index), log.channels.iter().map(own).collect()));
+    }
+    Ok(left)
+}
+
+/// Sensors as noisy as those of the logs.
+fn noise(beside: &Beside) -> Noise {
+    let largest = |begin: &str| {
+        let channels = beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
+        let own = channels.filter(|(_, name)| name.starts_with(begin));
+        own.map(|(log, name)| noise_of(beside, beside.scenario(log), name)).fold(0.0, f64::max)
+    };
+    let noise = beside.model().setup.noise;
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
     let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
-    model.setup.noise = Noise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise };
-    model
+    Noise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }
 }
 
 /// The channels of a simulation that a recording has as well.

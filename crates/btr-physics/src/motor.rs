@@ -15,6 +15,8 @@ pub struct JointState {
     pub q: f64,
     /// Velocity in rad/s (m/s).
     pub dq: f64,
+    /// How `dq` changed in the last step, in rad/s² (m/s²).
+    pub acceleration: f64,
     /// Roughly what the joint moves, in kg·m² (kg).
     pub inertia: f64,
     /// What this joint's motor did in the last step, in N·m (N).
@@ -25,6 +27,13 @@ pub struct JointState {
     pub command: f64,
 }
 
+impl JointState {
+    /// The velocity in the middle of the step, as the past predicts it: what depends on speed is exact to second order there.
+    pub fn dq_midway(&self) -> f64 {
+        self.dq + 0.5 * self.dt_s * self.acceleration
+    }
+}
+
 /// A motor's torque before saturation, and its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorTorque {
@@ -32,27 +41,46 @@ pub struct MotorTorque {
     pub wanted: Affine,
     /// Largest torque in either direction, in N·m (N); infinite when unbounded.
     pub limit: f64,
+    /// By how much the bound falls with the speed around the present one, in N·m·s/rad (N·s/m).
+    pub droop: f64,
 }
 
 impl MotorTorque {
-    const OFF: MotorTorque =
-        MotorTorque { wanted: Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 }, limit: f64::INFINITY };
+    const OFF: MotorTorque = MotorTorque::within(f64::INFINITY, Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 });
+
+    /// What is wanted, within a bound that is the same at every speed.
+    const fn within(limit: f64, wanted: Affine) -> Self {
+        MotorTorque { wanted, limit, droop: 0.0 }
+    }
+
+    /// Lowers the bound, where it is not lower already.
+    pub(crate) fn limit_to(&mut self, limit: f64, droop: f64) {
+        if limit < self.limit {
+            (self.limit, self.droop) = (limit, droop);
+        }
+    }
 
     /// Less (or more) of everything: the same command gives this share of the torque.
     pub(crate) fn scale(&mut self, factor: f64) {
         let Affine { constant, stiffness, damping } = self.wanted;
         self.wanted = Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
         self.limit *= factor;
+        self.droop *= factor;
     }
 
-    /// The torque for the coming step: constant at the bound if the wanted one would exceed it when the step ends.
+    /// The torque for the coming step: at the bound if the wanted one would exceed it when the step ends. A bound that falls with
+    /// the speed does so as the step's own speed has it.
     ///
     /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
     /// its bounds.
     pub fn saturated(&self, state: &JointState) -> Affine {
         let (q, dq) = self.wanted.step(state.q, state.dq, state.dt_s, state.inertia);
         let expected = self.wanted.at(q, dq);
-        if expected.abs() > self.limit { Affine::constant(self.limit.copysign(expected)) } else { self.wanted }
+        if expected.abs() <= self.limit {
+            return self.wanted;
+        }
+        let constant = self.limit.copysign(expected) + self.droop * state.dq_midway();
+        Affine { constant, stiffness: 0.0, damping: self.droop }
     }
 }
 
@@ -109,19 +137,19 @@ impl Motor {
             Actuator::Position { kp, ki, kd, max_torque } => {
                 self.integral += (command - state.q) * state.dt_s;
                 let constant = kp * command + ki * self.integral;
-                MotorTorque { wanted: Affine { constant, stiffness: kp, damping: kd }, limit: max_torque }
+                MotorTorque::within(max_torque, Affine { constant, stiffness: kp, damping: kd })
             }
-            Actuator::Torque { max_torque } => MotorTorque { wanted: Affine::constant(command), limit: max_torque },
+            Actuator::Torque { max_torque } => MotorTorque::within(max_torque, Affine::constant(command)),
             Actuator::Voltage { kt, resistance, ref servo } => {
                 let wanted = match servo {
                     Some(servo) => duty_torque(kt, resistance, servo, state),
                     None => Affine { constant: kt / resistance * command, ..back_emf(kt, resistance) },
                 };
-                MotorTorque { wanted, limit: f64::INFINITY }
+                MotorTorque::within(f64::INFINITY, wanted)
             }
             Actuator::Prescribed => {
                 let wanted = Affine { constant: self.hold * command, stiffness: self.hold, damping: 0.0 };
-                MotorTorque { wanted, limit: f64::INFINITY }
+                MotorTorque::within(f64::INFINITY, wanted)
             }
         }
     }
@@ -139,14 +167,14 @@ impl Motor {
                     kp * (command - read.q) + ki * *integral - kd * read.dq
                 });
                 let bounded = torque.min(max_torque).max(-max_torque);
-                Some(MotorTorque { wanted: Affine::constant(bounded), limit: max_torque })
+                Some(MotorTorque::within(max_torque, Affine::constant(bounded)))
             }
             Actuator::Voltage { kt, resistance, servo: Some(ref servo) } => {
                 let duty = sampled.hold(state, |read| servo.gain * (command - read.q));
                 let duty = duty.min(servo.max_duty).max(-servo.max_duty);
                 let constant = kt / resistance * servo.supply * duty;
                 let wanted = Affine { constant, ..back_emf(kt, resistance) };
-                Some(MotorTorque { wanted, limit: f64::INFINITY })
+                Some(MotorTorque::within(f64::INFINITY, wanted))
             }
             _ => None,
         }

@@ -16,7 +16,7 @@ use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
-use screen::{Start, screen};
+use screen::{Net, Start, USUAL, WIDE, screen};
 use serde::{Deserialize, Serialize};
 use state::State;
 
@@ -28,17 +28,20 @@ pub mod thresholds {
     pub const LEARNT_FALL: f64 = 0.05;
     /// ... and that of the held-out logs by more than this.
     pub const HELD_OUT_FALL: f64 = 0.04;
+    /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of the American
+    /// Statistical Association 90, 1995): the rival with the fewest numbers is named.
+    pub const TIE: f64 = 2.0;
     /// Above this error what was found does not explain it.
     pub const EXPLAINED: f64 = 1.5;
 }
-use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL};
+use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, TIE};
 
 /// How much is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Question {
     /// The most effects to add.
     pub max_effects: usize,
-    /// No round of screening begins that would carry the simulated logs beyond this number.
+    /// No round of screening begins that would carry the simulated logs beyond this number, and no law is looked for beyond it.
     pub max_rollouts: usize,
 }
 
@@ -142,11 +145,14 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
         if cut_short {
             break;
         }
-        let Some((rival, found)) = round(bench, &mut state) else { break };
+        let found = round(bench, &mut state, USUAL);
+        // With contact, so many simulations would take hours.
+        let found = found.or_else(|| if bench.family.is_chaotic() { None } else { round(bench, &mut state, WIDE) });
+        let Some((rival, found)) = found else { break };
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
     }
-    Some(Diagnosis { cut_short, ..conclude(bench, state) })
+    Some(Diagnosis { cut_short, ..conclude(bench, question, state) })
 }
 
 /// The model's own parameters at their best.
@@ -183,7 +189,7 @@ fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
 }
 
 /// Screens, races and judges; the winner if it is to be believed.
-fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
+fn round(bench: &Bench, state: &mut State, net: Net) -> Option<(Rival, Found)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
     let mut bases = vec![state.fit.clone()];
@@ -191,14 +197,14 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         let origin = vec![0.0; state.fit.u.len()];
         bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
     }
-    let starts = screen(bench, &mut bases, &offered);
-    let mut rivals = race(bench, &bases, &starts);
+    let starts = screen(bench, &mut bases, &offered, net);
+    let mut rivals = race(bench, &bases, &starts, net);
     let leader = rivals.first()?;
     let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
     if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![beneath];
-        let starts = screen(bench, &mut bases, &again);
-        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
+        let starts = screen(bench, &mut bases, &again, net);
+        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts, net)).collect());
     }
     judge_rivals(bench, state, rivals)
 }
@@ -242,7 +248,7 @@ fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
     rivals
 }
 
-/// The rival with the lowest B, if it passes all three tests.
+/// The rival with the lowest B that passes all three tests; of several that tie, the simplest.
 fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
     let measure = Measure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
@@ -263,8 +269,9 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         let learnt = 1.0 - r.fit.squares() / state.fit.squares();
         before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && held_out(r)
     };
-    let winner = rivals.iter().find(passes)?.clone();
-    let best = measure.criterion(&winner.fit);
+    let best = measure.criterion(&rivals.iter().find(passes)?.fit);
+    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE;
+    let winner = rivals.iter().filter(passes).filter(tied).min_by_key(|r| r.fit.active.len())?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
     let alike: Vec<&Rival> = rivals
@@ -278,19 +285,21 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
-        probability: 1.0 / total,
-        delta_bic: before - best,
+        probability: belief(measure.criterion(&winner.fit)) / total,
+        delta_bic: before - measure.criterion(&winner.fit),
         parameters: Vec::new(),
         candidate: winner.candidate,
     };
     Some((winner, found))
 }
 
-fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
+fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
+    // What is found may make contact wilder than the model had it.
+    let least = if state.chosen.is_empty() { 1.0 } else { bench.family.remainder(&state.fit.u).max(1.0) };
     let verdict = match (state.chosen.is_empty(), last) {
         (true, error) if error <= NOISE => Verdict::NothingMissing,
-        (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
+        (false, error) if error <= EXPLAINED * least => Verdict::EffectMissing,
         _ => Verdict::Unexplained,
     };
     let trusted = last <= NOISE;
@@ -304,12 +313,12 @@ fn conclude(bench: &Bench, mut state: State) -> Diagnosis {
         found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (verdict == Verdict::Unexplained).then(|| residual_law(bench, &state.bare, found)).flatten();
+    let law = (verdict == Verdict::Unexplained && bench.rollouts() < question.max_rollouts).then(|| residual_law(bench, &state.bare, found)).flatten();
     let doubtful = bench.family.doubtful();
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {
         verdict,
-        unexplained_share: (1.0 - last.powi(-2)).max(0.0),
+        unexplained_share: (1.0 - (least / last).powi(2)).max(0.0),
         integrator_error: state.integrator,
         at_bound: at_bound.collect(),
         rounds: state.rounds,

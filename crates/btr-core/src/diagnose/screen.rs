@@ -22,12 +22,24 @@ const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
 const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
 /// An amplitude so many times the probe's is as far as the probe is believed.
 const STRETCH: f64 = 4.0;
-/// How many candidates survive the glance at one log.
-const GLANCED: usize = 16;
-/// How many candidates are simulated where their probes promise most.
-const VERIFIED: usize = 10;
+/// How many candidates stay in each step of a round.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Net {
+    /// After the glance at one log.
+    glanced: usize,
+    /// Simulated where their probes promise most.
+    verified: usize,
+    /// Fitted.
+    pub runners: usize,
+}
+
+/// The usual net; and the one that is cast before it is said that nothing explains an error.
+pub(super) const USUAL: Net = Net { glanced: 16, verified: 10, runners: 8 };
+pub(super) const WIDE: Net = Net { glanced: usize::MAX, verified: 24, runners: 16 };
 /// How many of those that promise most go on however they fare when they are simulated.
 const PROMISED: usize = 4;
+/// How many are simulated where the glance alone saw them best: all logs together may hide what one log shows.
+const STRIKING: usize = 3;
 /// Which shares of the way to a promise are simulated.
 const SHARES: [f64; 2] = [1.0, 0.3];
 /// A base that could lower its cost by a smaller share is at its optimum.
@@ -78,12 +90,12 @@ struct Probe {
 pub(super) fn rollouts(bench: &Bench) -> usize {
     let (candidates, logs) = (bench.family.candidates(), bench.logs(Logs::Learn).len());
     let probes = |candidate: &Candidate| candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len();
-    candidates.iter().map(probes).sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
+    candidates.iter().map(probes).sum::<usize>() + logs * LOOK.amplitudes.len() * USUAL.glanced.min(candidates.len())
 }
 
 /// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is seen from
 /// all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make up for it.
-pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
+pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize], net: Net) -> Vec<Start> {
     for (index, base) in bases.iter_mut().enumerate() {
         if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
     }
@@ -97,7 +109,7 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
         let seen = Base::new(bench, index, &there, vec![log]);
         seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
     };
-    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
+    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), net.glanced);
     // Everyone is looked at from the first base, and from the one where it promised most.
     let look = |(index, base): (usize, &Fit)| {
         let own = glanced.iter().filter(|start| index == 0 || start.base == index);
@@ -105,7 +117,8 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
         let seen = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec());
         seen.map_or_else(Vec::new, |seen| seen.promising(bench, &own, &LOOK))
     };
-    let promising = best(bases.iter().enumerate().flat_map(look).collect(), VERIFIED);
+    let mut promising = best(bases.iter().enumerate().flat_map(look).collect(), net.verified);
+    promising.extend(glanced.iter().take(STRIKING).cloned());
     verify(bench, bases, promising)
 }
 
@@ -153,7 +166,9 @@ fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
         });
         tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
-    let mut verified: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let all: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let beaten = |start: &&Start| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
+    let mut verified: Vec<Start> = all.iter().filter(|start| !beaten(start)).cloned().collect();
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified

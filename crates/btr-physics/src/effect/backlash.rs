@@ -52,7 +52,9 @@ impl Effect for Backlash {
         let touches = ahead.abs() > play;
         let stiffness = if touches { FLANK * (inertia + state.inertia) / (dt_s * dt_s) } else { 0.0 };
         let stretch = memory[1] - state.q - play.copysign(ahead);
-        rotor::transmit(memory, &motor, inertia, &Spring { stiffness, damping: 0.0, stretch }, dt_s)
+        // Flanks are as good as rigid.
+        dof.at_end = true;
+        rotor::transmit(memory, &motor, inertia, &Spring { stiffness, damping: 0.0, stretch }, (1.0, dt_s))
     }
 
     fn motor_side(&self, memory: &[f64], dq: f64) -> Option<(f64, f64)> {

@@ -28,6 +28,9 @@ impl Effect for CommandRateLimit {
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
         let most = p[0] * state.dt_s;
-        follow(memory, state.command, |error| error.clamp(-most, most))
+        let (before, after) = follow(memory, state.command, |error| error.clamp(-most, most));
+        let moved = after - before;
+        // The mean of a ramp that may arrive before the step ends.
+        before + moved * (1.0 - 0.5 * moved.abs() / most)
     }
 }

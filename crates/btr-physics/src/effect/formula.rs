@@ -238,7 +238,17 @@ impl Effect for Formula {
         for (i, reading) in readings.iter_mut().enumerate() {
             let dt_s = if i > 0 { clock[i] - clock[i - 1] } else { 1.0 };
             let (time_s, command, torque) = (clock[i], cmd[i], tau[i]);
-            let state = JointState { time_s, dt_s, q: q[i], dq: dq[i], inertia: 0.0, torque, load: 0.0, command };
+            let state = JointState {
+                time_s,
+                dt_s,
+                q: q[i],
+                dq: dq[i],
+                acceleration: 0.0,
+                inertia: 0.0,
+                torque,
+                load: 0.0,
+                command,
+            };
             *reading = self.at(p, &scene(&mut memory, &state));
         }
     }

@@ -199,17 +199,18 @@ pub fn find(name: &str) -> Option<&'static dyn Effect> {
     EFFECTS.iter().copied().find(|effect| effect.card().name == name)
 }
 
-/// What a command becomes that follows another: `memory` says whether there was one, and holds its last value; `change` turns
-/// the distance to go into what is gone of it in this step. NaN switches the motor off and forgets.
-fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> f64 {
-    let [started, told] = memory else { return command };
+/// A command that follows another, when the step begins and when it ends: `memory` says whether there was one, and holds its last
+/// value; `change` turns the distance to go into what is gone of it in this step. NaN switches the motor off and forgets.
+fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> (f64, f64) {
+    let [started, told] = memory else { return (command, command) };
     if command.is_nan() {
         *started = 0.0;
-        return command;
+        return (command, command);
     }
-    *told = if *started > 0.0 { *told + change(command - *told) } else { command };
+    let before = if *started > 0.0 { *told } else { command };
+    *told = before + change(command - before);
     *started = 1.0;
-    *told
+    (before, *told)
 }
 
 /// The effects that do something, in the order in which they act.

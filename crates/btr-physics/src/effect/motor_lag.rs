@@ -32,8 +32,7 @@ impl Effect for MotorLag {
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
         let steps = state.dt_s / p[0];
         let gone = -(-steps).exp_m1();
-        let before = if memory.first().is_some_and(|started| *started > 0.0) { memory[1] } else { state.command };
-        follow(memory, state.command, |error| error * gone);
+        let (before, _) = follow(memory, state.command, |error| error * gone);
         // The mean of an exponential that covers the share `gone` of the way.
         state.command - (state.command - before) * gone / steps
     }

@@ -23,6 +23,6 @@ impl Effect for QuadraticDrag {
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
-        dof.torque.damping += p[0] * state.dq.abs();
+        dof.torque.damping += p[0] * state.dq_midway().abs();
     }
 }

@@ -1,15 +1,15 @@
 //! A rotor of its own on the motor's side of a transmission that is not rigid.
 //!
-//! What is between rotor and link is a spring (and a damper) for the coming step. Rotor, servo and spring are solved together
-//! for the step's end: the rotor's coming velocity is `a + b·(the link's coming velocity)`. With that the spring's torque on the
-//! link depends on the link's velocity alone, so that the engine finds the velocity that suits all of them, and no stiffness
-//! makes a step unstable.
+//! What is between rotor and link is a spring (and a damper) for the coming step. Rotor, servo and spring are solved together,
+//! for the middle of the step (second order), or for its end where they would ring: the rotor's mean velocity is
+//! `a + b·(the link's mean velocity)`. With that the spring's torque on the link depends on the link's velocity alone, so that
+//! the engine finds the velocity that suits all of them, and no stiffness makes a step unstable.
 
 use crate::engine::{Affine, Dof};
 use crate::motor::JointState;
 
 /// How many numbers a rotor remembers.
-pub(super) const MEMORY: usize = 7;
+pub(super) const MEMORY: usize = 9;
 
 /// Of what a joint carries, the share that its rotor has where the model does not tell its inertia.
 const SHARE: f64 = 0.01;
@@ -28,12 +28,14 @@ pub(super) struct Spring {
 const PLACED: f64 = 1.0;
 const RUNNING: f64 = 2.0;
 
-/// The rotor's angle and velocity where the last step led to, now that the link's velocity is known. It starts with the link.
+/// The rotor's angle and velocity where the last step led to, now that the link's is known. It starts with the link.
 pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
-    let [started, angle, velocity, a, b, ..] = memory else { return (state.q, state.dq) };
+    let [started, angle, velocity, a, b, _, _, kept, link] = memory else { return (state.q, state.dq) };
+    let before = std::mem::replace(link, state.q);
     if *started > 0.0 {
-        *velocity = *a + *b * state.dq;
-        *angle += state.dt_s * *velocity;
+        let mean = *a + *b * (state.q - before) / state.dt_s;
+        *velocity = mean + *kept * (mean - *velocity);
+        *angle += state.dt_s * mean;
     } else {
         (*started, *angle, *velocity) = (PLACED, state.q, state.dq);
     }
@@ -49,9 +51,8 @@ pub(super) fn load(memory: &mut [f64], motor: &Affine, balance: impl FnOnce(f64,
     }
 }
 
-/// Takes the rotor's inertia away from the link, which from now on hangs on the rotor's state at the step's end.
+/// Takes the rotor's inertia away from the link.
 pub(super) fn take_inertia(dof: &mut Dof, state: &JointState) -> f64 {
-    dof.at_end = true;
     let known = std::mem::replace(&mut dof.armature, 0.0);
     if known > 0.0 { known } else { SHARE * state.inertia }
 }
@@ -61,14 +62,34 @@ pub(super) fn loose(memory: &[f64], motor: &Affine, inertia: f64, dt_s: f64) -> 
     motor.step(memory[1], memory[2], dt_s, inertia)
 }
 
-/// What arrives at the link.
-pub(super) fn transmit(memory: &mut [f64], motor: &Affine, inertia: f64, spring: &Spring, dt_s: f64) -> Affine {
-    let [_, angle, velocity, a, b, constant, damping] = memory else { return *motor };
-    // The spring's torque is pull + impedance·(the rotor's coming velocity - the link's).
+/// How implicit a rotor is whose spring and servo are so stiff: 0.5 for the middle of the step, 1 for its end where it would
+/// otherwise overshoot from step to step.
+pub(super) fn share(motor: &Affine, spring: &Spring, inertia: f64, dt_s: f64) -> f64 {
+    let half_s = 0.5 * dt_s;
+    let overshoots = half_s * (motor.stiffness + spring.stiffness) > motor.damping + spring.damping + inertia / half_s;
+    if overshoots { 1.0 } else { 0.5 }
+}
+
+/// What arrives at the link. With a share of 1 the link, too, must be solved for the step's end.
+pub(super) fn transmit(
+    memory: &mut [f64],
+    motor: &Affine,
+    inertia: f64,
+    spring: &Spring,
+    (share, dt_s): (f64, f64),
+) -> Affine {
+    let [_, angle, velocity, a, b, constant, damping, kept, _] = memory else { return *motor };
+    let dt_s = share * dt_s;
+    // The spring's torque is pull + impedance·(the rotor's mean velocity - the link's).
     let pull = spring.stiffness * spring.stretch;
     let impedance = dt_s * spring.stiffness + spring.damping;
     let servo = dt_s * motor.stiffness + motor.damping;
     let push = motor.constant - motor.stiffness * *angle;
+    // A rotor that hardly has inertia would swing from step to step: it goes on from the middle of the last step, a whole step
+    // and not half of one before the middle of this.
+    let light = share < 1.0 && inertia < 0.5 * dt_s * (servo + impedance);
+    let inertia = if light { 0.5 * inertia } else { inertia };
+    *kept = if light || share == 1.0 { 0.0 } else { 1.0 };
     let resistance = inertia + dt_s * (servo + impedance);
     *a = (inertia * *velocity + dt_s * (push - pull)) / resistance;
     *b = dt_s * impedance / resistance;
@@ -78,6 +99,6 @@ pub(super) fn transmit(memory: &mut [f64], motor: &Affine, inertia: f64, spring:
 
 /// The motor's torque and the rotor's velocity after a step that brought the link to the velocity `dq`.
 pub(super) fn motor_side(memory: &[f64], dq: f64) -> Option<(f64, f64)> {
-    let [_, _, _, a, b, constant, damping] = memory else { return None };
+    let [_, _, _, a, b, constant, damping, ..] = memory else { return None };
     Some((constant - damping * dq, a + b * dq))
 }

@@ -27,6 +27,6 @@ impl Effect for StribeckFriction {
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
         let (coulomb, stiction, velocity) = (p[0], p[1], p[2]);
-        dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq / velocity).powi(2)).exp();
+        dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midway() / velocity).powi(2)).exp();
     }
 }

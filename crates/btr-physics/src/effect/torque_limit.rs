@@ -22,6 +22,6 @@ impl Effect for TorqueLimit {
     }
 
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
-        motor.limit = motor.limit.min(p[0]);
+        motor.limit_to(p[0], 0.0);
     }
 }
