@@ -16,7 +16,7 @@ pub(crate) static ANT: Subject = Subject {
     held_out,
     seen: &["q_", "cmd_", "imu_gyro_"],
     silent: &[],
-    max_rollouts: 2000,
+    max_rollouts: 3000,
     outside: &[
         (On::Torque, "-8*max(0,q-0.2)^2"),
         (On::Torque, "0.35*sin(19*t)"),

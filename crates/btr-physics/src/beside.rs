@@ -2,6 +2,7 @@
 //! where it could sit.
 
 mod knobs;
+mod parts;
 mod sites;
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed};
@@ -16,15 +17,13 @@ use btr_core::family::{Candidate, Family, Feature, Knob, Measured, Recorded, Ste
 use btr_core::log::{Log, Role, interpolate};
 use btr_core::world::WorldError;
 use knobs::{in_doubt, knob, own};
+use parts::{Part, parts, whole};
 use sites::{limbs, sites};
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
-
-/// Where nothing is held out, this last share of every log is; `btr diagnose --help` says so.
-const JUDGED_TAIL: f64 = 0.3;
 
 /// A model, the logs it is compared with, and all that may be varied.
 pub struct Beside {
@@ -47,29 +46,6 @@ pub struct Beside {
     features: Vec<Feature>,
     /// What stands behind each feature.
     terms: Vec<(Term, &'static dyn Effect)>,
-}
-
-/// Some samples of a log that are learnt from or judged on together.
-struct Part {
-    scenario: usize,
-    samples: Range<usize>,
-    held_out: bool,
-    /// The same, window by window; none where all follows from the log's start.
-    windows: Vec<Range<usize>>,
-    /// With windows: the noise of every joint's reading; 0 where there is none.
-    noise: Vec<f64>,
-}
-
-impl Part {
-    fn new(scenario: usize, samples: Range<usize>, held_out: bool) -> Self {
-        Part { scenario, samples, held_out, windows: Vec::new(), noise: Vec::new() }
-    }
-
-    /// Whether a sample counts.
-    fn has(&self, sample: usize) -> bool {
-        let windows = || self.windows.iter().any(|window| window.contains(&sample));
-        self.samples.contains(&sample) && (self.windows.is_empty() || windows())
-    }
 }
 
 impl Beside {
@@ -95,7 +71,7 @@ impl Beside {
     /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor.
     pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
-        let other = Self::beside(model, recorded, parts)?;
+        let other = Self::without_effects(model, recorded, parts)?;
         let (knobs, candidates, features) = (self.knobs.clone(), self.candidates.clone(), self.features.clone());
         let (effects, terms) = (self.effects.clone(), self.terms.clone());
         Ok(Beside { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other })
@@ -112,7 +88,7 @@ impl Beside {
     }
 
     fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
-        let mut beside = Self::beside(model, recorded, parts)?;
+        let mut beside = Self::without_effects(model, recorded, parts)?;
         if beside.is_chaotic() {
             floor::raise(&mut beside)?;
         }
@@ -126,7 +102,7 @@ impl Beside {
         Ok(beside)
     }
 
-    fn beside(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<Part>) -> Result<Self, WorldError> {
+    fn without_effects(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<Part>) -> Result<Self, WorldError> {
         let scales = Scales::of(&model, &recorded)?;
         let mut beside = Beside {
             knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
@@ -505,23 +481,6 @@ impl Beside {
         }
         Ok(residual)
     }
-}
-
-/// The logs as they are, to learn from.
-fn whole(recorded: &[Log]) -> Vec<Part> {
-    recorded.iter().enumerate().map(|(scenario, log)| Part::new(scenario, 0..log.len(), false)).collect()
-}
-
-/// The logs as they are; each cut in two where none is held out.
-fn parts(model: &Model, recorded: &[Log]) -> Vec<Part> {
-    let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
-    let whole = |scenario: usize| Part::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);
-    if model.learn < recorded.len() {
-        return (0..recorded.len()).map(whole).collect();
-    }
-    let first = (0..recorded.len()).map(|scenario| Part::new(scenario, 0..cut(scenario), false));
-    let last = (0..recorded.len()).map(|scenario| Part::new(scenario, cut(scenario)..recorded[scenario].len(), true));
-    first.chain(last).collect()
 }
 
 /// Names of the channels that are compared.

@@ -35,10 +35,13 @@ impl Left {
     }
 }
 
+/// What remains of every channel, by scenario.
+type Leftovers = Vec<(usize, IndexMap<String, Left>)>;
+
 /// Raises the floors of all logs to what remains of each channel in each scenario; none falls below the sensors' noise. A channel's
 /// floor is taken from all logs and then fitted to each as a whole: a single channel of a short log says too little.
 pub(crate) fn raise(beside: &mut Beside) -> Result<(), WorldError> {
-    let mut left: Vec<Vec<(usize, IndexMap<String, Left>)>> = Vec::new();
+    let mut left: Vec<Leftovers> = Vec::new();
     for draw in 0..DRAWS {
         left.push(of_logs(beside, &plausible(beside, draw), draw)?);
     }
@@ -100,7 +103,7 @@ fn plausible(beside: &Beside, draw: u64) -> Vec<f64> {
 }
 
 /// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise.
-fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Vec<(usize, IndexMap<String, Left>)>, WorldError> {
+fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
     let mut model = beside.model().in_situations(beside.model().scenarios.clone());
     model.setup.noise = noise(beside);
     let values = beside.inner(truth);
@@ -128,7 +131,8 @@ fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Vec<(usize, Inde
 /// Sensors as noisy as those of the logs.
 fn noise(beside: &Beside) -> Noise {
     let largest = |begin: &str| {
-        let channels = beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
+        let channels =
+            beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
         let own = channels.filter(|(_, name)| name.starts_with(begin));
         own.map(|(log, name)| noise_of(beside, beside.scenario(log), name)).fold(0.0, f64::max)
     };

@@ -96,7 +96,8 @@ mod tests {
             let (robot, drive) = (robot(base), ant::tripod());
             let (log, state) = run(&robot, EngineName::Auto, &[], &drive);
             let (again, _) = run(&robot, EngineName::Auto, &[Restart { time_s: AT_S, state }], &drive);
-            assert_eq!(apart(&log, &again, 0.0, 0.8), 0.0, "{base:?}");
+            let apart = apart(&log, &again, 0.0, 0.8);
+            assert!(apart <= 0.0, "{base:?}: {apart}");
         }
     }
 
@@ -141,7 +142,7 @@ mod tests {
         aloft.start.translation.z += 0.05;
         let mut engine = Rapier::new(&aloft, &setup);
         engine.step();
-        assert_eq!(engine.foot_force_n(0), 0.0);
+        assert!(engine.foot_force_n(0) <= 0.0);
         engine.place(&on_the_floor);
         engine.step();
         assert!(engine.foot_force_n(0) > 0.0);

@@ -313,7 +313,9 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
         found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (verdict == Verdict::Unexplained && bench.rollouts() < question.max_rollouts).then(|| residual_law(bench, &state.bare, found)).flatten();
+    let law = (verdict == Verdict::Unexplained && bench.rollouts() < question.max_rollouts)
+        .then(|| residual_law(bench, &state.bare, found))
+        .flatten();
     let doubtful = bench.family.doubtful();
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {

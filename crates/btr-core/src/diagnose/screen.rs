@@ -90,7 +90,11 @@ struct Probe {
 pub(super) fn rollouts(bench: &Bench) -> usize {
     let (candidates, logs) = (bench.family.candidates(), bench.logs(Logs::Learn).len());
     let probes = |candidate: &Candidate| candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len();
-    candidates.iter().map(probes).sum::<usize>() + logs * LOOK.amplitudes.len() * USUAL.glanced.min(candidates.len())
+    let all: Vec<usize> = (0..candidates.len()).collect();
+    let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
+    let glances =
+        kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| bench.family.near(c))).len());
+    glances.sum::<usize>() + logs * LOOK.amplitudes.len() * USUAL.glanced.min(candidates.len())
 }
 
 /// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is seen from
