@@ -234,7 +234,7 @@ impl Articulated {
             let torque = &self.dofs[i].torque;
             let implicit = dt * torque.damping + dt * dt * torque.stiffness;
             let rings = implicit >= s.matrix[i * n + i];
-            s.share[i] = if rings || self.dofs[i].at_end { 1.0 } else { 0.5 };
+            s.share[i] = if rings { 1.0 } else { 0.5 };
             let resistance = dt * torque.damping + dt * dt * s.share[i] * torque.stiffness;
             s.next[i] -= (1.0 - s.share[i]) * resistance * self.dq[i];
             s.matrix[i * n + i] += s.share[i] * resistance;
@@ -352,6 +352,10 @@ impl Dynamics for Articulated {
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
         self.dofs[joint] = *dof;
+    }
+
+    fn midway(&self) -> bool {
+        true
     }
 
     fn leads(&self) -> bool {

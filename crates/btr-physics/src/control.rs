@@ -114,7 +114,8 @@ impl<'a> Control<'a> {
             let (dt_s, load) = (self.dt_s, self.load);
             let acceleration = joint.before.map_or(0.0, |before| (dq - before) / dt_s);
             joint.before = Some(dq);
-            let state = JointState { time_s, dt_s, q, dq, acceleration, inertia, torque, load, command };
+            let midway = engine.midway();
+            let state = JointState { time_s, dt_s, q, dq, acceleration, midway, inertia, torque, load, command };
             let dof = match course.filter(|_| engine.leads()) {
                 Some(course) => joint.follow(course, &state),
                 None => joint.act(&state),
@@ -205,7 +206,7 @@ impl JointControl {
         let led = setup.interpolate || motor.is_prescribed();
         let torque = Affine { damping: joint.damping, ..Affine::default() };
         let (dry_friction, armature) = (joint.dry_friction, joint.armature);
-        let passive = Dof { torque, dry_friction, armature, at_end: false, course: None };
+        let passive = Dof { torque, dry_friction, armature, course: None };
         let (command, acting) = (f64::NAN, Affine::default());
         JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting, told: None, before: None }
     }

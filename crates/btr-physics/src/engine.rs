@@ -52,9 +52,6 @@ pub struct Dof {
     pub dry_friction: f64,
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
-    /// Whether `torque` speaks of the state at the step's end alone, as that of a rotor which was eliminated does: the joint
-    /// then has to be advanced by backward Euler.
-    pub at_end: bool,
     /// Where the joint is and goes in the coming step whatever that takes, if its motion is prescribed.
     pub course: Option<Course>,
 }
@@ -107,6 +104,10 @@ pub trait Dynamics {
     fn place(&mut self, state: &State);
     /// Sets what acts on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
+    /// Whether steps are solved for their middle, which is exact to second order, and not for their end.
+    fn midway(&self) -> bool {
+        false
+    }
     /// Whether it can lead joints along a [`Course`]; one that cannot never gets any.
     fn leads(&self) -> bool {
         false

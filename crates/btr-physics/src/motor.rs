@@ -17,6 +17,8 @@ pub struct JointState {
     pub dq: f64,
     /// How `dq` changed in the last step, in rad/s² (m/s²).
     pub acceleration: f64,
+    /// Whether the step is solved for its middle, and not for its end.
+    pub midway: bool,
     /// Roughly what the joint moves, in kg·m² (kg).
     pub inertia: f64,
     /// What this joint's motor did in the last step, in N·m (N).

@@ -50,11 +50,10 @@ impl Effect for Backlash {
         rotor::load(memory, &motor, |push, servo| resting(push, servo).clamp(state.q - play, state.q + play));
         let ahead = rotor::loose(memory, &motor, inertia, dt_s).0 - (state.q + dt_s * state.dq);
         let touches = ahead.abs() > play;
+        // Flanks that touch are all but one; what they overlapped at first they give back within a step.
         let stiffness = if touches { FLANK * (inertia + state.inertia) / (dt_s * dt_s) } else { 0.0 };
         let stretch = memory[1] - state.q - play.copysign(ahead);
-        // Flanks are as good as rigid.
-        dof.at_end = true;
-        rotor::transmit(memory, &motor, inertia, &Spring { stiffness, damping: 0.0, stretch }, (1.0, dt_s))
+        rotor::transmit(memory, &motor, inertia, &Spring { stiffness, damping: dt_s * stiffness, stretch }, state)
     }
 
     fn motor_side(&self, memory: &[f64], dq: f64) -> Option<(f64, f64)> {

@@ -38,9 +38,7 @@ impl Effect for JointElasticity {
         let inertia = rotor::take_inertia(dof, state);
         rotor::load(memory, &motor, |push, servo| (push + p[0] * state.q) / (servo + p[0]));
         let spring = Spring { stiffness: p[0], damping: p[1], stretch: memory[1] - state.q };
-        let share = rotor::share(&motor, &spring, inertia, state.dt_s);
-        dof.at_end |= share == 1.0;
-        rotor::transmit(memory, &motor, inertia, &spring, (share, state.dt_s))
+        rotor::transmit(memory, &motor, inertia, &spring, state)
     }
 
     fn motor_side(&self, memory: &[f64], dq: f64) -> Option<(f64, f64)> {

@@ -62,34 +62,31 @@ pub(super) fn loose(memory: &[f64], motor: &Affine, inertia: f64, dt_s: f64) -> 
     motor.step(memory[1], memory[2], dt_s, inertia)
 }
 
-/// How implicit a rotor is whose spring and servo are so stiff: 0.5 for the middle of the step, 1 for its end where it would
-/// otherwise overshoot from step to step.
-pub(super) fn share(motor: &Affine, spring: &Spring, inertia: f64, dt_s: f64) -> f64 {
-    let half_s = 0.5 * dt_s;
-    let overshoots = half_s * (motor.stiffness + spring.stiffness) > motor.damping + spring.damping + inertia / half_s;
-    if overshoots { 1.0 } else { 0.5 }
-}
-
-/// What arrives at the link. With a share of 1 the link, too, must be solved for the step's end.
+/// What arrives at the link.
 pub(super) fn transmit(
     memory: &mut [f64],
     motor: &Affine,
     inertia: f64,
     spring: &Spring,
-    (share, dt_s): (f64, f64),
+    state: &JointState,
 ) -> Affine {
     let [_, angle, velocity, a, b, constant, damping, kept, _] = memory else { return *motor };
-    let dt_s = share * dt_s;
+    let dt_s = if state.midway { 0.5 * state.dt_s } else { state.dt_s };
+    // So stiff that the rotor would overshoot in the step's second half, it is damped until it does not.
+    let settled = |stiffness: f64, damping: f64| match state.midway {
+        true => damping.max(dt_s * stiffness - inertia / dt_s),
+        false => damping,
+    };
     // The spring's torque is pull + impedance·(the rotor's mean velocity - the link's).
     let pull = spring.stiffness * spring.stretch;
-    let impedance = dt_s * spring.stiffness + spring.damping;
-    let servo = dt_s * motor.stiffness + motor.damping;
+    let impedance = dt_s * spring.stiffness + settled(spring.stiffness, spring.damping);
+    let servo = dt_s * motor.stiffness + settled(motor.stiffness, motor.damping);
     let push = motor.constant - motor.stiffness * *angle;
     // A rotor that hardly has inertia would swing from step to step: it goes on from the middle of the last step, a whole step
     // and not half of one before the middle of this.
-    let light = share < 1.0 && inertia < 0.5 * dt_s * (servo + impedance);
+    let light = state.midway && inertia < 0.5 * dt_s * (servo + impedance);
     let inertia = if light { 0.5 * inertia } else { inertia };
-    *kept = if light || share == 1.0 { 0.0 } else { 1.0 };
+    *kept = if light || !state.midway { 0.0 } else { 1.0 };
     let resistance = inertia + dt_s * (servo + impedance);
     *a = (inertia * *velocity + dt_s * (push - pull)) / resistance;
     *b = dt_s * impedance / resistance;
