@@ -200,10 +200,6 @@ pub trait Family: Sync {
     fn is_chaotic(&self) -> bool {
         false
     }
-    /// Where motion is chaotic: what remains at a point on the held-out logs even if nothing is missing there, in noise floors.
-    fn remainder(&self, _u: &[f64]) -> f64 {
-        1.0
-    }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {
         &[]

@@ -67,24 +67,6 @@ pub(crate) fn raise(beside: &mut Beside) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// What remains of the held-out logs at a point where nothing is missing, in their floors.
-pub(crate) fn remainder(beside: &Beside, u: &[f64]) -> Result<f64, WorldError> {
-    let mut total = Left::default();
-    let logs = of_logs(beside, u, DRAWS)?;
-    for log in beside.logs().iter().enumerate().filter(|(_, log)| log.held_out) {
-        let scenario = beside.scenario(log.0);
-        for (_, own) in logs.iter().filter(|(of, _)| *of == scenario) {
-            for channel in &log.1.channels {
-                // Those of `own` are in the sensors' noise.
-                let noise = noise_of(beside, scenario, &channel.name);
-                let Some(left) = own.get(&channel.name) else { continue };
-                total.add(left.0 * (noise / channel.sigma).powi(2), left.1);
-            }
-        }
-    }
-    Ok(if total.1 == 0 { 1.0 } else { total.rms() })
-}
-
 /// The noise floor of a channel as its sensor has it.
 fn noise_of(beside: &Beside, scenario: usize, name: &str) -> f64 {
     let values = beside.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);

@@ -16,7 +16,7 @@ use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use law::residual_law;
 use race::{Rival, race};
-use screen::{Net, Start, USUAL, WIDE, screen};
+use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
 use state::State;
 
@@ -145,10 +145,7 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
         if cut_short {
             break;
         }
-        let found = round(bench, &mut state, USUAL);
-        // With contact, so many simulations would take hours.
-        let found = found.or_else(|| if bench.family.is_chaotic() { None } else { round(bench, &mut state, WIDE) });
-        let Some((rival, found)) = found else { break };
+        let Some((rival, found)) = round(bench, &mut state) else { break };
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
     }
@@ -189,7 +186,7 @@ fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
 }
 
 /// Screens, races and judges; the winner if it is to be believed.
-fn round(bench: &Bench, state: &mut State, net: Net) -> Option<(Rival, Found)> {
+fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
     let mut bases = vec![state.fit.clone()];
@@ -197,14 +194,14 @@ fn round(bench: &Bench, state: &mut State, net: Net) -> Option<(Rival, Found)> {
         let origin = vec![0.0; state.fit.u.len()];
         bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
     }
-    let starts = screen(bench, &mut bases, &offered, net);
-    let mut rivals = race(bench, &bases, &starts, net);
+    let starts = screen(bench, &mut bases, &offered);
+    let mut rivals = race(bench, &bases, &starts);
     let leader = rivals.first()?;
     let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
     if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![beneath];
-        let starts = screen(bench, &mut bases, &again, net);
-        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts, net)).collect());
+        let starts = screen(bench, &mut bases, &again);
+        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
     }
     judge_rivals(bench, state, rivals)
 }
@@ -295,11 +292,9 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
 
 fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
-    // What is found may make contact wilder than the model had it.
-    let least = if state.chosen.is_empty() { 1.0 } else { bench.family.remainder(&state.fit.u).max(1.0) };
     let verdict = match (state.chosen.is_empty(), last) {
         (true, error) if error <= NOISE => Verdict::NothingMissing,
-        (false, error) if error <= EXPLAINED * least => Verdict::EffectMissing,
+        (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
         _ => Verdict::Unexplained,
     };
     let trusted = last <= NOISE;
@@ -320,7 +315,7 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {
         verdict,
-        unexplained_share: (1.0 - (least / last).powi(2)).max(0.0),
+        unexplained_share: (1.0 - last.powi(-2)).max(0.0),
         integrator_error: state.integrator,
         at_bound: at_bound.collect(),
         rounds: state.rounds,

@@ -1,11 +1,12 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
-use super::screen::{Net, Start, with};
+use super::screen::{Start, with};
 use crate::fit::judge::{NOISE, chi};
 use crate::fit::{Bench, Effort, Fit, Logs, columns};
 use nalgebra::DMatrix;
 
-/// How many are fitted with all effort whatever their rank.
+/// How many start the race, and how many are fitted with all effort whatever their rank.
+const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
 pub(super) const CLOSE: f64 = 1.5;
@@ -27,8 +28,8 @@ pub(super) struct Rival {
 }
 
 /// The candidates that the race left, fully fitted, lowest cost first.
-pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], net: Net) -> Vec<Rival> {
-    let begun = starts.iter().take(net.runners).filter_map(|start| begin(bench, &bases[start.base], start));
+pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start]) -> Vec<Rival> {
+    let begun = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, &bases[start.base], start));
     let mut rivals: Vec<Rival> = begun.collect();
     for rival in &mut rivals {
         rival.fit.solve(bench, Effort::RACE);

@@ -22,20 +22,10 @@ const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
 const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
 /// An amplitude so many times the probe's is as far as the probe is believed.
 const STRETCH: f64 = 4.0;
-/// How many candidates stay in each step of a round.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Net {
-    /// After the glance at one log.
-    glanced: usize,
-    /// Simulated where their probes promise most.
-    verified: usize,
-    /// Fitted.
-    pub runners: usize,
-}
-
-/// The usual net; and the one that is cast before it is said that nothing explains an error.
-pub(super) const USUAL: Net = Net { glanced: 16, verified: 10, runners: 8 };
-pub(super) const WIDE: Net = Net { glanced: usize::MAX, verified: 24, runners: 16 };
+/// How many candidates survive the glance at one log.
+const GLANCED: usize = 16;
+/// How many candidates are simulated where their probes promise most.
+const VERIFIED: usize = 10;
 /// How many of those that promise most go on however they fare when they are simulated.
 const PROMISED: usize = 4;
 /// How many are simulated where the glance alone saw them best: all logs together may hide what one log shows.
@@ -94,12 +84,12 @@ pub(super) fn rollouts(bench: &Bench) -> usize {
     let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
     let glances =
         kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| bench.family.near(c))).len());
-    glances.sum::<usize>() + logs * LOOK.amplitudes.len() * USUAL.glanced.min(candidates.len())
+    glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
 /// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is seen from
 /// all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make up for it.
-pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize], net: Net) -> Vec<Start> {
+pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
     for (index, base) in bases.iter_mut().enumerate() {
         if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
     }
@@ -113,7 +103,7 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize], net: N
         let seen = Base::new(bench, index, &there, vec![log]);
         seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
     };
-    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), net.glanced);
+    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
     // Everyone is looked at from the first base, and from the one where it promised most.
     let look = |(index, base): (usize, &Fit)| {
         let own = glanced.iter().filter(|start| index == 0 || start.base == index);
@@ -121,7 +111,7 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize], net: N
         let seen = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec());
         seen.map_or_else(Vec::new, |seen| seen.promising(bench, &own, &LOOK))
     };
-    let mut promising = best(bases.iter().enumerate().flat_map(look).collect(), net.verified);
+    let mut promising = best(bases.iter().enumerate().flat_map(look).collect(), VERIFIED);
     promising.extend(glanced.iter().take(STRIKING).cloned());
     verify(bench, bases, promising)
 }

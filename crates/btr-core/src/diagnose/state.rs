@@ -1,7 +1,7 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
 use super::race::{CLOSE, Rival, race};
-use super::screen::{USUAL, screen};
+use super::screen::screen;
 use super::thresholds::{DECISIVE, LEARNT_FALL};
 use super::{Found, Ranked, Rung, is_worth_a_round};
 use crate::fit::judge::{Measure, chi, held_out_squares};
@@ -91,8 +91,8 @@ impl State {
     fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
         let latest = self.chosen.len() - 1;
         let mut bases = vec![self.less(bench, &[index, latest])?];
-        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate], USUAL);
-        race(bench, &bases, &starts, USUAL).pop().map(|rival| rival.fit)
+        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate]);
+        race(bench, &bases, &starts).pop().map(|rival| rival.fit)
     }
 
     /// Notes where the error is now.

@@ -1,0 +1,124 @@
+//! What is simulated beside what was measured, at any point of the family and from any start.
+
+use super::Beside;
+use crate::robot::Base;
+use crate::windows;
+use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
+use btr_core::log::{Log, interpolate};
+use btr_core::world::WorldError;
+use std::ops::Range;
+
+/// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
+const NUDGE: (f64, f64) = (3.0, 0.05);
+
+impl Family for Beside {
+    fn knobs(&self) -> &[Knob] {
+        &self.knobs
+    }
+
+    fn doubtful(&self) -> &[usize] {
+        &self.doubtful
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn features(&self) -> &[Feature] {
+        &self.features
+    }
+
+    fn clock_s(&self, log: usize) -> &[f64] {
+        self.recorded[self.parts[log].scenario].clock_s()
+    }
+
+    fn logs(&self) -> &[Recorded] {
+        &self.logs
+    }
+
+    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
+        self.against(log, &self.simulate_in(u, &self.situations[self.parts[log].scenario], step)?)
+    }
+
+    fn order(&self) -> i32 {
+        self.model.order()
+    }
+
+    fn starts(&self, log: usize) -> usize {
+        match (self.model.robot.base, self.parts[log].windows.len()) {
+            (Base::Fixed, _) => 2 * self.nudged(log).count(),
+            // A log too short for a window begins in a state that no joint tells.
+            (Base::Floating, 0) => 0,
+            (Base::Floating, _) => windows::nudges(self.model.robot.movable().count()),
+        }
+    }
+
+    fn windows(&self, log: usize) -> Vec<Range<usize>> {
+        self.parts[log].windows.clone()
+    }
+
+    fn start_spread(&self) -> f64 {
+        // Nudges of a base are as large as what is not known of it.
+        if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
+    }
+
+    fn is_chaotic(&self) -> bool {
+        self.parts.iter().any(|part| !part.windows.is_empty())
+    }
+
+    fn start_near(&self, log: usize, number: usize) -> &[String] {
+        match windows::nudged_joint(number, self.model.robot.movable().count()) {
+            Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
+            _ => &[],
+        }
+    }
+
+    fn near(&self, candidate: usize) -> &[String] {
+        &self.near[candidate]
+    }
+
+    fn residual_from(&self, u: &[f64], log: usize, nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
+        let mut scenario = self.situations[self.parts[log].scenario].clone();
+        if !scenario.restarts.is_empty() {
+            let mut restarts = scenario.restarts.to_vec();
+            nudged.iter().for_each(|&number| windows::nudge(&mut restarts, number, &self.parts[log].noise));
+            scenario.restarts = restarts.into();
+            return self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?);
+        }
+        for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / 2)?))) {
+            let start = &mut scenario.start[joint];
+            match k % 2 {
+                0 => start.0 += NUDGE.0 * sigma,
+                _ => start.1 += NUDGE.0 * sigma / NUDGE.1,
+            }
+        }
+        self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?)
+    }
+}
+
+impl Beside {
+    /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
+    fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
+        joints.zip(self.model.robot.movable()).filter_map(move |(i, (_, link))| {
+            let name = format!("q_{}", link.joint.name);
+            Some((i, self.logs[log].channels.iter().find(|channel| channel.name == name)?.sigma))
+        })
+    }
+
+    /// What was measured in a log less what was simulated, in noise floors.
+    fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
+        let part = &self.parts[log];
+        let recorded = &self.recorded[part.scenario];
+        let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());
+        for channel in &self.logs[log].channels {
+            let said = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
+            let pairs = recorded.values(&channel.name)?.iter().zip(said).enumerate();
+            let error = |(i, (measured, said)): (usize, (&f64, f64))| {
+                if part.has(i) { (measured - said) / channel.sigma } else { f64::NAN }
+            };
+            residual.extend(pairs.map(error));
+        }
+        Ok(residual)
+    }
+}
