@@ -9,7 +9,7 @@ mod excite;
 mod reality;
 mod score;
 
-use btr_core::diagnose::{Question, Rung, diagnose};
+use btr_core::diagnose::{Diagnosis, Question, Rung, diagnose};
 use btr_core::family::Family;
 use btr_core::fit::Bench;
 use btr_core::log::Log;
@@ -130,40 +130,35 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 fn run(case: Case, max_rollouts: usize, verbose: bool) -> Outcome {
     if verbose {
         println!("{}", case.describe());
-    }
-    let began = Instant::now();
-    let bench = Bench::new(&case.family);
-    if verbose {
         for channel in case.family.logs().iter().take(1).flat_map(|log| &log.channels) {
             println!("    floor of {:<20} {:.5} {}", channel.name, channel.sigma, channel.unit);
         }
     }
+    let began = Instant::now();
+    let bench = Bench::new(&case.family);
     let tell = |rung: &Rung| {
         if verbose {
-            println!(
-                "    {:<50} {:7.3} {:7.3}  {} rollouts {:.1} s",
-                rung.step,
-                rung.train,
-                rung.held_out.unwrap_or(f64::NAN),
-                bench.rollouts(),
-                began.elapsed().as_secs_f64()
-            );
+            let (held_out, seconds) = (rung.held_out.unwrap_or(f64::NAN), began.elapsed().as_secs_f64());
+            let Rung { step, train, .. } = rung;
+            println!("    {step:<50} {train:7.3} {held_out:7.3}  {} rollouts {seconds:.1} s", bench.rollouts());
         }
     };
-    if verbose {
-        println!("    {} rollouts {:.1} s", bench.rollouts(), began.elapsed().as_secs_f64());
-    }
     let diagnosis = diagnose(&bench, Question { max_rollouts, ..Question::default() }, &tell);
     let seconds = began.elapsed().as_secs_f64();
-    if let Some(diagnosis) = diagnosis.as_ref().filter(|_| verbose) {
-        println!("    the integrator's own error: {:.3}", diagnosis.integrator_error);
-        for e in diagnosis.effects.iter().flat_map(|found| &found.parameters) {
-            println!("    {} = {:.5} {:?}", e.name, e.value, e.ci95);
-        }
+    if verbose {
+        diagnosis.iter().for_each(show);
     }
-    for round in diagnosis.iter().filter(|_| verbose).flat_map(|d| &d.rounds) {
+    Outcome::new(case, diagnosis, seconds)
+}
+
+/// What else a diagnosis knows: estimates, and who took part in each round.
+fn show(diagnosis: &Diagnosis) {
+    println!("    the integrator's own error: {:.3}", diagnosis.integrator_error);
+    for e in diagnosis.effects.iter().flat_map(|found| &found.parameters) {
+        println!("    {} = {:.5} {:?}", e.name, e.value, e.ci95);
+    }
+    for round in &diagnosis.rounds {
         let ranked = round.iter().map(|r| format!("{} {:.3} ({:.0})", r.name, r.train, r.delta_bic));
         println!("    round: {}", ranked.collect::<Vec<_>>().join(", "));
     }
-    Outcome::new(case, diagnosis, seconds)
 }

@@ -92,7 +92,7 @@ fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Leftovers, World
     let record = |(scenario, recorded): (usize, &Log)| {
         // With a finer step: the integrator's own error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
-        seen(&model.measured(&values, &model.scenarios[scenario], &beside.placed(truth), seed)?, recorded)
+        seen(&model.measured(&values, &model.scenarios[scenario], seed)?, recorded)
     };
     let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
     let twin = beside.beside_others(Arc::new(model), logs)?;

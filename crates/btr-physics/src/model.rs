@@ -130,15 +130,9 @@ impl Model {
     }
 
     /// The same with a finer step and noisy sensors.
-    pub(crate) fn measured(
-        &self,
-        s: &[f64],
-        situation: &Scenario,
-        further: &[Placed],
-        noise: u64,
-    ) -> Result<Log, WorldError> {
+    pub(crate) fn measured(&self, s: &[f64], situation: &Scenario, noise: u64) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
-        self.run_once(s, &own, situation, further, Step::Halved, Some(noise), &mut |_, _| {})
+        self.run_once(s, &own, situation, &[], Step::Halved, Some(noise), &mut |_, _| {})
     }
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with

@@ -155,9 +155,7 @@ impl Motor {
             }
         }
     }
-}
 
-impl Motor {
     /// What a digital servo holds; `None` for all other motors.
     fn held(&mut self, state: &JointState) -> Option<MotorTorque> {
         let Motor { actuator, sampled: Some(sampled), integral, .. } = self else { return None };

@@ -109,11 +109,8 @@ impl<'a> Bench<'a> {
     }
 
     /// What the integrator's error adds to the residual at a point: the change that half the step makes, extrapolated to no step
-    /// at all (Richardson). Zero where half the step blows up, and where the noise floors have it in them.
+    /// at all (Richardson). Zero where half the step blows up.
     pub fn step_error(&self, point: &[f64], usual: &[f64], logs: Logs) -> Residual {
-        if self.family.is_chaotic() {
-            return vec![0.0; usual.len()];
-        }
         let halved = self.residuals(&[point.to_vec()], logs, Step::Halved).pop().flatten();
         let Some(halved) = halved else { return vec![0.0; usual.len()] };
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);

@@ -88,15 +88,16 @@ impl Fit {
         Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
     }
 
-    /// Takes the integrator's error into account as it is here; not where the error has no order (a rotor that meets its flank a
-    /// step earlier), so that what is extrapolated from half the step makes things worse.
+    /// Takes the integrator's error into account as it is here; not where the error has no order (chaos, or a rotor that meets its
+    /// flank a step earlier), so that what is extrapolated from half the step makes things worse.
     /// Returns the error's root mean square in multiples of the noise floor.
     pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
         let bare = self.bare();
         let error = bench.step_error(&self.u, &bare, Logs::Learn);
         let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
         let extrapolated = corrected(bare.clone(), &error);
-        (self.residual, self.step_error) = match squares(&extrapolated) < squares(&bare) {
+        let orderly = !bench.family.is_chaotic() && squares(&extrapolated) < squares(&bare);
+        (self.residual, self.step_error) = match orderly {
             true => (extrapolated, error),
             false => (bare, vec![0.0; error.len()]),
         };
