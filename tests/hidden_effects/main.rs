@@ -157,6 +157,9 @@ fn show(diagnosis: &Diagnosis) {
     for e in diagnosis.effects.iter().flat_map(|found| &found.parameters) {
         println!("    {} = {:.5} {:?}", e.name, e.value, e.ci95);
     }
+    if !diagnosis.at_bound.is_empty() {
+        println!("    at a bound: {}", diagnosis.at_bound.join(", "));
+    }
     for round in &diagnosis.rounds {
         let ranked = round.iter().map(|r| format!("{} {:.3} ({:.0})", r.name, r.train, r.delta_bic));
         println!("    round: {}", ranked.collect::<Vec<_>>().join(", "));

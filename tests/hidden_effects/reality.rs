@@ -241,7 +241,7 @@ impl Reality {
 /// Residuals of the training episodes.
 fn residuals(bare: &Beside, u: &[f64]) -> Vec<f64> {
     let learn = bare.logs().iter().filter(|log| !log.held_out).count();
-    (0..learn).flat_map(|log| bare.residual(u, log, Step::Usual).unwrap_or_default()).collect()
+    (0..learn).flat_map(|log| bare.residual(u, log, Step::USUAL).unwrap_or_default()).collect()
 }
 
 /// Root mean square of what an effect changes in the training episodes, in multiples of the noise.

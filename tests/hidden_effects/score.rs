@@ -1,7 +1,7 @@
 //! What came out of a diagnosis, and the tables over many.
 
 use btr_core::diagnose::{Diagnosis, Verdict};
-use btr_core::family::Family;
+use btr_core::family::{Family, Step};
 use btr_physics::beside::Beside;
 use btr_physics::effect::{Placed, find};
 
@@ -62,12 +62,16 @@ pub(crate) struct Outcome {
 
 /// Once the parameters in doubt are fitted, an error below this is no evidence of anything.
 const VISIBLE: f64 = 1.1;
+/// Motions that differ by less than so many noise floors, root mean square, are the same.
+const SAME: f64 = 0.03;
 
 /// How good that is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Score {
     /// Exactly what is there.
     Exact,
+    /// What moves the robot in the same way as what is there, as far as noise could ever tell: another name for it.
+    Twin,
     /// What is there or what is declared to be its like.
     Equivalent,
     /// What is there, and something else.
@@ -181,12 +185,26 @@ fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis)
         found.iter().any(|f| named(f))
     };
     if truth.iter().all(like) && found.len() <= truth.len() {
-        return Score::Equivalent;
+        return if is_twin(case, truth, diagnosis) { Score::Twin } else { Score::Equivalent };
     }
     if here == found.len() {
         return Score::Part;
     }
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
+}
+
+/// Whether the one effect that was named and the one that is there, both fitted, move the robot in the same way.
+fn is_twin(case: &Case, truth: &[String], diagnosis: &Diagnosis) -> bool {
+    let ([truth], [_]) = (truth, diagnosis.effects.as_slice()) else { return false };
+    let candidates = case.family.candidates();
+    let fitted = diagnosis.rivals.iter().find(|(candidate, _)| candidates[*candidate].name() == *truth);
+    let (Some((_, its)), Some((_, named))) = (fitted, diagnosis.rivals.first()) else { return false };
+    let differs = |log: usize| {
+        let [a, b] = [its, named].map(|u| case.family.residual(u, log, Step::USUAL).unwrap_or_default());
+        let changes: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).filter(|x| x.is_finite()).collect();
+        (changes.iter().sum::<f64>() / changes.len().max(1) as f64).sqrt()
+    };
+    (0..case.family.logs().len()).all(|log| differs(log) < SAME)
 }
 
 /// Whether two effects are said to look alike and sit at the same place, as far as their places can be compared.
@@ -220,6 +238,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
     let mut text = format!("\n{} cases, {n} of them visible", outcomes.len());
     for score in [
         Score::Exact,
+        Score::Twin,
         Score::Equivalent,
         Score::Extra,
         Score::Part,

@@ -149,13 +149,26 @@ impl Recorded {
     }
 }
 
-/// How exactly a simulation is computed.
+/// How exactly a simulation is computed: with the model's own time step, halved so many times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    /// With the model's own time step.
-    Usual,
-    /// With half of it.
-    Halved,
+pub struct Step {
+    pub(crate) halvings: u8,
+}
+
+impl Step {
+    /// The model's own time step.
+    pub const USUAL: Step = Step { halvings: 0 };
+
+    /// A step half as long.
+    #[must_use]
+    pub fn halved(self) -> Step {
+        Step { halvings: self.halvings + 1 }
+    }
+
+    /// How many such steps make one of the model's own.
+    pub fn divides_by(self) -> u32 {
+        1 << self.halvings
+    }
 }
 
 /// A family of simulations beside measurements.
@@ -220,6 +233,6 @@ pub trait Family: Sync {
     /// # Errors
     /// A simulation that blew up.
     fn residual_from(&self, u: &[f64], log: usize, _nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
-        self.residual(u, log, Step::Usual)
+        self.residual(u, log, Step::USUAL)
     }
 }

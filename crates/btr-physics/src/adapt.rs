@@ -1,6 +1,6 @@
 //! The adapted model as a file: the experiment's own text with the estimates written in, comments and all.
 
-use crate::experiment::Source;
+use crate::experiment::{SimulationSection, Source};
 use btr_core::space::Space;
 use std::path::Path;
 use toml_edit::{DocumentMut, TomlError, Value};
@@ -31,6 +31,23 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64]) -> Result<String, Toml
     for (dim, value) in space.dims().iter().zip(s) {
         if let Some(parameter) = document["parameters"].get_mut(&dim.name).and_then(|item| item.as_table_like_mut()) {
             parameter.insert("value", toml_edit::value(*value));
+        }
+    }
+    Ok(document.to_string())
+}
+
+/// The text of a model file with a finer time step: so many where there was one, sampled as before.
+///
+/// # Errors
+/// See [`adapted`].
+pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
+    let mut document = text.parse::<DocumentMut>()?;
+    let usual = SimulationSection::default();
+    let simulation = document.entry("simulation").or_insert_with(toml_edit::table);
+    for (key, usual) in [("steps_per_control", usual.steps_per_control), ("sample_every", usual.sample_every)] {
+        let now = simulation.get(key).and_then(|item| item.as_integer()).unwrap_or(i64::from(usual));
+        if let Some(table) = simulation.as_table_like_mut() {
+            table.insert(key, toml_edit::value(now * i64::from(times)));
         }
     }
     Ok(document.to_string())
@@ -69,6 +86,13 @@ fn anchor(document: &mut DocumentMut, folder: &Path) {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn finer_steps_are_sampled_at_the_same_times() {
+        let finer = in_finer_steps("[simulation]\nsteps_per_control = 10 # 1 ms\n", 4).unwrap();
+        assert_eq!(finer, "[simulation]\nsteps_per_control = 40\nsample_every = 4\n");
+        assert!(in_finer_steps("name = \"arm\"\n", 2).unwrap().contains("steps_per_control = 14"));
+    }
 
     #[test]
     fn a_file_that_moves_takes_the_way_to_others_along() {

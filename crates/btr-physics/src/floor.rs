@@ -5,7 +5,7 @@
 
 use crate::beside::Beside;
 use crate::sensor::Noise;
-use btr_core::family::{Family, Step};
+use btr_core::family::Family;
 use btr_core::fit::{Bench, squares};
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
@@ -99,7 +99,7 @@ fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Leftovers, World
     let bench = Bench::new(&twin);
     let mut left = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
-        let residual = bench.residuals_of(&[truth.to_vec()], &[index], Step::Usual).pop().flatten();
+        let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
         let own = |channel: &btr_core::family::Measured| {

@@ -67,10 +67,10 @@ impl Model {
     /// # Errors
     /// A point outside its space, or a simulation that blew up.
     pub fn simulate(&self, s: &[f64], c: &[f64], scenario: usize, noise: Option<u64>) -> Result<Log, WorldError> {
-        self.simulate_in_steps(s, c, scenario, noise, Step::Usual)
+        self.simulate_in_steps(s, c, scenario, noise, Step::USUAL)
     }
 
-    /// The same, computed with the model's own time step or with half of it; sampled alike.
+    /// The same, computed with the model's own time step or a finer one; sampled alike.
     ///
     /// # Errors
     /// See [`simulate`](Self::simulate).
@@ -132,7 +132,7 @@ impl Model {
     /// The same with a finer step and noisy sensors.
     pub(crate) fn measured(&self, s: &[f64], situation: &Scenario, noise: u64) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
-        self.run_once(s, &own, situation, &[], Step::Halved, Some(noise), &mut |_, _| {})
+        self.run_once(s, &own, situation, &[], Step::USUAL.halved(), Some(noise), &mut |_, _| {})
     }
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with
@@ -143,7 +143,7 @@ impl Model {
         situation: &Scenario,
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
-        self.run_once(s, &self.drive.space().nominal(), situation, &[], Step::Usual, None, lead)
+        self.run_once(s, &self.drive.space().nominal(), situation, &[], Step::USUAL, None, lead)
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -165,9 +165,9 @@ impl Model {
         if situation.replay.is_some() {
             read_back(&mut robot, &effects, situation.start.len())?;
         }
-        if step == Step::Halved {
+        if step != Step::USUAL {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
-            setup.dt_s /= 2.0;
+            setup.dt_s /= f64::from(step.divides_by());
         }
         let drive = self.drive_at(c, situation)?;
         drive.place(&mut robot);

@@ -47,7 +47,7 @@ impl Scales {
             })
             .collect();
         for log in 0..model.learn.min(recorded.len()) {
-            let simulated = model.rollout(&model.simulations().nominal(), log, &[], Step::Usual)?;
+            let simulated = model.rollout(&model.simulations().nominal(), log, &[], Step::USUAL)?;
             for (joint, _, scale) in &mut joints {
                 scale.torque = scale.torque.max(rms(simulated.values(&format!("tau_{joint}"))?));
                 scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));

@@ -89,7 +89,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
     let model = experiment::replays(&source(folder.path(), MODEL), &logs[..1], &[]).unwrap().model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let run = |step| model.simulate_in_steps(&s, &c, 0, None, step).unwrap();
-    let (usual, halved) = (run(Step::Usual), run(Step::Halved));
+    let (usual, halved) = (run(Step::USUAL), run(Step::USUAL.halved()));
     assert_eq!(usual.len(), halved.len());
     let change = usual.values("q_hinge").unwrap().iter().zip(halved.values("q_hinge").unwrap());
     let change = change.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -99,7 +99,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
 /// Root mean square of a torque, and of what a model's differs from it, along the measured motion.
 fn needed(folder: &Path, log: &Path, text: &str) -> (f64, f64) {
     let replays = experiment::replays(&source(folder, text), &[log.to_owned()], &[]).unwrap();
-    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::Usual).unwrap();
+    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::USUAL).unwrap();
     let (said, measured) = (simulated.values("tau_hinge").unwrap(), replays.logs[0].values("tau_hinge").unwrap());
     let inner = 10..measured.len() - 10;
     let rms =

@@ -71,7 +71,7 @@ fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |k: usize| -> Result<(Log, Log), WorldError> {
         let run = |step| model.simulate_in_steps(&s, &c, k, None, step);
-        Ok((run(Step::Usual)?, run(Step::Halved)?))
+        Ok((run(Step::USUAL)?, run(Step::USUAL.halved())?))
     };
     let simulated: Vec<(Log, Log)> =
         (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
@@ -83,19 +83,21 @@ fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
         .map(|((name, real), (simulated, _))| Episode { name, real, simulated })
         .collect();
     let comparison = compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings));
-    let integrator = comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, &simulated))).collect();
+    let beyond = 1.0 + 1.0 / (2.0f64.powi(model.order()) - 1.0);
+    let integrator =
+        comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, beyond, &simulated))).collect();
     let model = args.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok(Outcome { model, replays, names, comparison, integrator })
 }
 
-/// Root mean square error of a simulated channel that comes from its time step, in noise floors: for a method of first order
-/// twice what halving the step changes (L. F. Richardson 1911).
-fn integrator_error(channel: &ChannelError, simulated: &[(Log, Log)]) -> f64 {
+/// Root mean square error of a simulated channel that comes from its time step, in noise floors: what halving the step changes and
+/// what lies `beyond` that (L. F. Richardson 1911), twice as much in all for a method of first order, 4/3 for one of second.
+fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[(Log, Log)]) -> f64 {
     let pairs = simulated.iter().filter_map(|(usual, halved)| {
         Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))
     });
     let (sum, n) = pairs.flat_map(|(usual, halved)| usual.iter().zip(halved)).fold((0.0, 0.0), |(sum, n), (a, b)| {
-        let error = 2.0 * (b - a);
+        let error = beyond * (b - a);
         if error.is_finite() { (sum + error * error, n + 1.0) } else { (sum, n) }
     });
     if n > 0.0 { f64::sqrt(sum / n) / channel.noise_floor } else { 0.0 }

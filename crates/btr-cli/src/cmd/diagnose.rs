@@ -71,7 +71,7 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
         }
     }
     println!("\n{}", ladder::floors(&report.noise_floor));
-    println!("integrator's own error: {} x noise floor", number(report.integrator_error));
+    println!("{}", ladder::integrator(report.integrator_error, report.time_step_s));
     if !report.at_bound.is_empty() {
         println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
     }

@@ -5,7 +5,8 @@ use super::ladder;
 use crate::args::{Fit, Global};
 use crate::failure::Failure;
 use crate::table::{Table, number};
-use btr_physics::adapt::adapted;
+use btr_core::family::Step;
+use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::verbs::{self, FitReport, Problem};
 use std::process::ExitCode;
 
@@ -18,13 +19,17 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
-    let Some((report, fit)) = verbs::fit(&problem, &|step| ladder::tell(step, global)) else {
+    let Some((report, fit, step)) = verbs::fit(&problem, &|step| ladder::tell(step, global)) else {
         let help = "run `btr simulate` with the same log to see where".to_owned();
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
     if let Some(output) = &args.output {
-        let text = adapted(&problem.source, space, &problem.values(&fit))
-            .map_err(|e| Failure::new("file", e.to_string(), None))?;
+        let text = adapted(&problem.source, space, &problem.values(&fit));
+        let text = match step {
+            Step::USUAL => text,
+            finer => text.and_then(|text| in_finer_steps(&text, finer.divides_by())),
+        };
+        let text = text.map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
     if global.json {
@@ -50,6 +55,6 @@ fn show(report: &FitReport) {
         println!("\n{}", direction.sentence);
     }
     println!("\n{}", ladder::floors(&report.noise_floor));
-    println!("integrator's own error: {} x noise floor", number(report.integrator_error));
+    println!("{}", ladder::integrator(report.integrator_error, report.time_step_s));
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
 }

@@ -38,6 +38,12 @@ pub(crate) fn floors(floors: &[Floor]) -> String {
     format!("noise floor: {}", each.collect::<Vec<_>>().join(", "))
 }
 
+/// The integrator's share of the error, and the step that it takes.
+pub(crate) fn integrator(error: f64, time_step_s: f64) -> String {
+    let (error, step_ms) = (number(error), number(1e3 * time_step_s));
+    format!("integrator's own error: {error} x noise floor, in steps of {step_ms} ms")
+}
+
 /// A value with its interval.
 pub(crate) fn estimate(table: &mut Table, estimate: &btr_core::fit::Estimate) {
     let interval = match (estimate.ci95, estimate.at_bound) {

@@ -8,7 +8,7 @@
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
 //! joints and four logs. There are at most two searches.
 
-use crate::family::{Feature, Step};
+use crate::family::Feature;
 use crate::fit::judge::{Measure, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 use crate::{distance::peak_rate, stats::autocorrelation_time};
@@ -267,7 +267,7 @@ impl<'a> Picture<'a> {
     fn respond(&self, points: &[Vec<f64>]) -> Vec<Option<DVector<f64>>> {
         let mut changes: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points.len()];
         for (log, rows) in &self.logs {
-            for (change, after) in changes.iter_mut().zip(self.bench.residuals_of(points, &[*log], Step::Usual)) {
+            for (change, after) in changes.iter_mut().zip(self.bench.residuals_of(points, &[*log])) {
                 let Some((change, after)) = change.as_mut().zip(after) else {
                     *change = None;
                     continue;

@@ -36,6 +36,9 @@ pub mod thresholds {
 }
 use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, TIE};
 
+/// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
+const MODEST: f64 = 0.5;
+
 /// How much is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Question {
@@ -148,6 +151,7 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
         let Some((rival, found)) = round(bench, &mut state) else { break };
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
+        state.simplify(bench);
     }
     Some(Diagnosis { cut_short, ..conclude(bench, question, state) })
 }
@@ -197,19 +201,24 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
     }
     let starts = screen(bench, &mut bases, &offered);
-    let mut rivals = race(bench, &bases, &starts);
+    let mut rivals = race(bench, &bases, &starts, None);
     let leader = rivals.first()?;
+    if leader.fit.squares() > MODEST * state.fit.squares() {
+        beneath(bench, leader, state).into_iter().for_each(|beneath| state.follow(bench, beneath));
+    }
     let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
     if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![beneath];
         let starts = screen(bench, &mut bases, &again);
-        rivals = best_of_each(rivals.into_iter().chain(race(bench, &bases, &starts)).collect());
+        let others = race(bench, &bases, &starts, Some(&leader.fit));
+        rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
     judge_rivals(bench, state, rivals)
 }
 
 /// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so that nothing
-/// is called certain which its like explains as well; and whoever was screened, if the leader leaves something to explain.
+/// is called certain which its like explains as well, and its kin that makes do with fewer numbers, which may only have failed to
+/// get there; and whoever was screened, if the leader leaves something to explain.
 fn worth_another_look(
     bench: &Bench,
     leader: &Rival,
@@ -218,9 +227,11 @@ fn worth_another_look(
     offered: &[usize],
 ) -> Vec<usize> {
     let candidates = bench.family.candidates();
+    let numbers = |candidate: usize| candidates[candidate].knobs().count();
     let kin = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
-        !fitted && candidates[leader.candidate].kin.contains(candidate)
+        let simpler = numbers(*candidate) < numbers(leader.candidate);
+        (!fitted || simpler) && candidates[leader.candidate].kin.contains(candidate)
     };
     let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
     let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
@@ -247,7 +258,8 @@ fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
     rivals
 }
 
-/// The rival with the lowest B that passes all three tests; of several that tie, the simplest.
+/// The rival with the lowest B that passes all three tests; of several that tie, the simplest. None where others fit decisively
+/// better that do not pass: then the logs to judge on contradict those to learn from.
 fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
     let measure = Measure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
@@ -269,6 +281,9 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && held_out(r)
     };
     let best = measure.criterion(&rivals.iter().find(passes)?.fit);
+    if best - measure.criterion(&rivals.first()?.fit) > DECISIVE {
+        return None;
+    }
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE;
     let winner = rivals.iter().filter(passes).filter(tied).min_by_key(|r| r.fit.active.len())?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
@@ -311,8 +326,9 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
     let law = (verdict == Verdict::Unexplained && bench.rollouts() < question.max_rollouts)
-        .then(|| residual_law(bench, &state.bare, found))
-        .flatten();
+        .then(|| state.bare_now(bench))
+        .flatten()
+        .and_then(|bare| residual_law(bench, &bare, found));
     let doubtful = bench.family.doubtful();
     let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {

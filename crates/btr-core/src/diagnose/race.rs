@@ -5,15 +5,17 @@ use crate::fit::judge::{NOISE, chi};
 use crate::fit::{Bench, Effort, Fit, Logs, columns};
 use nalgebra::DMatrix;
 
-/// How many start the race, and how many are fitted with all effort whatever their rank.
+/// How many start the race, and how many are fitted with all effort whatever their rank, unless the best explains everything and
+/// they are behind it by more than this factor of the sum of squares.
 const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
+const BEATEN: f64 = 10.0;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
 pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
 /// The effort for whoever leads the race, and for each of the others.
 const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
-const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
+pub(super) const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
 
 /// The effort for each shape that is tried once more.
 const RESHAPED: Effort = Effort { jacobians: 1, steps: 6 };
@@ -27,8 +29,8 @@ pub(super) struct Rival {
     pub fit: Fit,
 }
 
-/// The candidates that the race left, fully fitted, lowest cost first.
-pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start]) -> Vec<Rival> {
+/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before.
+pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
     let begun = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, &bases[start.base], start));
     let mut rivals: Vec<Rival> = begun.collect();
     for rival in &mut rivals {
@@ -37,9 +39,14 @@ pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start]) -> Vec<Rival>
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
-        let best = polished.iter().map(|r| r.fit.squares()).fold(f64::INFINITY, f64::min);
-        let close = rival.fit.squares() <= CLOSE * best;
-        if polished.len() < LEADERS || (close && polished.len() < MOST) {
+        let best = polished.iter().map(|r| &r.fit).chain(leader).map(Fit::squares).fold(f64::INFINITY, f64::min);
+        let explains = chi(best, bench.samples(Logs::Learn)) <= NOISE;
+        let most = match rival.fit.squares() / best {
+            behind if behind <= CLOSE => MOST,
+            behind if behind > BEATEN && explains => 0,
+            _ => LEADERS,
+        };
+        if polished.len() < most {
             rival.fit.jacobian = None;
             rival.fit.solve(bench, if polished.is_empty() { LEADER } else { FOLLOWER });
             reshape(bench, &mut rival);

@@ -4,7 +4,7 @@
 //! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
 //! largest error alone; what is promising there is probed on all of them.
 
-use crate::family::{Candidate, Law, Step};
+use crate::family::{Candidate, Law};
 use crate::fit::together::{rows_near, shared};
 use crate::fit::{Bench, Fit, Logs, corrected};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -146,7 +146,7 @@ impl Start {
 fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
     let partly = |start: &Start| SHARES.map(|share| start.partly(bench, &bases[start.base], share));
     let points: Vec<Vec<f64>> = promising.iter().flat_map(partly).collect();
-    let residuals = bench.residuals(&points, Logs::Learn, Step::Usual);
+    let residuals = bench.residuals(&points, Logs::Learn);
     let cost = |start: &Start, u: &[f64], residual: Vec<f64>| {
         let base = &bases[start.base];
         let active = with(base, &bench.family.candidates()[start.candidate]);
@@ -279,7 +279,7 @@ impl<'a> Base<'a> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {
             let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, &[probe])).collect();
-            let residuals = bench.residuals_of(&points, &self.logs, Step::Usual);
+            let residuals = bench.residuals_of(&points, &self.logs);
             for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let size = point[probe.amplitude];
                 columns.push(residual.map(|residual| self.column(residual, size)));
@@ -299,7 +299,7 @@ impl<'a> Base<'a> {
                 self.point(bench, &probes)
             };
             let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
-            let residuals = bench.residuals_of(&points, &self.logs, Step::Usual);
+            let residuals = bench.residuals_of(&points, &self.logs);
             for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let Some(residual) = residual else { continue };
                 for &i in shot {

@@ -1,8 +1,8 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
-use super::race::{CLOSE, Rival, race};
+use super::race::{CLOSE, FOLLOWER, Rival, race};
 use super::screen::screen;
-use super::thresholds::{DECISIVE, LEARNT_FALL};
+use super::thresholds::{DECISIVE, LEARNT_FALL, TIE};
 use super::{Found, Ranked, Rung, is_worth_a_round};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
@@ -90,9 +90,68 @@ impl State {
     /// The latest of the chosen fitted in the place of an earlier one.
     fn instead(&self, bench: &Bench, index: usize) -> Option<Fit> {
         let latest = self.chosen.len() - 1;
-        let mut bases = vec![self.less(bench, &[index, latest])?];
-        let starts = screen(bench, &mut bases, &[self.chosen[latest].candidate]);
-        race(bench, &bases, &starts).pop().map(|rival| rival.fit)
+        self.replaced(bench, &[index, latest], &[self.chosen[latest].candidate]).map(|rival| rival.fit)
+    }
+
+    /// The best of some candidates in the place of some of the chosen.
+    fn replaced(&self, bench: &Bench, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
+        let mut bases = vec![self.less(bench, indices)?];
+        let starts = screen(bench, &mut bases, candidates);
+        race(bench, &bases, &starts, None).into_iter().next()
+    }
+
+    /// Names what was found first anew where one of its kin that makes do with fewer numbers explains as much, now that
+    /// others are known: it may have needed more of them to make up for those.
+    pub(super) fn simplify(&mut self, bench: &Bench) {
+        let candidates = bench.family.candidates();
+        for index in 0..self.chosen.len().saturating_sub(1) {
+            let own = &candidates[self.chosen[index].candidate];
+            let simpler = |kin: &usize| {
+                candidates[*kin].knobs().count() < own.knobs().count()
+                    && self.chosen.iter().all(|found| found.candidate != *kin)
+            };
+            let kin: Vec<usize> = own.kin.iter().copied().filter(simpler).collect();
+            if kin.is_empty() {
+                continue;
+            }
+            let Some(rival) = self.replaced(bench, &[index], &kin) else { continue };
+            let measure = Measure::of(bench, &self.fit);
+            let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+            if costs <= TIE {
+                self.rename(bench, index, rival, costs);
+            }
+        }
+    }
+
+    fn rename(&mut self, bench: &Bench, index: usize, rival: Rival, costs: f64) {
+        let (own, found) = (&bench.family.candidates()[rival.candidate], &mut self.chosen[index]);
+        let before = format!("{}@{}", found.effect, found.site);
+        found.alike.retain(|alike| *alike != own.name());
+        found.alike.push(before.clone());
+        found.delta_bic -= costs;
+        (found.effect, found.site, found.candidate) = (own.effect.clone(), own.site.clone(), rival.candidate);
+        self.fit = rival.fit;
+        self.fit.jacobian = None;
+        self.fit.solve(bench, Effort::FULL);
+        self.held_out = held_out_squares(bench, &self.fit.u).filter(|_| self.held_out.is_some());
+        self.ladder.push(self.rung(bench, format!("{} for {before}", own.name())));
+    }
+
+    /// Takes another point without any further effect as the base, if it leads lower: what the base reaches by itself is no
+    /// merit of an effect.
+    pub(super) fn follow(&mut self, bench: &Bench, mut base: Fit) {
+        base.solve(bench, FOLLOWER);
+        if base.cost < self.fit.cost {
+            self.held_out = self.held_out.and_then(|_| held_out_squares(bench, &base.u));
+            self.fit = base;
+        }
+    }
+
+    /// The fit without any effect, with the time step as it is now.
+    pub(super) fn bare_now(&self, bench: &Bench) -> Option<Fit> {
+        let mut bare = Fit::at(bench, self.bare.active.clone(), self.bare.u.clone(), &[])?;
+        bare.renew_step_error(bench);
+        Some(bare)
     }
 
     /// Notes where the error is now.

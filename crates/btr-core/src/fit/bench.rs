@@ -4,18 +4,24 @@ use super::start::Starts;
 use crate::family::{Family, Step};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
 /// How far the integrator's error is believed at a sample, in multiples of the noise.
 const WORST_STEP_ERROR: f64 = 5.0;
 
-/// A family with its logs split, and a counter of what was spent.
+/// The integrator's own error, root mean square in noise floors, that needs no finer step...
+const FINE_ENOUGH: f64 = 0.2;
+/// ... and the finest step there is, as a part of the model's own.
+const FINEST: u32 = 4;
+
+/// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
 pub struct Bench<'a> {
     /// The family.
     pub family: &'a dyn Family,
     learn: Vec<usize>,
     held_out: Vec<usize>,
     starts: Starts,
+    halvings: AtomicU8,
     rollouts: AtomicUsize,
 }
 
@@ -36,12 +42,27 @@ impl<'a> Bench<'a> {
     pub fn new(family: &'a dyn Family) -> Self {
         let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
         let (starts, rollouts) = Starts::at(family, &vec![0.0; family.knobs().len()]);
-        Bench { family, learn, held_out, starts, rollouts: AtomicUsize::new(rollouts) }
+        Bench { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
     }
 
     /// Simulated logs so far.
     pub fn rollouts(&self) -> usize {
         self.rollouts.load(Ordering::Relaxed)
+    }
+
+    /// The time step that everything is simulated with.
+    pub fn step(&self) -> Step {
+        Step { halvings: self.halvings.load(Ordering::Relaxed) }
+    }
+
+    /// Halves the time step for everything from now on, if an error of its own of so many noise floors asks for it; returns whether
+    /// it did. Where motion is chaotic, the noise floors have that error in them.
+    pub(super) fn refine(&self, error: f64) -> bool {
+        let refines = error > FINE_ENOUGH && self.step().divides_by() < FINEST && !self.family.is_chaotic();
+        if refines {
+            self.halvings.fetch_add(1, Ordering::Relaxed);
+        }
+        refines
     }
 
     /// The logs of a kind, as indices in the family.
@@ -53,12 +74,16 @@ impl<'a> Bench<'a> {
     }
 
     /// Residuals at several points, in parallel; `None` where a simulation blew up.
-    pub fn residuals(&self, points: &[Vec<f64>], logs: Logs, step: Step) -> Vec<Option<Residual>> {
-        self.residuals_of(points, self.logs(logs), step)
+    pub fn residuals(&self, points: &[Vec<f64>], logs: Logs) -> Vec<Option<Residual>> {
+        self.residuals_of(points, self.logs(logs))
     }
 
     /// The same for some logs.
-    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
+    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize]) -> Vec<Option<Residual>> {
+        self.in_steps(points, which, self.step())
+    }
+
+    fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
         let jobs: Vec<(usize, usize)> = (0..points.len()).flat_map(|p| which.iter().map(move |l| (p, *l))).collect();
         self.rollouts.fetch_add(jobs.len(), Ordering::Relaxed);
         let run = |&(point, log): &(usize, usize)| self.of_log(&points[point], log, step);
@@ -105,14 +130,21 @@ impl<'a> Bench<'a> {
 
     /// The residual at one point.
     pub fn residual(&self, point: &[f64], logs: Logs) -> Option<Residual> {
-        self.residuals(&[point.to_vec()], logs, Step::Usual).pop().flatten()
+        self.residuals(&[point.to_vec()], logs).pop().flatten()
     }
 
-    /// What the integrator's error adds to the residual at a point: the change that half the step makes, extrapolated to no step
-    /// at all (Richardson). Zero where half the step blows up.
+    /// The residual at one point with half the step.
+    pub(super) fn halved(&self, point: &[f64], logs: Logs) -> Option<Residual> {
+        self.in_steps(&[point.to_vec()], self.logs(logs), self.step().halved()).pop().flatten()
+    }
+
+    /// What the integrator's error adds to the residual at a point. Zero where half the step blows up.
     pub fn step_error(&self, point: &[f64], usual: &[f64], logs: Logs) -> Residual {
-        let halved = self.residuals(&[point.to_vec()], logs, Step::Halved).pop().flatten();
-        let Some(halved) = halved else { return vec![0.0; usual.len()] };
+        self.halved(point, logs).map_or_else(|| vec![0.0; usual.len()], |halved| self.beyond(usual, &halved))
+    }
+
+    /// The change that half the step makes, extrapolated to no step at all (Richardson).
+    pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> Residual {
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }

@@ -4,11 +4,15 @@
 use super::bench::{Bench, Logs, Residual};
 use super::estimate::told;
 use super::solve::Fit;
-use crate::family::{Knob, Step};
+use crate::family::Knob;
 use nalgebra::{DMatrix, DVector};
 
 /// How much finer than the usual ones fine differences are.
 const FINE: f64 = 0.1;
+/// Over steps this short, a residual that bends by more than this share of its change has a jump in it...
+const BENT: f64 = 0.1;
+/// ... and is looked at with steps this much shorter, as long as that shows fewer of them.
+const SHORTER: [f64; 2] = [0.1, 0.01];
 /// Steps of fine differences, in standard deviations of the prior: about the shortest ones among them.
 const SHORT: f64 = 0.005;
 /// Directions are looked at again with steps as long as the deviation that is left of them, as long as that grows by this
@@ -26,6 +30,27 @@ struct Look {
     stencil: [(f64, f64); 2],
 }
 
+/// How the residual changes with a knob, and by how much it misses a straight line as a share of its change.
+struct Slope {
+    column: Residual,
+    bend: f64,
+}
+
+impl Slope {
+    fn new(stencil: [(f64, f64); 2], here: &[f64], near: &[f64], far: &[f64]) -> Slope {
+        let [(to_near, near_weight), (to_far, far_weight)] = stencil;
+        let (mut missed, mut changed) = (0.0, 0.0);
+        let changes = here.iter().zip(near).zip(far).map(|((here, near), far)| (near - here, far - here));
+        let slope = |(near, far): (f64, f64)| {
+            missed += (near - far * to_near / to_far).powi(2);
+            changed += (near - far).powi(2);
+            near_weight * near + far_weight * far
+        };
+        let column = changes.map(slope).collect();
+        Slope { column, bend: if changed > 0.0 { (missed / changed).sqrt() } else { 0.0 } }
+    }
+}
+
 impl Fit {
     /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
     pub fn differentiate(&mut self, bench: &Bench) {
@@ -37,10 +62,33 @@ impl Fit {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
-    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound.
+    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
+    /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again with shorter
+    /// steps.
     pub fn differentiate_finely(&mut self, bench: &Bench) {
+        let mut slopes = self.slopes(bench, &self.active, FINE);
+        for finer in SHORTER {
+            let bent: Vec<usize> = (0..slopes.len()).filter(|&k| slopes[k].bend > BENT).collect();
+            if bent.is_empty() {
+                break;
+            }
+            let knobs: Vec<usize> = bent.iter().map(|&k| self.active[k]).collect();
+            for (k, slope) in bent.into_iter().zip(self.slopes(bench, &knobs, FINE * finer)) {
+                if slope.bend < slopes[k].bend {
+                    slopes[k] = slope;
+                }
+            }
+        }
+        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
+        slopes.iter().enumerate().for_each(|(k, slope)| jacobian.column_mut(k).copy_from_slice(&slope.column));
+        (self.jacobian, self.fresh) = (Some(jacobian), true);
+    }
+
+    /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
+    fn slopes(&self, bench: &Bench, active: &[usize], share: f64) -> Vec<Slope> {
         let knobs = bench.family.knobs();
-        let stencils: Vec<[(f64, f64); 2]> = self.active.iter().map(|&k| stencil(&knobs[k], self.u[k])).collect();
+        let stencils: Vec<[(f64, f64); 2]> =
+            active.iter().map(|&k| stencil(&knobs[k], self.u[k], share * knobs[k].reach)).collect();
         let moved = |(&knob, stencil): (&usize, &[(f64, f64); 2])| {
             stencil.map(|(offset, _)| {
                 let mut point = self.u.clone();
@@ -48,16 +96,14 @@ impl Fit {
                 point
             })
         };
-        let points: Vec<Vec<f64>> = self.active.iter().zip(&stencils).flat_map(moved).collect();
-        let there = bench.residuals(&points, Logs::Learn, Step::Usual);
-        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        for (k, (stencil, there)) in stencils.iter().zip(there.chunks(2)).enumerate() {
-            let [Some(near), Some(far)] = there else { continue };
-            for (row, here) in self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).enumerate() {
-                jacobian[(row, k)] = stencil[0].1 * (near[row] - here) + stencil[1].1 * (far[row] - here);
-            }
-        }
-        (self.jacobian, self.fresh) = (Some(jacobian), true);
+        let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
+        let there = bench.residuals(&points, Logs::Learn);
+        let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
+        let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<Residual>])| match there {
+            [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
+            _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
+        };
+        stencils.iter().zip(there.chunks(2)).map(slope).collect()
     }
 
     /// Takes the Jacobian as far out as the logs leave the knobs in doubt: fine differences first, then along each direction of
@@ -106,7 +152,7 @@ impl Fit {
             })
         };
         let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
-        let there = bench.residuals(&points, Logs::Learn, Step::Usual);
+        let there = bench.residuals(&points, Logs::Learn);
         let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
         let Some(jacobian) = self.jacobian.as_mut() else { return };
         for (Look { along, scaled, stencil }, there) in looks.iter().zip(there.chunks(2)) {
@@ -137,9 +183,9 @@ impl Fit {
     }
 }
 
-/// Two offsets and the weights of what changes there, for a derivative of second order.
-fn stencil(knob: &Knob, u: f64) -> [(f64, f64); 2] {
-    let (h, (least, most)) = (FINE * knob.reach, knob.bounds);
+/// Two offsets and the weights of what changes there, for a derivative of second order with steps of `h`.
+fn stencil(knob: &Knob, u: f64, h: f64) -> [(f64, f64); 2] {
+    let (least, most) = knob.bounds;
     let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
     match () {
         () if u - h >= least && u + h <= most => [(h, 0.5 / h), (-h, -0.5 / h)],
@@ -161,7 +207,7 @@ pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], ste
         point
     };
     let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let there = bench.residuals(&points, Logs::Learn, Step::Usual);
+    let there = bench.residuals(&points, Logs::Learn);
     let column = |(&knob, there): (&usize, Option<Residual>)| match there {
         Some(there) => {
             let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);

@@ -88,13 +88,20 @@ impl Fit {
         Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
     }
 
-    /// Takes the integrator's error into account as it is here; not where the error has no order (chaos, or a rotor that meets its
-    /// flank a step earlier), so that what is extrapolated from half the step makes things worse.
-    /// Returns the error's root mean square in multiples of the noise floor.
+    /// Takes the integrator's error into account as it is here, with a finer step where it is large; not where the error has no
+    /// order (chaos, or a rotor that meets its flank a step earlier), so that what is extrapolated from half the step makes
+    /// things worse. Returns the error's root mean square in multiples of the noise floor.
     pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
-        let bare = self.bare();
-        let error = bench.step_error(&self.u, &bare, Logs::Learn);
-        let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
+        let mut bare = self.bare();
+        let (error, size) = loop {
+            let halved = bench.halved(&self.u, Logs::Learn).unwrap_or_else(|| bare.clone());
+            let error = bench.beyond(&bare, &halved);
+            let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
+            if !bench.refine(size) {
+                break (error, size);
+            }
+            bare = halved;
+        };
         let extrapolated = corrected(bare.clone(), &error);
         let orderly = !bench.family.is_chaotic() && squares(&extrapolated) < squares(&bare);
         (self.residual, self.step_error) = match orderly {

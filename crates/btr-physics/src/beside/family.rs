@@ -83,7 +83,7 @@ impl Family for Beside {
             let mut restarts = scenario.restarts.to_vec();
             nudged.iter().for_each(|&number| windows::nudge(&mut restarts, number, &self.parts[log].noise));
             scenario.restarts = restarts.into();
-            return self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?);
+            return self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?);
         }
         for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / 2)?))) {
             let start = &mut scenario.start[joint];
@@ -92,7 +92,7 @@ impl Family for Beside {
                 _ => start.1 += NUDGE.0 * sigma / NUDGE.1,
             }
         }
-        self.against(log, &self.simulate_in(u, &scenario, Step::Usual)?)
+        self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?)
     }
 }
 

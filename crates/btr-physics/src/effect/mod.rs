@@ -179,6 +179,7 @@ effects! {
     motor_lag::MotorLag,
     command_rate_limit::CommandRateLimit,
     command_deadband::CommandDeadband,
+    command_offset::CommandOffset,
     payload::Payload,
     com_offset::ComOffset,
     link_inertia::LinkInertia,

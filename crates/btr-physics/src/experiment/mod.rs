@@ -13,7 +13,7 @@ mod single;
 
 pub use build::Experiment;
 pub use enlarged::enlarges;
-pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, TwinSection};
+pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
 pub use parse::{FileError, Source, nearest};
 pub use replays::{Replays, replays};
 pub use single::{model, model_driven_by, model_replaying};

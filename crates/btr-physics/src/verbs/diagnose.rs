@@ -85,6 +85,8 @@ pub struct DiagnoseReport {
     pub next_experiment: Option<NextExperiment>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
+    /// The time step that it was diagnosed with, in s; finer than the model's own where that would err too much.
+    pub time_step_s: f64,
     /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
     pub at_bound: Vec<String>,
     /// Simulated logs.
@@ -109,6 +111,7 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         residual_law: residual_law(problem, &diagnosis),
         next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
+        time_step_s: problem.time_step_s(bench.step()),
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),

@@ -1,7 +1,7 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
 use super::{Floor, LadderStep, Problem};
-use btr_core::family::Family;
+use btr_core::family::{Family, Step};
 use btr_core::fit::{Bench, Ended, Estimate, Fit, NullDirection};
 use serde::Serialize;
 use std::time::Instant;
@@ -31,14 +31,16 @@ pub struct FitReport {
     pub noise_floor: Vec<Floor>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
+    /// The time step that it takes, in s; finer than the model's own where that would err too much.
+    pub time_step_s: f64,
     /// Simulated logs.
     pub rollouts: usize,
     /// Wall time.
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
-pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit)> {
+/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for; `None` where the model blows up as it stands.
+pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
     let began = Instant::now();
     let bench = Bench::new(&problem.beside);
     let heard = |step: &str, train: f64, held_out: Option<f64>| {
@@ -62,13 +64,19 @@ pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, 
         withheld: fitted.withheld,
         noise_floor: problem.floors(),
         integrator_error: fitted.integrator_error,
+        time_step_s: problem.time_step_s(bench.step()),
         rollouts: bench.rollouts(),
         seconds: began.elapsed().as_secs_f64(),
     };
-    Some((report, fitted.fit))
+    Some((report, fitted.fit, bench.step()))
 }
 
 impl Problem {
+    /// The model's time step at so many halvings, in s.
+    pub(super) fn time_step_s(&self, step: Step) -> f64 {
+        self.beside.model().setup.dt_s / f64::from(step.divides_by())
+    }
+
     /// The values of what is in doubt at a fit, in the order of the model's space.
     pub fn values(&self, fit: &Fit) -> Vec<f64> {
         let dims = self.beside.model().simulations.dims();

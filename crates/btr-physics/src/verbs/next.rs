@@ -122,7 +122,7 @@ fn separations(
     safe: &dyn Fn(&Log) -> bool,
 ) -> Result<Option<Vec<f64>>, WorldError> {
     let logs: Vec<Log> =
-        points.iter().map(|u| beside.simulate_in(u, scenario, Step::Usual)).collect::<Result<_, _>>()?;
+        points.iter().map(|u| beside.simulate_in(u, scenario, Step::USUAL)).collect::<Result<_, _>>()?;
     if !logs.iter().all(safe) {
         return Ok(None);
     }
