@@ -39,8 +39,7 @@ impl Problem {
         let simulated: Vec<Log> =
             judged.scenarios.clone().into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
         let pairs = judged.names.iter().zip(judged.logs).zip(&simulated);
-        let episodes: Vec<Episode> =
-            pairs.map(|((name, real), simulated)| Episode { name, real, simulated }).collect();
+        let episodes: Vec<Episode> = pairs.map(|((name, real), simulated)| Episode { name, real, simulated }).collect();
         let floors = self.floors();
         let floor = |channel: &str, _: &[f64]| floors.iter().find(|f| f.channel == channel).map(|f| f.sigma);
         Ok(compare(&episodes, floor))
