@@ -69,8 +69,11 @@ LOOK = """(() => {
     for (const shape of svg.querySelectorAll('path, polyline, line, rect, circle, text'))
       for (const {name, value} of shape.attributes)
         if (nonsense.test(value)) say(`${shape.tagName} with ${name}="${value.slice(0, 80)}"`);
-    const marks = [...svg.querySelectorAll('.line, .dots, .span, .stem, .heat')];
+    const all = [...svg.querySelectorAll('.line, .dots, .span, .stem, .heat')];
+    const marks = all.filter(mark => !mark.closest('.legend')), legend = all.filter(mark => mark.closest('.legend'));
     if (!marks.length) say('nothing is drawn');
+    for (const {classList: [ink]} of legend)
+      if (!marks.some(mark => mark.classList.contains(ink))) say(`${ink} is in the legend alone`);
     const to = svg.getScreenCTM().inverse();
     for (const shape of [...marks, ...svg.querySelectorAll('text')]) {
       const own = shape.getBBox(), at = to.multiply(shape.getScreenCTM());
@@ -134,5 +137,5 @@ def test_a_browser_draws_the_report(name: str, chromium: browser.Browser, lab: P
     assert not missing, (missing, seen["titles"])
     assert says in seen["text"]
     assert seen["wide"] <= 0, "the page is wider than its window"
-    assert page.complaints() == []
     assert page.requests() == []
+    assert page.complaints() == []

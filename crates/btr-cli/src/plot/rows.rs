@@ -222,7 +222,7 @@ impl Frame {
         for (mark, name) in dots.chain(of.lines.iter().map(|(ink, _, name)| (dashes(*ink), name))) {
             let _ = writeln!(
                 out,
-                "<g transform=\"translate({x:.1} {y})\">{mark}<text x=\"26\" y=\"4\">{}</text></g>",
+                "<g class=\"legend\" transform=\"translate({x:.1} {y})\">{mark}<text x=\"26\" y=\"4\">{}</text></g>",
                 escaped(name)
             );
             x += entry_width(name);

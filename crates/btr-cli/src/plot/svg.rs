@@ -156,6 +156,7 @@ fn labels(panel: &Panel, out: &mut String) {
 /// Names between the title and the frame, from the left; there they hide no data.
 fn legend(panel: &Panel, out: &mut String) {
     let mut x = LEFT;
+    line!(out, "<g class=\"legend\">");
     for series in &panel.series {
         let Some(name) = &series.name else { continue };
         let look = stroke(series.ink, class(series.mark));
@@ -166,6 +167,7 @@ fn legend(panel: &Panel, out: &mut String) {
         // Fonts are the viewer's, so the width is a guess on the generous side.
         x += 42.0 + 7.2 * name.chars().count() as f64;
     }
+    line!(out, "</g>");
 }
 
 /// Text as markup.

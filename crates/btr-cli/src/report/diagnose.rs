@@ -55,10 +55,14 @@ fn sentence(found: &DiagnoseReport) -> String {
     let last = found.error_ladder.last().map_or_else(String::new, error);
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
     let names = named(&found.effects);
+    let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
+    let alike = if alike.is_empty() { String::new() } else { format!(" or its like ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     match (found.verdict, found.effects.is_empty()) {
         (Verdict::EffectMissing, _) => {
-            format!("The model lacks {names}: with it, the error on {on} falls from {before} to {last} noise floors.")
+            format!(
+                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors."
+            )
         }
         (Verdict::NothingMissing, _) => {
             format!("Nothing is missing: the error on {on} is {last} noise floors, and what remains is noise.")
