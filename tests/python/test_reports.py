@@ -1,17 +1,13 @@
 """The reports of compare, diagnose and fit, as a browser sees them: every plot is drawn, and nothing is asked of anybody."""
 
 import math
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
 import browser
-
-BUILT = Path(__file__).parents[2] / "target" / "release" / "btr"
-BTR = os.environ.get("BTR") or shutil.which("btr") or (str(BUILT) if BUILT.exists() else None)
+from program import BTR
 
 PENDULUM = """
 name = "pendulum"

@@ -77,11 +77,12 @@ fn row(estimate: &Estimate, dim: &Dim) -> Row {
     let ink = if estimate.at_bound { Ink::Alarm } else { Ink::Main };
     let before = dim.nominal.map(|value| Pin::Dot(Ink::Third, dim.to_unit(value)));
     let span = estimate.ci95.map(|[low, high]| Pin::Span(ink, dim.to_unit(low), dim.to_unit(high)));
+    let unit = if estimate.unit == "1" { String::new() } else { format!(" {}", estimate.unit) };
     let value = Pin::Dot(ink, dim.to_unit(estimate.value));
     Row {
         name: estimate.name.clone(),
         pins: span.into_iter().chain(before).chain([value]).collect(),
-        note: format!("{} {} ({})", number(estimate.value), estimate.unit, interval(estimate)),
+        note: format!("{}{unit} ({})", number(estimate.value), interval(estimate)),
         strong: estimate.at_bound,
     }
 }

@@ -62,8 +62,8 @@ impl Asked<'_> {
         let names = judged.names.join(", ");
         let before_is = if moved { "before: the model as it came; " } else { "" };
         let text = format!(
-            "The model beside {names}: {before_is}after: {what}. Errors here are in noise floors and begin where the logs do; \
-             those above leave out what an uncertain start explains, and the time step's own error."
+            "The model beside {names}: {before_is}after: {what}. Errors here are those of whole logs as simulated, in noise \
+             floors; those above leave out what uncertain starts and the time step explain."
         );
         let blocks = vec![Block::Text(text), table];
         let beside = Beside { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };

@@ -69,6 +69,7 @@ fn diagnose_says_what_is_missing_and_shows_why() {
             "coulomb_friction@hinge<",
             "before<",
             "after<",
+            "after: hinge, throughout: 1.",
             "Residual against velocity<",
             "btr fit swing.toml log.csv --add coulomb_friction@hinge -o fitted.toml<",
             "q_hinge<",
