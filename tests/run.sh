@@ -27,4 +27,4 @@ if [ ! -x target/venv/bin/python ]; then
 fi
 target/venv/bin/pip install --quiet --disable-pip-version-check -r tests/python/requirements.txt
 target/venv/bin/pip install --quiet --disable-pip-version-check ./crates/btr-py
-target/venv/bin/python -m pytest --quiet tests/python
+target/venv/bin/python -m pytest --quiet -rs tests/python

@@ -2,20 +2,17 @@
 
 import csv
 import math
-import os
-import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
+
+from program import BTR
 
 mcap_reader = pytest.importorskip("mcap.reader")
 mcap_ros2 = pytest.importorskip("mcap_ros2.decoder")
 rosbags = pytest.importorskip("rosbags.highlevel")
 typesys = pytest.importorskip("rosbags.typesys")
 
-BUILT = Path(__file__).parents[2] / "target" / "release" / "btr"
-BTR = os.environ.get("BTR") or shutil.which("btr") or (str(BUILT) if BUILT.exists() else None)
 NAMES = ["cmd_hip", "cmd_knee", "q_hip", "q_knee", "dq_knee", "imu_acc_x", "imu_acc_y", "imu_acc_z", "foot_Left-1"]
 
 

@@ -60,7 +60,7 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Find out which physical effect the model lacks
     #[command(
-        after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap\n\n\
+        after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap --report why.html\n\n\
         Without --held-out the last three tenths of each log are held out."
     )]
     Diagnose(Diagnose),
@@ -68,7 +68,9 @@ pub(crate) enum Verb {
     #[command(after_help = "Example:\n  btr add arm.toml coulomb_friction@elbow -o arm2.toml")]
     Add(Add),
     /// Fit what is in doubt to logs, and see the error fall
-    #[command(after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml")]
+    #[command(
+        after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
+    )]
     Fit(Fit),
     /// List the physical effects, or tell all about one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
@@ -168,6 +170,9 @@ pub(crate) struct Beside {
     /// Logs to judge on, which nothing is fitted to
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
+    /// Write what was found and plots of it into one HTML file
+    #[arg(long, value_name = "HTML")]
+    pub(crate) report: Option<PathBuf>,
 }
 
 #[derive(ClapArgs)]

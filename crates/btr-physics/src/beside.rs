@@ -165,12 +165,12 @@ impl Beside {
         &self.scales
     }
 
-    /// What is simulated at a point in one scenario.
+    /// What is simulated at a point beside the log of a scenario; with windows, from where the log has the robot at each start.
     ///
     /// # Errors
     /// A simulation that blew up.
     pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
-        self.model.rollout(&self.inner(u), scenario, &self.placed(u), step)
+        self.simulate_in(u, &self.situations[scenario], step)
     }
 
     /// What is simulated at a point in a situation of its own.

@@ -9,11 +9,9 @@ use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::experiment::{self, Replays, Source};
-use btr_physics::io;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::process::ExitCode;
 
 /// A channel that errs by more noise floors is not only noise.
@@ -49,9 +47,7 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
         return Err(Failure::new("log", "no channel is both measured and simulated", Some(help.to_owned())));
     }
     if let Some(path) = &args.report {
-        let html = report::compare::document(&outcome);
-        let written = io::write_whole(path, |out| out.write_all(html.as_bytes()));
-        written.map_err(|e| Failure::new("output", format!("{}: {e}", path.display()), None))?;
+        report::compare::report(&outcome).write(path)?;
     }
     if global.json {
         println!("{}", document(&outcome));

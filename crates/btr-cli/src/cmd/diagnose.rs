@@ -1,8 +1,9 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
-use crate::args::{Diagnose, Global};
+use crate::args::{Beside, Diagnose, Global};
 use crate::failure::{Failure, MISSED};
+use crate::report::{self, Asked};
 use crate::table::{Table, number};
 use btr_core::diagnose::{Question, Verdict};
 use btr_physics::io::{self, Meta};
@@ -16,12 +17,16 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
-    let Some((report, _)) = verbs::diagnose(&problem, question, &tell) else {
+    let Some((report, diagnosis)) = verbs::diagnose(&problem, question, &tell) else {
         let help = "run `btr simulate` with the same log to see where".to_owned();
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
+    }
+    if let Some(path) = &args.beside.report {
+        let asked = Asked { args: &args.beside, problem: &problem };
+        report::diagnose::report(&asked, &report, &diagnosis.fit.u)?.write(path)?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
@@ -60,7 +65,7 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
             println!("  these logs cannot tell it from: {}", effect.alike.join(", "));
         }
         let mut table = Table::new(&ladder::ESTIMATES);
-        effect.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
+        effect.parameters.iter().for_each(|estimate| table.row(ladder::estimate(estimate)));
         println!("{}", table.render());
     }
     law(report);
@@ -76,7 +81,9 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
         println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
     }
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
-    next_step(report, args);
+    if let Some(command) = fit_command(report, &args.beside) {
+        println!("\nnext: {command}");
+    }
 }
 
 fn sentence(report: &DiagnoseReport) -> String {
@@ -100,12 +107,12 @@ fn law(report: &DiagnoseReport) {
     println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
 }
 
-/// What to type next.
-fn next_step(report: &DiagnoseReport, args: &Diagnose) {
+/// What to type next, once it is known what is missing.
+pub(crate) fn fit_command(report: &DiagnoseReport, args: &Beside) -> Option<String> {
     if report.verdict != Verdict::EffectMissing {
-        return;
+        return None;
     }
     let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
-    let logs: Vec<String> = args.beside.logs.iter().map(|log| log.display().to_string()).collect();
-    println!("\nnext: btr fit {} {} {} -o fitted.toml", args.beside.model.display(), logs.join(" "), adds.join(" "));
+    let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+    Some(format!("btr fit {} {} {} -o fitted.toml", args.model.display(), logs.join(" "), adds.join(" ")))
 }

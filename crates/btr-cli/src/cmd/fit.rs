@@ -4,6 +4,7 @@ use super::add::write_text;
 use super::ladder;
 use crate::args::{Fit, Global};
 use crate::failure::Failure;
+use crate::report::{self, Asked};
 use crate::table::{Table, number};
 use btr_core::family::Step;
 use btr_physics::adapt::{adapted, in_finer_steps};
@@ -32,6 +33,10 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
         let text = text.map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
+    if let Some(path) = &args.beside.report {
+        let asked = Asked { args: &args.beside, problem: &problem };
+        report::fit::report(&asked, &report, &fit.u)?.write(path)?;
+    }
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
@@ -46,7 +51,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
 fn show(report: &FitReport) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     let mut table = Table::new(&ladder::ESTIMATES);
-    report.parameters.iter().for_each(|estimate| ladder::estimate(&mut table, estimate));
+    report.parameters.iter().for_each(|estimate| table.row(ladder::estimate(estimate)));
     println!("{}", table.render());
     if let Some(why) = &report.withheld {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");

@@ -3,6 +3,7 @@
 use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
+use btr_core::fit::Estimate;
 use btr_physics::experiment::Source;
 use btr_physics::verbs::{Floor, LadderStep};
 use std::path::Path;
@@ -44,14 +45,18 @@ pub(crate) fn integrator(error: f64, time_step_s: f64) -> String {
     format!("integrator's own error: {error} x noise floor, in steps of {step_ms} ms")
 }
 
-/// A value with its interval.
-pub(crate) fn estimate(table: &mut Table, estimate: &btr_core::fit::Estimate) {
-    let interval = match (estimate.ci95, estimate.at_bound) {
+/// A value with its interval, under [`ESTIMATES`].
+pub(crate) fn estimate(estimate: &Estimate) -> Vec<String> {
+    vec![estimate.name.clone(), number(estimate.value), estimate.unit.clone(), interval(estimate)]
+}
+
+/// The interval, or why there is none.
+pub(crate) fn interval(estimate: &Estimate) -> String {
+    match (estimate.ci95, estimate.at_bound) {
         (_, true) => "at its bound".to_owned(),
         (Some([low, high]), _) => format!("{} .. {}", number(low), number(high)),
         (None, _) => "withheld".to_owned(),
-    };
-    table.row(vec![estimate.name.clone(), number(estimate.value), estimate.unit.clone(), interval]);
+    }
 }
 
 /// The head of a table of such values.

@@ -57,6 +57,17 @@ impl Axis {
     }
 }
 
+/// Ticks of an axis of decimal logarithms, written as the numbers themselves: powers of ten, and between few of them also
+/// their twofold and fivefold.
+pub(crate) fn decades(axis: &Axis) -> Vec<(f64, String)> {
+    let (first, last) = (axis.min.floor() as i32, axis.max.ceil() as i32);
+    let within: &[f64] = if axis.max - axis.min < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    let all = (first..=last).flat_map(|power| within.iter().map(move |factor| factor * 10.0_f64.powi(power)));
+    let shown = all.filter(|x| (axis.min..=axis.max).contains(&x.log10()));
+    let text = |x: f64| if (1e-3..1e5).contains(&x) { format!("{x}") } else { format!("{x:e}") };
+    shown.map(|x| (x.log10(), text(x))).collect()
+}
+
 fn room(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { x.abs() }
 }
@@ -82,6 +93,15 @@ mod tests {
         assert_eq!(texts(-0.3, 0.3), ["-0.2", "0.0", "0.2"]);
         assert_eq!(texts(0.0, 143.0), ["0", "50", "100"]);
         assert_eq!(texts(0.0, 3e-6), ["0e0", "1e-6", "2e-6", "3e-6"]);
+    }
+
+    #[test]
+    fn decades_are_written_as_numbers() {
+        let texts = |min: f64, max: f64| -> Vec<String> {
+            decades(&Axis { min, max, step: 1.0 }).into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(texts(-0.1, 1.4), ["1", "2", "5", "10", "20"]);
+        assert_eq!(texts(-1.2, 5.1), ["0.1", "1", "10", "100", "1000", "10000", "1e5"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Heat maps: numbers in a grid, the stronger the larger, each written in its cell.
 
-use super::svg::{STYLE, escaped};
+use super::svg::{escaped, opening};
 use std::fmt::Write;
 
 /// Rows and columns with names, and a number where they cross.
@@ -31,12 +31,8 @@ pub(crate) fn heat(map: &Heat) -> String {
     let turn_room = if turned { 0.75 * widest } else { 0.0 };
     let width = (LEFT + CELL.0 * map.columns.len() as f64 + turn_room + 12.0).max(title_width);
     let height = top + CELL.1 * map.rows.len() as f64 + 8.0;
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
-         height=\"{height:.0}\">\n{STYLE}\n<rect class=\"paper\" width=\"{width:.0}\" height=\"{height:.0}\"/>\n\
-         <text class=\"title\" x=\"8\" y=\"20\">{}</text>\n",
-        escaped(&map.title)
-    );
+    let mut out = opening((width, height), &map.title);
+    let _ = writeln!(out, "<text class=\"title\" x=\"8\" y=\"20\">{}</text>", escaped(&map.title));
     for (k, name) in map.columns.iter().enumerate() {
         let (x, name) = (LEFT + CELL.0 * (k as f64 + 0.5), escaped(name));
         let _ = match turned {

@@ -3,15 +3,22 @@
 pub(crate) mod axis;
 pub(crate) mod heat;
 pub(crate) mod paper;
+pub(crate) mod rows;
 mod svg;
+
+pub(crate) use svg::escaped;
 
 /// A colour by what it is for; every figure uses the same ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Ink {
     /// The main curve: the best, the simulated.
     Main,
-    /// A second curve: the mean.
+    /// A second curve: the mean, the measured.
     Second,
+    /// A third curve: what was simulated before.
+    Third,
+    /// What stands where it should not.
+    Alarm,
     /// What is true or was measured.
     Truth,
     /// Between black (0, best) and pale (1, worst).
@@ -23,6 +30,8 @@ pub(crate) enum Ink {
 pub(crate) enum Mark {
     /// A continuous line.
     Line,
+    /// A broad, pale line, which shows beside a line that lies on it.
+    Broad,
     /// A dashed line.
     Dashes,
     /// A dot per point.

@@ -12,15 +12,17 @@ const TOP: f64 = 50.0;
 const BOTTOM: f64 = 46.0;
 
 /// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the colour-blind.
-pub(super) const STYLE: &str = "<style>
+const STYLE: &str = "<style>
 text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
 .title{font-size:14px;font-weight:600;fill:#111}
 .paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
-.main{stroke:#0b62b0}.second{stroke:#d9730d}.truth{stroke:#5c5c5c}.line,.dots{fill:none}
+.main{stroke:#0b62b0}.second{stroke:#d9730d}.third{stroke:#a3479c}.alarm{stroke:#c5221f}.truth{stroke:#5c5c5c}
+.line,.dots,.span,.stem{fill:none}.strong{font-weight:600}
 .cell{fill:#eee}.heat{fill:#b3261e}.hot{fill:#fff}
-.line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.dots{stroke-width:3.4;stroke-linecap:round}
+.line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.broad{stroke-width:5;stroke-opacity:.55}.dots{stroke-width:3.4;stroke-linecap:round}
+.pin{stroke-width:8}.span{stroke-width:5;stroke-opacity:.45}.stem{stroke-width:1.4;stroke-opacity:.6}
 @media(prefers-color-scheme:dark){text{fill:#c8c8c8}.title{fill:#eee}.paper{fill:#15181c}.frame{stroke:#666}
-.grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.truth{stroke:#a5a5a5}
+.grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.third{stroke:#d68ad0}.alarm{stroke:#f28b82}.truth{stroke:#a5a5a5}
 .shade{filter:invert(1)}.cell{fill:#23272e}.heat{fill:#e0584e}}
 </style>";
 
@@ -33,13 +35,8 @@ macro_rules! line {
 pub(super) fn document(panels: &[Panel], columns: usize) -> String {
     let rows = panels.len().div_ceil(columns);
     let (width, height) = (CELL.0 * columns.min(panels.len()) as f64, CELL.1 * rows as f64);
-    let mut out = String::new();
-    line!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\">"
-    );
-    line!(out, "{STYLE}");
-    line!(out, "<rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>");
+    let titles: Vec<&str> = panels.iter().map(|panel| panel.title.as_str()).collect();
+    let mut out = opening((width, height), &titles.join("; "));
     for (i, panel) in panels.iter().enumerate() {
         let (x, y) = (CELL.0 * (i % columns) as f64, CELL.1 * (i / columns) as f64);
         line!(out, "<g transform=\"translate({x} {y})\">");
@@ -47,6 +44,16 @@ pub(super) fn document(panels: &[Panel], columns: usize) -> String {
         line!(out, "</g>");
     }
     out + "</svg>\n"
+}
+
+/// The beginning of a document of this width and height in px, up to its paper. The title is what a screen reader says.
+pub(super) fn opening((width, height): (f64, f64), title: &str) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {width:.0} {height:.0}\" \
+         width=\"{width:.0}\" height=\"{height:.0}\">\n<title>{}</title>\n{STYLE}\n\
+         <rect class=\"paper\" width=\"{width:.0}\" height=\"{height:.0}\"/>\n",
+        escaped(title)
+    )
 }
 
 /// Where values lie on the paper.
@@ -94,39 +101,46 @@ impl Frame {
     }
 
     fn draw_series(&self, series: &Series, out: &mut String) {
-        let (class, colour) = look(series);
+        let look = stroke(series.ink, class(series.mark));
         let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
         if series.mark == Mark::Dots {
             // Round ends of lines without length: one element for all dots keeps the file small.
             let dots = series.points.iter().filter(|p| finite(p)).map(|p| self.at(*p));
             let path: String = dots.map(|(x, y)| format!("M{x:.1} {y:.1}h.01")).collect();
-            line!(out, "<path class=\"{class}\"{colour} d=\"{path}\"/>");
+            line!(out, "<path {look} d=\"{path}\"/>");
             return;
         }
         for run in series.points.split(|p| !finite(p)).filter(|run| !run.is_empty()) {
             let points: Vec<String> = run.iter().map(|p| self.at(*p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-            line!(out, "<polyline class=\"{class}\"{colour} points=\"{}\"/>", points.join(" "));
+            line!(out, "<polyline {look} points=\"{}\"/>", points.join(" "));
         }
     }
 }
 
-/// The classes of a series, and its colour where it is a shade.
-fn look(series: &Series) -> (String, String) {
-    let mark = match series.mark {
+/// The classes of a mark.
+fn class(mark: Mark) -> &'static str {
+    match mark {
         Mark::Line => "line",
+        Mark::Broad => "line broad",
         Mark::Dashes => "line dashes",
         Mark::Dots => "dots",
-    };
-    let (ink, colour) = match series.ink {
-        Ink::Main => ("main", String::new()),
-        Ink::Second => ("second", String::new()),
-        Ink::Truth => ("truth", String::new()),
+    }
+}
+
+/// The attributes of a stroke: the classes of its ink and its mark, and its colour where it is a shade.
+pub(super) fn stroke(ink: Ink, mark: &str) -> String {
+    let name = match ink {
+        Ink::Main => "main",
+        Ink::Second => "second",
+        Ink::Third => "third",
+        Ink::Alarm => "alarm",
+        Ink::Truth => "truth",
         Ink::Shade(shade) => {
             let grey = (215.0 * shade.clamp(0.0, 1.0)).round() as u8;
-            ("shade", format!(" stroke=\"#{grey:02x}{grey:02x}{grey:02x}\""))
+            return format!("class=\"shade {mark}\" stroke=\"#{grey:02x}{grey:02x}{grey:02x}\"");
         }
     };
-    (format!("{ink} {mark}"), colour)
+    format!("class=\"{name} {mark}\"")
 }
 
 fn labels(panel: &Panel, out: &mut String) {
@@ -142,19 +156,22 @@ fn labels(panel: &Panel, out: &mut String) {
 /// Names between the title and the frame, from the left; there they hide no data.
 fn legend(panel: &Panel, out: &mut String) {
     let mut x = LEFT;
+    line!(out, "<g class=\"legend\">");
     for series in &panel.series {
         let Some(name) = &series.name else { continue };
-        let (class, colour) = look(series);
+        let look = stroke(series.ink, class(series.mark));
         let y = TOP - 12.0;
         let (from, length) = if series.mark == Mark::Dots { (x + 10.0, 0.01) } else { (x, 20.0) };
-        line!(out, "<path class=\"{class}\"{colour} d=\"M{from} {y}h{length}\"/>");
+        line!(out, "<path {look} d=\"M{from} {y}h{length}\"/>");
         line!(out, "<text x=\"{}\" y=\"{}\">{}</text>", x + 25.0, y + 4.0, escaped(name));
         // Fonts are the viewer's, so the width is a guess on the generous side.
-        x += 42.0 + 6.6 * name.chars().count() as f64;
+        x += 42.0 + 7.2 * name.chars().count() as f64;
     }
+    line!(out, "</g>");
 }
 
-pub(super) fn escaped(text: &str) -> String {
+/// Text as markup.
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 

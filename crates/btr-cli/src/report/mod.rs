@@ -3,8 +3,20 @@
 //! A report is a list of sections, a section a list of blocks; what is in them is up to the verb.
 
 pub(crate) mod compare;
+pub(crate) mod diagnose;
+pub(crate) mod fit;
+mod follows;
+mod joints;
+mod ladder;
 
+pub(crate) use ladder::Asked;
+
+use crate::failure::Failure;
+use crate::plot::escaped;
+use btr_physics::io;
 use std::fmt::Write;
+use std::io::Write as _;
+use std::path::Path;
 
 /// A report.
 pub(crate) struct Report {
@@ -24,8 +36,12 @@ pub(crate) struct Section {
 
 /// A thing in a section.
 pub(crate) enum Block {
+    /// What is to be read if nothing else is.
+    Lead(String),
     /// A paragraph.
     Text(String),
+    /// What is to be typed or pasted.
+    Code(String),
     /// Lines with a mark before each.
     List(Vec<String>),
     /// A table; the first column is text, the others numbers.
@@ -54,11 +70,19 @@ nav a{display:inline-block;margin:0 1rem .3rem 0;color:inherit}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.9rem}
 th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th:first-child,td:first-child{text-align:left}th{background:var(--head)}
+.lead{font-size:1.15rem;padding:.7rem 1rem;border-left:5px solid #0b62b0;background:var(--head)}
+pre{padding:.6rem 1rem;background:var(--head);white-space:pre-wrap;font-size:.85rem}
 footer{margin-top:3rem;color:var(--soft);font-size:.85rem}";
 
 impl Report {
+    /// Writes it, whole or not at all.
+    pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
+        let written = io::write_whole(path, |out| out.write_all(self.html().as_bytes()));
+        written.map_err(|e| Failure::new("output", format!("{}: {e}", path.display()), None))
+    }
+
     /// The whole document.
-    pub(crate) fn html(&self) -> String {
+    fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut out = format!(
             "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
@@ -83,6 +107,8 @@ impl Report {
 impl Block {
     fn write(&self, out: &mut String) {
         match self {
+            Block::Lead(text) => push(out, format_args!("<p class=\"lead\">{}</p>\n", escaped(text))),
+            Block::Code(text) => push(out, format_args!("<pre>{}</pre>\n", escaped(text))),
             Block::Text(text) => push(out, format_args!("<p>{}</p>\n", escaped(text))),
             Block::List(lines) => {
                 let items: String = lines.iter().map(|line| format!("<li>{}</li>\n", escaped(line))).collect();
@@ -108,10 +134,6 @@ impl Block {
 /// Appends text; writing to a string cannot fail.
 fn push(out: &mut String, text: std::fmt::Arguments) {
     let _ = out.write_fmt(text);
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 #[cfg(test)]

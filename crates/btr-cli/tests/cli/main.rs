@@ -8,6 +8,7 @@ mod determinism;
 mod disengage;
 mod lab;
 mod realities;
+mod reports;
 mod runs;
 mod scenarios;
 mod verbs;

@@ -132,6 +132,7 @@ fn friction_hidden_on_one_joint_of_five_is_seen_named_added_and_measured() {
     let document = diagnosis(&lab, "arm5.toml");
     assert_eq!(missing(&document), ["coulomb_friction@shoulder"], "{document}");
     assert!(document["effects"][0]["delta_bic"].as_f64().unwrap() > 1000.0);
+    assert!(document["ranking"][0][0]["held_out"].as_f64().unwrap() < 1.1, "{document}");
     lab.ok("fit arm5.toml log_0.csv log_1.csv --held-out log_2.csv --add coulomb_friction@shoulder -o fitted.toml");
     let found = document["effects"][0]["parameters"][0]["value"].as_f64().unwrap();
     assert!((found / 0.5 - 1.0).abs() < 0.01, "{found}");

@@ -102,8 +102,10 @@ pub struct Rung {
 pub struct Ranked {
     /// `effect@site`.
     pub name: String,
-    /// Error on the logs to learn from.
+    /// Error on the logs to learn from, in multiples of the noise floor.
     pub train: f64,
+    /// Error on held-out logs; none without such, or where it blows up there.
+    pub held_out: Option<f64>,
     /// By how much it lowers B; negative where it is not worth its parameters.
     pub delta_bic: f64,
 }
@@ -265,27 +267,30 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
     let candidates = bench.family.candidates();
-    let ranked = |r: &Rival| Ranked {
+    let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(bench, &r.fit.u));
+    let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
+    let ranked = |(r, squares): (&Rival, &Option<f64>)| Ranked {
         name: candidates[r.candidate].name(),
         train: chi(r.fit.squares(), bench.samples(Logs::Learn)),
+        held_out: squares.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
         delta_bic: before - measure.criterion(&r.fit),
     };
-    state.rounds.push(rivals.iter().map(ranked).collect());
+    state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
     // The best that the held-out logs confirm: one that fits by accident is passed over.
-    let held_out = |r: &Rival| match state.held_out {
-        None => true,
-        Some(base) => held_out_squares(bench, &r.fit.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base),
+    let confirmed = |squares: Option<f64>| {
+        state.held_out.is_none_or(|base| squares.is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base))
     };
-    let passes = |r: &&Rival| {
+    let passes = |(r, squares): &(&Rival, &Option<f64>)| {
         let learnt = 1.0 - r.fit.squares() / state.fit.squares();
-        before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && held_out(r)
+        before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && confirmed(**squares)
     };
-    let best = measure.criterion(&rivals.iter().find(passes)?.fit);
+    let passing: Vec<&Rival> = rivals.iter().zip(&held_out).filter(passes).map(|(r, _)| r).collect();
+    let best = measure.criterion(&passing.first()?.fit);
     if best - measure.criterion(&rivals.first()?.fit) > DECISIVE {
         return None;
     }
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE;
-    let winner = rivals.iter().filter(passes).filter(tied).min_by_key(|r| r.fit.active.len())?.clone();
+    let winner = passing.iter().copied().filter(tied).min_by_key(|r| r.fit.active.len())?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
     let alike: Vec<&Rival> = rivals

@@ -37,7 +37,7 @@ impl Family for Beside {
     }
 
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
-        self.against(log, &self.simulate_in(u, &self.situations[self.parts[log].scenario], step)?)
+        self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
     }
 
     fn order(&self) -> i32 {

@@ -5,12 +5,14 @@ mod check;
 mod diagnose;
 mod fit;
 mod next;
+mod replay;
 
 pub use add::{AddError, Addition, add};
 pub use check::{CheckReport, Told, check};
 pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
 pub use next::{NextExperiment, Rival, next_experiment};
+pub use replay::Judged;
 
 use crate::beside::Beside;
 use crate::experiment::{FileError, Source, replays};

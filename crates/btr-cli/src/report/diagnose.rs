@@ -1,0 +1,197 @@
+//! The report of `btr diagnose`.
+
+use super::ladder::{Asked, FLOORS, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
+use super::{Block, Report, Section};
+use crate::cmd::diagnose::fit_command;
+use crate::cmd::ladder::{ESTIMATES, estimate, integrator};
+use crate::failure::Failure;
+use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::plot::{Ink, Mark, Panel, Series, figure};
+use crate::table::number;
+use btr_core::diagnose::{Ranked, Verdict};
+use btr_core::log::Log;
+use btr_physics::effect;
+use btr_physics::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
+
+/// Candidates of a round that are drawn, the best first.
+const CANDIDATES_SHOWN: usize = 12;
+
+/// `u` is the point of the family that was found.
+pub(crate) fn report(asked: &Asked, found: &DiagnoseReport, u: &[f64]) -> Result<Report, Failure> {
+    let mut lead = vec![Block::Lead(sentence(found)), asked.told()];
+    if !found.at_bound.is_empty() {
+        let names = found.at_bound.join(", ");
+        lead.push(Block::Text(format!("At their bounds: {names}. Widen them before you believe this.")));
+    }
+    lead.extend(fit_command(found, asked.args).map(Block::Code));
+    let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
+    sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));
+    sections.extend(found.residual_law.as_ref().map(law));
+    sections.extend(found.next_experiment.as_ref().map(next));
+    sections.push(fall(&found.error_ladder));
+    sections.push(who_was_tried(found));
+    sections.extend(asked.before_and_after(u, &what_was_found(found))?);
+    let integrator = integrator(found.integrator_error, found.time_step_s);
+    sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
+    Ok(Report { title: format!("{}: what is missing", asked.model()), sections })
+}
+
+/// "coulomb_friction on yaw and backlash on elbow".
+fn named(effects: &[EffectReport]) -> String {
+    effects.iter().map(|e| format!("{} on {}", e.effect, e.site)).collect::<Vec<_>>().join(" and ")
+}
+
+fn what_was_found(found: &DiagnoseReport) -> String {
+    match found.effects.as_slice() {
+        [] => "with what is in doubt fitted".to_owned(),
+        effects => format!("with {}, and what is in doubt fitted", named(effects)),
+    }
+}
+
+/// The verdict, for somebody who reads nothing else.
+fn sentence(found: &DiagnoseReport) -> String {
+    let judged = found.error_ladder.iter().all(|step| step.held_out.is_some());
+    let on = if judged { "logs that nothing was fitted to" } else { "the logs" };
+    let error = |step: &LadderStep| number(step.held_out.unwrap_or(step.train));
+    let last = found.error_ladder.last().map_or_else(String::new, error);
+    let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
+    let names = named(&found.effects);
+    let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
+    let alike = if alike.is_empty() { String::new() } else { format!(" or its like ({})", alike.join(", ")) };
+    let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
+    match (found.verdict, found.effects.is_empty()) {
+        (Verdict::EffectMissing, _) => {
+            format!(
+                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors."
+            )
+        }
+        (Verdict::NothingMissing, _) => {
+            format!("Nothing is missing: the error on {on} is {last} noise floors, and what remains is noise.")
+        }
+        (Verdict::Unexplained, true) => format!(
+            "Something is missing that no effect of the library explains: the error on {on} stays at {last} noise floors; {share}."
+        ),
+        (Verdict::Unexplained, false) => format!(
+            "{names} helps and does not explain: the error on {on} falls from {before} to {last} noise floors; {share}."
+        ),
+    }
+}
+
+/// An effect: how large, how sure, what it is.
+fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
+    let probability = match 100.0 * effect.probability {
+        p if p > 99.9 => "more than 99.9 %".to_owned(),
+        p => format!("{p:.1} %"),
+    };
+    let alike = match effect.alike.as_slice() {
+        [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
+        alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
+    };
+    let delta = number(effect.delta_bic);
+    let told = format!("Probability among all that was fitted beside it: {probability}; delta BIC {delta}. {alike}");
+    let parameters = Block::Table {
+        header: ESTIMATES.map(str::to_owned).to_vec(),
+        rows: effect.parameters.iter().map(estimate).collect(),
+    };
+    let mut blocks = vec![Block::Text(told), parameters];
+    if effect.parameters.iter().any(|p| p.ci95.is_none() && !p.at_bound) {
+        let error = found.error_ladder.last().map_or(f64::NAN, |step| step.held_out.unwrap_or(step.train));
+        let error = number(error);
+        blocks.push(Block::Text(format!(
+            "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
+        )));
+    }
+    if let Some(card) = effect::find(&effect.effect).map(|effect| effect.card()) {
+        let lines = [("Law", card.law), ("How it shows", card.tell), ("Source", card.cite)];
+        blocks.push(Block::List(lines.iter().map(|(what, text)| format!("{what}: {text}")).collect()));
+    }
+    Section { title: format!("{} on {}", effect.effect, effect.site), blocks }
+}
+
+/// The step from which a round (from 0) began: the one before the effect that it added, or the last.
+fn base(ladder: &[LadderStep], round: usize) -> Option<&LadderStep> {
+    let added = ladder.iter().enumerate().filter(|(_, step)| step.step.starts_with('+')).nth(round);
+    added.map_or_else(|| ladder.last(), |(k, _)| ladder.get(k.checked_sub(1)?))
+}
+
+/// The candidates of every round.
+fn who_was_tried(found: &DiagnoseReport) -> Section {
+    let plots: Vec<String> = found.ranking.iter().enumerate().map(|(k, round)| ranking(found, k, round)).collect();
+    let told = match plots.len() {
+        0 => "No effect was fitted: the error is noise already, so there is nothing to win.",
+        _ => {
+            "Every effect at every site was screened; these were fitted, the most believable first. delta BIC is the evidence for \
+             each: what it wins less what its parameters cost, decisive above 10. Whoever is within 10 of the best cannot be told \
+             from it. An effect is believed if the held-out logs confirm it."
+        }
+    };
+    Section { title: "Who was tried".to_owned(), blocks: vec![Block::Text(told.to_owned()), Block::Maps(plots)] }
+}
+
+fn ranking(found: &DiagnoseReport, k: usize, round: &[Ranked]) -> String {
+    let held_out = round.iter().any(|ranked| ranked.held_out.is_some());
+    let before = base(&found.error_ladder, k).map(|step| step.train);
+    let names: Vec<String> = found.effects.iter().flat_map(EffectReport::names).collect();
+    let row = |ranked: &Ranked| {
+        let stem = before.map(|before| Pin::Stem(Ink::Truth, before, ranked.train));
+        Row {
+            name: ranked.name.clone(),
+            pins: stem.into_iter().chain(learnt_and_held_out(ranked.train, ranked.held_out)).collect(),
+            note: format!("{}, {}", pair(ranked.train, ranked.held_out), number(ranked.delta_bic)),
+            strong: names.contains(&ranked.name),
+        }
+    };
+    let without = before.map(|before| (Ink::Third, before, "learnt from, without any".to_owned()));
+    rows(&Rows {
+        title: format!("Round {}: the error with each candidate", k + 1),
+        label: FLOORS.to_owned(),
+        notes: format!("{}, delta BIC", pair_head(held_out)),
+        scale: Scale::Ratio,
+        lines: std::iter::once(noise_floor()).chain(without).collect(),
+        legend: legend(held_out),
+        rows: round.iter().take(CANDIDATES_SHOWN).map(row).collect(),
+        joined: false,
+    })
+}
+
+fn law(law: &LawReport) -> Section {
+    let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
+    let told = format!(
+        "As a formula on {}{beside} it explains {:.0} % of the squared error above the noise on held-out data:",
+        law.site,
+        100.0 * law.explains
+    );
+    let pasted = Block::Text("To try it, paste this into the model:".to_owned());
+    let blocks = vec![Block::Text(told), Block::Code(law.law.clone()), pasted, Block::Code(law.toml.clone())];
+    Section { title: "What the error looks like".to_owned(), blocks }
+}
+
+fn next(next: &NextExperiment) -> Section {
+    let rows = next.rivals.iter().map(|rival| vec![rival.effect.clone(), number(rival.separation)]);
+    let header = ["rival", "apart then (noise floors)"].map(str::to_owned).to_vec();
+    let told = "btr diagnose with --next FILE.csv writes these commands, for btr simulate --log and for the robot.";
+    let plots = next.commands.as_ref().map_or_else(Vec::new, |commands| drive(commands, &next.joints));
+    let blocks = vec![
+        Block::Text(next.sentence.clone()),
+        Block::Table { header, rows: rows.collect() },
+        Block::Plots(plots),
+        Block::Text(told.to_owned()),
+    ];
+    Section { title: "The experiment that would tell".to_owned(), blocks }
+}
+
+/// The commands of the joints that move.
+fn drive(commands: &Log, joints: &[String]) -> Vec<String> {
+    let panel = |joint: &String| {
+        let channel = commands.channel(&format!("cmd_{joint}"))?;
+        let points = commands.clock_s().iter().copied().zip(channel.values.iter().copied()).collect();
+        Some(Panel {
+            title: format!("{joint}, next experiment"),
+            x_label: "time (s)".to_owned(),
+            y_label: format!("command ({})", channel.unit),
+            series: vec![Series::nameless(Ink::Main, Mark::Line, points)],
+            ..Panel::default()
+        })
+    };
+    joints.iter().filter_map(panel).map(|panel| figure(&[panel], 1)).collect()
+}

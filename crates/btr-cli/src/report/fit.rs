@@ -1,0 +1,96 @@
+//! The report of `btr fit`.
+
+use super::ladder::{Asked, fall, fine_print};
+use super::{Block, Report, Section};
+use crate::cmd::ladder::{integrator, interval};
+use crate::failure::Failure;
+use crate::plot::Ink;
+use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::table::{maybe, number};
+use btr_core::fit::{Ended, Estimate};
+use btr_core::space::Dim;
+use btr_physics::verbs::FitReport;
+
+/// `u` is the point of the family that was found.
+pub(crate) fn report(asked: &Asked, found: &FitReport, u: &[f64]) -> Result<Report, Failure> {
+    let lead = Section { title: "Result".to_owned(), blocks: vec![Block::Lead(sentence(found)), asked.told()] };
+    let mut ladder = fall(&found.error_ladder);
+    ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
+    let mut sections = vec![lead, ladder, values(asked, found)];
+    sections.extend(untold(found));
+    sections.extend(asked.before_and_after(u, "with the values above")?);
+    let integrator = integrator(found.integrator_error, found.time_step_s);
+    sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
+    Ok(Report { title: format!("{}: fitted", asked.model()), sections })
+}
+
+fn sentence(found: &FitReport) -> String {
+    let first = found.error_ladder.first();
+    let (from, to, on) = match (first.and_then(|step| step.held_out), found.held_out) {
+        (Some(from), Some(to)) => (from, to, "logs that nothing was fitted to"),
+        _ => (first.map_or(f64::NAN, |step| step.train), found.train, "the logs that it learnt from"),
+    };
+    let rest = match &found.withheld {
+        None => "what remains is noise",
+        Some(_) => "something is still missing, so no interval is offered",
+    };
+    format!("The error on {on} went from {} to {} noise floors: {rest}.", number(from), number(to))
+}
+
+fn why(ended: Ended) -> &'static str {
+    match ended {
+        Ended::Converged => "nothing moved any more",
+        Ended::Effort => "its effort was spent",
+        Ended::Stuck => "no direction was left in which the error falls",
+    }
+}
+
+/// Every number with its interval, between its bounds.
+fn values(asked: &Asked, found: &FitReport) -> Section {
+    let dims = asked.problem.beside.model().simulations.dims();
+    let pairs = || found.parameters.iter().filter_map(|e| Some((e, dims.iter().find(|dim| dim.name == e.name)?)));
+    let any_at_bound = found.parameters.iter().any(|estimate| estimate.at_bound);
+    let legend = [(Ink::Third, "before"), (Ink::Main, "fitted, with its 95 % interval"), (Ink::Alarm, "at its bound")];
+    let legend = legend.into_iter().filter(|(ink, _)| any_at_bound || *ink != Ink::Alarm);
+    let plot = rows(&Rows {
+        title: "Each value between its bounds".to_owned(),
+        label: "share of the way between the bounds".to_owned(),
+        notes: "value (95 % interval)".to_owned(),
+        scale: Scale::Bounds,
+        lines: Vec::new(),
+        legend: legend.map(|(ink, name)| (ink, name.to_owned())).collect(),
+        rows: pairs().map(|(estimate, dim)| row(estimate, dim)).collect(),
+        joined: false,
+    });
+    let header = ["parameter", "unit", "before", "fitted", "95 % interval", "lower bound", "upper bound"];
+    let cells = |(e, dim): (&Estimate, &Dim)| {
+        let numbers = [maybe(dim.nominal), number(e.value), interval(e), number(dim.min), number(dim.max)];
+        [e.name.clone(), e.unit.clone()].into_iter().chain(numbers).collect()
+    };
+    let table = Block::Table { header: header.map(str::to_owned).to_vec(), rows: pairs().map(cells).collect() };
+    let withheld =
+        found.withheld.iter().map(|why| Block::Text(format!("No intervals: {why}. btr diagnose looks for it.")));
+    let blocks = withheld.chain([Block::Maps(vec![plot]), table]).collect();
+    Section { title: "Values".to_owned(), blocks }
+}
+
+fn row(estimate: &Estimate, dim: &Dim) -> Row {
+    let ink = if estimate.at_bound { Ink::Alarm } else { Ink::Main };
+    let before = dim.nominal.map(|value| Pin::Dot(Ink::Third, dim.to_unit(value)));
+    let span = estimate.ci95.map(|[low, high]| Pin::Span(ink, dim.to_unit(low), dim.to_unit(high)));
+    let unit = if estimate.unit == "1" { String::new() } else { format!(" {}", estimate.unit) };
+    let value = Pin::Dot(ink, dim.to_unit(estimate.value));
+    Row {
+        name: estimate.name.clone(),
+        pins: span.into_iter().chain(before).chain([value]).collect(),
+        note: format!("{}{unit} ({})", number(estimate.value), interval(estimate)),
+        strong: estimate.at_bound,
+    }
+}
+
+/// Combinations that the logs do not tell.
+fn untold(found: &FitReport) -> Option<Section> {
+    let sentences: Vec<String> = found.null_directions.iter().map(|direction| direction.sentence.clone()).collect();
+    let blocks = vec![Block::List(sentences)];
+    (!found.null_directions.is_empty()).then(|| Section { title: "What these logs cannot tell".to_owned(), blocks })
+}

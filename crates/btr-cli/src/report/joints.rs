@@ -1,0 +1,192 @@
+//! Joints in logs, beside one simulation of them or beside an earlier and a later one: what they did, and what is left.
+
+use super::follows::follows;
+use super::{Block, Section};
+use crate::plot::{Ink, Mark, Panel, Series, figure};
+use btr_core::compare::{Comparison, Regime, Residual, Track};
+use btr_core::log::Log;
+
+/// Logs of a joint that are drawn, the worst first.
+pub(super) const LOGS_SHOWN: usize = 3;
+/// Points of a line and dots of a cloud, at most.
+pub(super) const FINE: usize = 1200;
+/// Logs beside simulations of them.
+pub(super) struct Beside<'a> {
+    /// What the logs are called.
+    pub(super) names: Vec<&'a str>,
+    /// What was recorded.
+    pub(super) logs: &'a [Log],
+    /// What is wrong in an earlier simulation, where there are two.
+    pub(super) before: Option<&'a Comparison>,
+    /// What is wrong in the simulation.
+    pub(super) after: &'a Comparison,
+}
+
+/// The joints of a comparison.
+pub(super) fn joints(comparison: &Comparison) -> Vec<String> {
+    let mut joints: Vec<String> = Vec::new();
+    for track in &comparison.tracks {
+        if !joints.contains(&track.joint) {
+            joints.push(track.joint.clone());
+        }
+    }
+    joints
+}
+
+impl Beside<'_> {
+    /// A section for every joint.
+    pub(super) fn sections(&self) -> Vec<Section> {
+        joints(self.after).iter().map(|joint| self.section(joint)).collect()
+    }
+
+    fn section(&self, joint: &str) -> Section {
+        let views = self.views(joint);
+        let hint = |comparison: &Comparison| {
+            let cells = &comparison.cells;
+            cells.iter().find(|c| c.joint == joint && c.regime == Regime::Throughout).map(|cell| cell.hint.clone())
+        };
+        let mut blocks: Vec<Block> = match self.before {
+            None => hint(self.after).map(|hint| Block::Text(format!("{hint}."))).into_iter().collect(),
+            Some(before) => vec![Block::List(
+                [("before", before), ("after", self.after)]
+                    .into_iter()
+                    .filter_map(|(when, comparison)| Some(format!("{when}: {}", hint(comparison)?)))
+                    .collect(),
+            )],
+        };
+        let (most, all) = (views.len(), self.names.len());
+        if all > most {
+            blocks.push(Block::Text(format!("Drawn are the {most} logs in which it errs most, of {all}.")));
+        }
+        for view in &views {
+            blocks.push(Block::Plots([over_time(view), residual_over_time(view)].iter().map(alone).collect()));
+        }
+        blocks.extend(views.first().map(|worst| Block::Plots(follows(&views, worst).iter().map(alone).collect())));
+        Section { title: joint.to_owned(), blocks }
+    }
+
+    fn views(&self, joint: &str) -> Vec<View<'_>> {
+        let of = |log: usize| {
+            let measured = &self.logs[log].channel(&format!("q_{joint}"))?.values;
+            let before = self.before.and_then(|before| Version::of(before, log, joint));
+            Some(View { name: self.names[log], measured, before, after: Version::of(self.after, log, joint)? })
+        };
+        let mut views: Vec<View> = (0..self.logs.len()).filter_map(of).collect();
+        views.sort_by(|a, b| b.after.chi().total_cmp(&a.after.chi()));
+        views.truncate(LOGS_SHOWN);
+        views
+    }
+}
+
+/// A joint in one log.
+pub(super) struct View<'a> {
+    pub(super) name: &'a str,
+    measured: &'a [f64],
+    pub(super) before: Option<Version<'a>>,
+    pub(super) after: Version<'a>,
+}
+
+/// What one simulation makes of it.
+pub(super) struct Version<'a> {
+    pub(super) track: &'a Track,
+    residual: &'a Residual,
+}
+
+impl<'a> Version<'a> {
+    fn of(comparison: &'a Comparison, log: usize, joint: &str) -> Option<Self> {
+        let channel = format!("q_{joint}");
+        let track = comparison.tracks.iter().find(|track| track.log == log && track.joint == joint)?;
+        let residual = comparison.residuals.iter().find(|r| r.log == log && r.channel == channel)?;
+        Some(Version { track, residual })
+    }
+
+    fn chi(&self) -> f64 {
+        let there = self.track.error.iter().filter(|e| e.is_finite());
+        let (n, sum) = there.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        sum / (n * self.track.floor.powi(2))
+    }
+}
+
+impl<'a> View<'a> {
+    /// The simulations with their names and inks, the latest last. Where there is one, it is called `alone`.
+    pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &Version<'a>)> {
+        match &self.before {
+            None => vec![(alone, Ink::Main, &self.after)],
+            Some(before) => vec![("before", Ink::Third, before), ("after", Ink::Main, &self.after)],
+        }
+    }
+
+    pub(super) fn unit(&self) -> &str {
+        &self.after.residual.unit
+    }
+}
+
+fn alone(panel: &Panel) -> String {
+    figure(std::slice::from_ref(panel), 1)
+}
+
+fn over_time(view: &View) -> Panel {
+    let track = view.after.track;
+    let line = |values: &[f64]| thin_line(&track.clock_s, values);
+    let mut series = Vec::new();
+    // A torque or a voltage does not belong on an axis of positions: it would hide them.
+    let (low, high) = extent(view.measured);
+    let shown = |c: &f64| c.is_nan() || (*c >= 2.0 * low - high && *c <= 2.0 * high - low);
+    if !track.command.is_empty() && track.command.iter().all(shown) {
+        series.push(Series::new("command", Ink::Truth, Mark::Dashes, line(&track.command)));
+    }
+    series.push(Series::new("measured", Ink::Second, Mark::Broad, line(view.measured)));
+    let simulated = view.versions("simulated");
+    let simulated =
+        simulated.iter().map(|(name, ink, v)| Series::new(name, *ink, Mark::Line, line(&v.residual.simulated)));
+    series.extend(simulated);
+    Panel {
+        title: format!("{} in {}", track.joint, view.name),
+        x_label: "time (s)".to_owned(),
+        y_label: format!("position ({})", view.unit()),
+        series,
+        ..Panel::default()
+    }
+}
+
+fn residual_over_time(view: &View) -> Panel {
+    let (clock, floor) = (&view.after.track.clock_s, view.after.track.floor);
+    let ends = [clock.first(), clock.last()].map(|t| t.copied().unwrap_or(0.0));
+    let level = |y: f64| ends.map(|t| (t, y)).to_vec();
+    let versions = view.versions("residual");
+    let errors =
+        versions.iter().map(|(name, ink, v)| Series::new(name, *ink, Mark::Line, thin_line(clock, &v.track.error)));
+    let mut series: Vec<Series> = errors.collect();
+    series.push(Series::new("± noise floor", Ink::Truth, Mark::Dashes, level(floor)));
+    series.push(Series::nameless(Ink::Truth, Mark::Dashes, level(-floor)));
+    Panel {
+        title: format!("Residual in {}", view.name),
+        x_label: "time (s)".to_owned(),
+        y_label: format!("measured − simulated ({})", view.unit()),
+        series,
+        ..Panel::default()
+    }
+}
+
+fn extent(values: &[f64]) -> (f64, f64) {
+    let there = values.iter().filter(|x| x.is_finite());
+    there.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+}
+
+/// A line of few points that keeps every peak: the lowest and the highest of each stretch, in their order.
+fn thin_line(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
+    let points: Vec<(f64, f64)> = clock_s.iter().copied().zip(values.iter().copied()).collect();
+    if points.len() <= FINE {
+        return points;
+    }
+    let ends = |stretch: &[(f64, f64)]| {
+        let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+        let pick = [stretch.iter().min_by(by_value), stretch.iter().max_by(by_value)];
+        let mut pick: Vec<(f64, f64)> = pick.into_iter().flatten().copied().collect();
+        // A hole in a stretch stays a hole.
+        pick.extend(stretch.iter().find(|point| point.1.is_nan()));
+        pick.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pick
+    };
+    points.chunks(points.len().div_ceil(FINE / 2)).flat_map(ends).collect()
+}

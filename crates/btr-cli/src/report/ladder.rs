@@ -1,0 +1,134 @@
+//! What the reports of `diagnose` and `fit` share: what was asked, how the error fell, the model before and after, the fine print.
+
+use super::joints::Beside;
+use super::{Block, Section};
+use crate::args;
+use crate::failure::Failure;
+use crate::plot::Ink;
+use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::table::number;
+use btr_physics::verbs::{Floor, LadderStep, Problem};
+use std::path::{Path, PathBuf};
+
+/// A question with its files.
+pub(crate) struct Asked<'a> {
+    /// The files.
+    pub(crate) args: &'a args::Beside,
+    /// The model beside the logs.
+    pub(crate) problem: &'a Problem,
+}
+
+/// What errors are measured in.
+pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
+
+impl Asked<'_> {
+    /// The model's file.
+    pub(super) fn model(&self) -> String {
+        file(&self.args.model)
+    }
+
+    /// Which logs were learnt from, and which ones judge.
+    pub(super) fn told(&self) -> Block {
+        let files = |paths: &[PathBuf]| paths.iter().map(|path| file(path)).collect::<Vec<_>>().join(", ");
+        let judges = match self.args.held_out.as_slice() {
+            [] => "the last three tenths of each, to which nothing was fitted".to_owned(),
+            held_out => format!("{}, to which nothing was fitted", files(held_out)),
+        };
+        let (model, logs) = (self.model(), files(&self.args.logs));
+        Block::Text(format!(
+            "{model} beside {logs}, judged on {judges}. Errors are in multiples of the sensors' noise floor: 1 is \
+             as good as any model can be."
+        ))
+    }
+
+    /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
+    pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Result<Vec<Section>, Failure> {
+        let judged = self.problem.judged();
+        let after = self.problem.judge(&judged, u)?;
+        let moved = u.iter().any(|x| *x != 0.0);
+        let before = moved.then(|| self.problem.judge(&judged, &vec![0.0; u.len()])).transpose()?;
+        let chi = |name: &str| before.as_ref().and_then(|b| b.channels.iter().find(|c| c.name == name)).map(|c| c.chi);
+        let table = Block::Table {
+            header: ["channel", "unit", "noise floor", "before", "after"].map(str::to_owned).to_vec(),
+            rows: after
+                .channels
+                .iter()
+                .map(|c| {
+                    let before = chi(&c.name).map_or_else(|| "-".to_owned(), number);
+                    vec![c.name.clone(), c.unit.clone(), number(c.noise_floor), before, number(c.chi)]
+                })
+                .collect(),
+        };
+        let names = judged.names.join(", ");
+        let before_is = if moved { "before: the model as it came; " } else { "" };
+        let text = format!(
+            "The model beside {names}: {before_is}after: {what}. Errors here are those of whole logs as simulated, in noise \
+             floors; those above leave out what uncertain starts and the time step explain."
+        );
+        let blocks = vec![Block::Text(text), table];
+        let beside = Beside { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
+        Ok(std::iter::once(Section { title: "Before and after".to_owned(), blocks }).chain(beside.sections()).collect())
+    }
+}
+
+/// How the error fell, step by step.
+pub(super) fn fall(ladder: &[LadderStep]) -> Section {
+    let row = |step: &LadderStep| Row {
+        name: step.step.clone(),
+        pins: learnt_and_held_out(step.train, step.held_out),
+        note: pair(step.train, step.held_out),
+        strong: false,
+    };
+    let plot = rows(&Rows {
+        title: "The error, step by step".to_owned(),
+        label: FLOORS.to_owned(),
+        notes: pair_head(ladder.iter().any(|step| step.held_out.is_some())).to_owned(),
+        scale: Scale::Ratio,
+        lines: vec![noise_floor()],
+        legend: legend(ladder.iter().any(|step| step.held_out.is_some())),
+        rows: ladder.iter().map(row).collect(),
+        joined: true,
+    });
+    Section { title: "How the error fell".to_owned(), blocks: vec![Block::Maps(vec![plot])] }
+}
+
+/// Two errors as dots.
+pub(super) fn learnt_and_held_out(train: f64, held_out: Option<f64>) -> Vec<Pin> {
+    std::iter::once(Pin::Dot(Ink::Main, train)).chain(held_out.map(|error| Pin::Dot(Ink::Second, error))).collect()
+}
+
+/// Two errors as text.
+pub(super) fn pair(train: f64, held_out: Option<f64>) -> String {
+    held_out.map_or_else(|| number(train), |held_out| format!("{} / {}", number(train), number(held_out)))
+}
+
+/// What the text is of.
+pub(super) fn pair_head(held_out: bool) -> &'static str {
+    if held_out { "learnt / held out" } else { "learnt" }
+}
+
+/// What the dots are of.
+pub(super) fn legend(held_out: bool) -> Vec<(Ink, String)> {
+    let learnt = (Ink::Main, "learnt from".to_owned());
+    std::iter::once(learnt).chain(held_out.then(|| (Ink::Second, "held out".to_owned()))).collect()
+}
+
+/// The line that no model gets below.
+pub(super) fn noise_floor() -> (Ink, f64, String) {
+    (Ink::Truth, 1.0, "noise floor".to_owned())
+}
+
+/// What the numbers rest on.
+pub(super) fn fine_print(problem: &Problem, floors: &[Floor], integrator: &str, rollouts: usize) -> Section {
+    let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
+    let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
+    let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
+    let warnings = (!problem.warnings.is_empty()).then(|| Block::List(problem.warnings.clone()));
+    let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(warnings);
+    Section { title: "What this rests on".to_owned(), blocks: blocks.collect() }
+}
+
+/// A file's name without its folder: where it lay is of no use to whoever gets the report.
+fn file(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
