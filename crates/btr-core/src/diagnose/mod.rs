@@ -138,7 +138,12 @@ pub struct Diagnosis {
 ///
 /// `None` where the model blows up as it stands.
 pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
-    let mut state = begin(bench, tell)?;
+    let state = begin(bench, tell)?;
+    Some(go_on(bench, question, state, tell))
+}
+
+/// Round after round; once something is found, with starts as the model that has it sees them.
+fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung)) -> Diagnosis {
     let mut cut_short = false;
     while state.chosen.len() < question.max_effects && is_worth_a_round(bench, &state) {
         cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
@@ -148,8 +153,14 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
         let Some((rival, found)) = round(bench, &mut state) else { break };
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
+        let explained = !is_worth_a_round(bench, &state);
+        if let Some(family) = (!explained).then(|| bench.family.seen_from(&state.fit.u)).flatten() {
+            let bench = Bench::at(&*family, &state.fit.u).counting(bench.rollouts());
+            state.look_again(&bench, tell);
+            return go_on(&bench, question, state, tell);
+        }
     }
-    Some(Diagnosis { cut_short, ..conclude(bench, question, state) })
+    Diagnosis { cut_short, ..conclude(bench, question, state) }
 }
 
 /// The model's own parameters at their best.
