@@ -193,9 +193,11 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
 /// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
 fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
     let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
-    // Where motion is chaotic the noise floors have it in them.
-    let integrator = if bench.family.is_chaotic() { 0.0 } else { state.integrator };
-    squares > 1.0 + LEARNT_FALL / 2.0 + integrator.powi(2)
+    // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
+    if bench.family.is_chaotic() {
+        return squares > NOISE.powi(2);
+    }
+    squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
 /// Screens, races and judges; the winner if it is to be believed.

@@ -107,3 +107,31 @@ fn grow(knob: &mut Knob, factor: f64) {
     knob.size *= factor;
     knob.bounds = (knob.bounds.0 / factor, knob.bounds.1 / factor);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_larger_unit_reaches_as_far_in_its_own_terms() {
+        let mut knob = Knob {
+            name: "payload.mass@leg".to_owned(),
+            unit: "kg".to_owned(),
+            origin: 0.0,
+            size: 0.01,
+            law: Law::Linear,
+            bounds: (0.0, 50.0),
+            spread: 33.0,
+            reach: 0.1,
+            amplitude: true,
+        };
+        grow(&mut knob, 8.0);
+        assert!((knob.size - 0.08).abs() < 1e-12);
+        assert!((knob.value(knob.bounds.1) - 0.5).abs() < 1e-12);
+        // Never smaller, and never so large that its bounds leave no room for two.
+        grow(&mut knob, 0.1);
+        assert!((knob.size - 0.08).abs() < 1e-12);
+        grow(&mut knob, 1e3);
+        assert!((knob.bounds.1 - 2.0).abs() < 1e-12);
+    }
+}
