@@ -1,17 +1,17 @@
 //! The six-legged ant of `ant.toml`, on the ground: it walks, and waves every joint as it likes.
 
-use crate::excite::{Commands, TICK_S};
+use crate::excite::{Commands, between, clock};
 use crate::reality::Subject;
 use btr_core::random::Rng;
 use btr_physics::ant;
 use btr_physics::drive::{Drive, Sine};
 use btr_physics::effect::On;
-use rand::RngExt;
 use std::f64::consts::TAU;
 
 /// It has encoders and a gyroscope.
 pub(crate) static ANT: Subject = Subject {
     file: "hidden_effects/ant.toml",
+    prepare: |_| {},
     training,
     held_out,
     seen: &["q_", "cmd_", "imu_gyro_"],
@@ -36,18 +36,10 @@ fn held_out(_joints: usize, rng: &mut Rng) -> Vec<Commands> {
     vec![gait(rng), mixed(rng)]
 }
 
-fn clock() -> impl Iterator<Item = f64> {
-    (0..=(DURATION_S / TICK_S).round() as usize).map(|i| i as f64 * TICK_S)
-}
-
-fn between(rng: &mut Rng, least: f64, most: f64) -> f64 {
-    least + (most - least) * rng.random::<f64>()
-}
-
 /// Everything grows from the stance within 0.3 s.
 fn around_stance(offset: impl Fn(usize, f64) -> f64) -> Commands {
     let row = |(joint, centre): (usize, f64)| {
-        clock().map(|t| centre + (t / 0.3).min(1.0) * (offset(joint, t) - offset(joint, 0.0))).collect()
+        clock(DURATION_S).map(|t| centre + (t / 0.3).min(1.0) * (offset(joint, t) - offset(joint, 0.0))).collect()
     };
     ant::centres().into_iter().enumerate().map(row).collect()
 }

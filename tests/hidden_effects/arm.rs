@@ -7,6 +7,7 @@ use btr_physics::effect::On;
 /// It has encoders only, and its base does not move.
 pub(crate) static ARM: Subject = Subject {
     file: "../robots/arm.toml",
+    prepare: |_| {},
     training: excite::training,
     held_out: excite::held_out,
     seen: &["q_", "cmd_"],

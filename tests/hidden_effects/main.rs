@@ -6,6 +6,7 @@
 mod ant;
 mod arm;
 mod excite;
+mod nao;
 mod reality;
 mod score;
 
@@ -22,7 +23,7 @@ use std::time::Instant;
 const HELP: &str = "\
 hidden_effects [KIND] [OPTIONS]
   KIND             one (default), none, two, outside
-  --robot ROBOT    arm (default): a desk arm; ant: six legs on the ground
+  --robot ROBOT    arm (default): a desk arm; ant: six legs on the ground; nao: two
   --effects A,B    only these; every effect that fits the robot unless given
   --seeds A..B     1..4 unless given; tuning uses seeds below 1000, reports those from 1000 on
   --size X         effects X times their realistic size; 1 unless given
@@ -62,7 +63,8 @@ fn options() -> Result<Options, String> {
                 options.subject = match value()?.as_str() {
                     "arm" => &arm::ARM,
                     "ant" => &ant::ANT,
-                    _ => return Err("--robot takes arm or ant".to_owned()),
+                    "nao" => &nao::NAO,
+                    _ => return Err("--robot takes arm, ant or nao".to_owned()),
                 }
             }
             "--effects" => options.effects = value()?.split(',').map(str::to_owned).collect(),

@@ -11,7 +11,7 @@ use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
-use btr_physics::robot::JointKind;
+use btr_physics::robot::{JointKind, Robot};
 use btr_physics::sim;
 use rand::RngExt;
 use std::path::Path;
@@ -39,6 +39,8 @@ const SCALINGS: usize = 12;
 pub(crate) struct Subject {
     /// Its model, from this folder.
     pub file: &'static str,
+    /// What is left of the robot.
+    pub prepare: fn(&mut Robot),
     /// What it is told in training episodes, and in others to judge on.
     pub training: fn(usize, &mut Rng) -> Vec<Commands>,
     pub held_out: fn(usize, &mut Rng) -> Vec<Commands>,
@@ -110,7 +112,8 @@ struct Reality {
 impl Reality {
     fn new(subject: &'static Subject, seed: u64) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(subject.file);
-        let model = Source::read(&path).and_then(|source| model(&source)).unwrap_or_else(|e| quit(&e));
+        let mut model = Source::read(&path).and_then(|source| model(&source)).unwrap_or_else(|e| quit(&e));
+        (subject.prepare)(&mut model.robot);
         let mut rng = stream(seed, &[1]);
         let joints = model.robot.movable().count();
         let training = (subject.training)(joints, &mut rng);
@@ -295,7 +298,7 @@ fn fingerprint(text: &str) -> u64 {
 }
 
 /// A benchmark that cannot run has nothing to say.
-fn quit(error: &dyn std::fmt::Display) -> ! {
+pub(crate) fn quit(error: &dyn std::fmt::Display) -> ! {
     eprintln!("{error}");
     std::process::exit(2);
 }

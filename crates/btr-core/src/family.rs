@@ -213,6 +213,11 @@ pub trait Family: Sync {
     fn is_chaotic(&self) -> bool {
         false
     }
+    /// The same family as it is seen from a point: what only a model can tell of the logs' starts, and its noise floors, as the
+    /// model there has them. None where they do not depend on it.
+    fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn Family>> {
+        None
+    }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {
         &[]

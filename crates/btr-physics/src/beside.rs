@@ -5,6 +5,7 @@ mod family;
 mod knobs;
 mod parts;
 mod sites;
+mod visible;
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed};
 use crate::floor;
@@ -24,6 +25,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// A model, the logs it is compared with, and all that may be varied.
+#[derive(Clone)]
 pub struct Beside {
     model: Arc<Model>,
     recorded: Vec<Log>,
@@ -66,13 +68,16 @@ impl Beside {
         Self::in_parts(model, recorded, &[], parts)
     }
 
-    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor.
-    pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>) -> Result<Self, WorldError> {
+    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor; their
+    /// starts as the model at `u` sees them.
+    pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
         let other = Self::without_effects(model, recorded, parts)?;
         let (knobs, candidates, features) = (self.knobs.clone(), self.candidates.clone(), self.features.clone());
         let (effects, terms) = (self.effects.clone(), self.terms.clone());
-        Ok(Beside { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other })
+        let mut other = Beside { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other };
+        other.begin(u)?;
+        Ok(other)
     }
 
     /// The logs' channels, to change their floors.
@@ -87,8 +92,10 @@ impl Beside {
 
     fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
         let mut beside = Self::without_effects(model, recorded, parts)?;
+        let origin = vec![0.0; beside.knobs.len()];
+        beside.begin(&origin)?;
         if beside.is_chaotic() {
-            floor::raise(&mut beside)?;
+            floor::raise(&mut beside, &origin)?;
         }
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
             for site in sites(effect, &beside.model) {
@@ -96,13 +103,16 @@ impl Beside {
             }
         }
         beside.introduce();
+        if beside.is_chaotic() {
+            visible::enlarge(&mut beside)?;
+        }
         beside.offer_terms()?;
         Ok(beside)
     }
 
     fn without_effects(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<Part>) -> Result<Self, WorldError> {
         let scales = Scales::of(&model, &recorded)?;
-        let mut beside = Beside {
+        Ok(Beside {
             knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
             doubtful: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
@@ -117,19 +127,24 @@ impl Beside {
             situations: model.scenarios.clone(),
             model,
             recorded,
-        };
-        if beside.model.robot.base == Base::Floating {
-            beside.cut()?;
+        })
+    }
+
+    /// Says what is compared of the logs, and where that begins as the model at `u` sees it.
+    fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
+        if self.model.robot.base == Base::Floating {
+            self.cut(u)?;
         }
-        beside.logs = beside.parts.iter().map(|part| beside.measured(part)).collect::<Result<_, _>>()?;
-        Ok(beside)
+        self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
+        Ok(())
     }
 
     /// Cuts the logs into windows.
-    fn cut(&mut self) -> Result<(), WorldError> {
-        let own = self.model.simulations.nominal();
+    fn cut(&mut self, u: &[f64]) -> Result<(), WorldError> {
+        let (own, placed) = (self.inner(u), self.placed(u));
         for (scenario, log) in self.recorded.iter().enumerate() {
-            let Windows { restarts, samples } = windows::cut(&self.model, &own, &self.situations[scenario], log)?;
+            let situation = &self.model.scenarios[scenario];
+            let Windows { restarts, samples } = windows::cut(&self.model, &own, &placed, situation, log)?;
             self.situations[scenario].restarts = restarts.into();
             let noise: Vec<f64> =
                 self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();

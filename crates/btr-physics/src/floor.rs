@@ -38,12 +38,12 @@ impl Left {
 /// What remains of every channel, by scenario.
 type Leftovers = Vec<(usize, IndexMap<String, Left>)>;
 
-/// Raises the floors of all logs to what remains of each channel in each scenario; none falls below the sensors' noise. A channel's
-/// floor is taken from all logs and then fitted to each as a whole: a single channel of a short log says too little.
-pub(crate) fn raise(beside: &mut Beside) -> Result<(), WorldError> {
+/// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the sensors'
+/// noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a short log says too little.
+pub(crate) fn raise(beside: &mut Beside, u: &[f64]) -> Result<(), WorldError> {
     let mut left: Vec<Leftovers> = Vec::new();
     for draw in 0..DRAWS {
-        left.push(of_logs(beside, &plausible(beside, draw), draw)?);
+        left.push(of_logs(beside, u, &plausible(beside, u, draw), draw)?);
     }
     let all = || left.iter().flatten();
     let mut channels: IndexMap<String, Left> = IndexMap::new();
@@ -73,30 +73,31 @@ fn noise_of(beside: &Beside, scenario: usize, name: &str) -> f64 {
     beside.model().setup.noise.floor(name, values).unwrap_or(1.0)
 }
 
-/// Numbers in doubt that could be true as well.
-fn plausible(beside: &Beside, draw: u64) -> Vec<f64> {
-    let mut truth = vec![0.0; beside.knobs().len()];
+/// The point with numbers in doubt that could be true as well.
+fn plausible(beside: &Beside, u: &[f64], draw: u64) -> Vec<f64> {
+    let mut truth = u.to_vec();
     let mut rng = stream(SEED, &[draw]);
     for &k in beside.doubtful() {
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
-        truth[k] = beside.knobs()[k].clamp(sign * OFF * beside.knobs()[k].spread.min(1.0));
+        truth[k] = beside.knobs()[k].clamp(u[k] + sign * OFF * beside.knobs()[k].spread.min(1.0));
     }
     truth
 }
 
-/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise.
-fn of_logs(beside: &Beside, truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
+/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts are seen by
+/// the model at `u`.
+fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
     let mut model = beside.model().in_situations(beside.model().scenarios.clone());
     model.setup.noise = noise(beside);
-    let values = beside.inner(truth);
+    let (values, effects) = (beside.inner(truth), beside.placed(truth));
     let record = |(scenario, recorded): (usize, &Log)| {
         // With a finer step: the integrator's own error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
-        seen(&model.measured(&values, &model.scenarios[scenario], seed)?, recorded)
+        seen(&model.measured(&values, &model.scenarios[scenario], &effects, seed)?, recorded)
     };
     let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
-    let twin = beside.beside_others(Arc::new(model), logs)?;
-    let bench = Bench::new(&twin);
+    let twin = beside.beside_others(Arc::new(model), logs, u)?;
+    let bench = Bench::at(&twin, truth);
     let mut left = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
         let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();

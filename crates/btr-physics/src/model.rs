@@ -130,9 +130,15 @@ impl Model {
     }
 
     /// The same with a finer step and noisy sensors.
-    pub(crate) fn measured(&self, s: &[f64], situation: &Scenario, noise: u64) -> Result<Log, WorldError> {
+    pub(crate) fn measured(
+        &self,
+        s: &[f64],
+        situation: &Scenario,
+        further: &[Placed],
+        noise: u64,
+    ) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
-        self.run_once(s, &own, situation, &[], Step::USUAL.halved(), Some(noise), &mut |_, _| {})
+        self.run_once(s, &own, situation, further, Step::USUAL.halved(), Some(noise), &mut |_, _| {})
     }
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with
@@ -141,9 +147,10 @@ impl Model {
         &self,
         s: &[f64],
         situation: &Scenario,
+        further: &[Placed],
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
-        self.run_once(s, &self.drive.space().nominal(), situation, &[], Step::USUAL, None, lead)
+        self.run_once(s, &self.drive.space().nominal(), situation, further, Step::USUAL, None, lead)
     }
 
     #[allow(clippy::too_many_arguments)]

@@ -28,6 +28,7 @@ struct Scale {
 }
 
 /// The scales of all joints, and the largest for what sits elsewhere.
+#[derive(Clone)]
 pub(crate) struct Scales {
     joints: Vec<(String, String, Scale)>,
     whole: Scale,

@@ -1,9 +1,10 @@
 //! Logs of a robot that stands on its own feet, cut into short windows. Contact makes motion chaotic: a whole rollout leaves its
 //! log for good at the first foot that touches down a sample too late. So the robot is moved, at the beginning of every window,
 //! to where the log says it is. Joints are read by local parabolas. What nobody reads, the base's velocity and height, comes
-//! from a run of the model as it stands that is pulled towards all that is measured (an observer after D. G. Luenberger,
+//! from a run of the model that is pulled towards all that is measured (an observer after D. G. Luenberger,
 //! "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964, with constant gains).
 
+use crate::effect::Placed;
 use crate::engine::{Dynamics, State};
 use crate::model::{Model, Scenario};
 use crate::restart::Restart;
@@ -35,13 +36,19 @@ pub(crate) struct Windows {
     pub samples: Vec<Range<usize>>,
 }
 
-/// Cuts a log; `s` are the model's own values. A log that is too short for a window has none.
-pub(crate) fn cut(model: &Model, s: &[f64], situation: &Scenario, log: &Log) -> Result<Windows, WorldError> {
+/// Cuts a log, as the model sees it that has the values `s` and these effects. A log that is too short for a window has none.
+pub(crate) fn cut(
+    model: &Model,
+    s: &[f64],
+    effects: &[Placed],
+    situation: &Scenario,
+    log: &Log,
+) -> Result<Windows, WorldError> {
     let clock = log.clock_s();
     let count = ((log.duration_s() - SETTLE_S) / WINDOW_S).round().max(0.0) as usize;
     let length_s = (log.duration_s() - SETTLE_S) / count.max(1) as f64;
     let starts_s: Vec<f64> = (0..count).map(|k| SETTLE_S + length_s * k as f64).collect();
-    let restarts = observe(model, s, situation, log, &starts_s)?;
+    let restarts = observe(model, s, effects, situation, log, &starts_s)?;
     let sample = |time_s: f64| clock.partition_point(|t| t - clock[0] <= time_s + 1e-6);
     let samples = (0..restarts.len()).map(|k| {
         let end = restarts.get(k + 1).map_or(clock.len(), |next| sample(next.time_s));
@@ -117,6 +124,7 @@ impl<'a> Measured<'a> {
 fn observe(
     model: &Model,
     s: &[f64],
+    effects: &[Placed],
     situation: &Scenario,
     log: &Log,
     starts_s: &[f64],
@@ -137,7 +145,7 @@ fn observe(
             restarts.push(Restart { time_s, state });
         }
     };
-    model.led(s, situation, &mut lead)?;
+    model.led(s, situation, effects, &mut lead)?;
     Ok(restarts)
 }
 

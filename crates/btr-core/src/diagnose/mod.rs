@@ -143,7 +143,12 @@ pub struct Diagnosis {
 ///
 /// `None` where the model blows up as it stands.
 pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
-    let mut state = begin(bench, tell)?;
+    let state = begin(bench, tell)?;
+    Some(go_on(bench, question, state, tell))
+}
+
+/// Round after round; once something is found, with starts as the model that has it sees them.
+fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung)) -> Diagnosis {
     let mut cut_short = false;
     while state.chosen.len() < question.max_effects && is_worth_a_round(bench, &state) {
         cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
@@ -154,8 +159,14 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
         state.simplify(bench);
+        let explained = !is_worth_a_round(bench, &state);
+        if let Some(family) = (!explained).then(|| bench.family.seen_from(&state.fit.u)).flatten() {
+            let bench = Bench::at(&*family, &state.fit.u).counting(bench.rollouts());
+            state.look_again(&bench, tell);
+            return go_on(&bench, question, state, tell);
+        }
     }
-    Some(Diagnosis { cut_short, ..conclude(bench, question, state) })
+    Diagnosis { cut_short, ..conclude(bench, question, state) }
 }
 
 /// The model's own parameters at their best.
@@ -188,9 +199,11 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
 /// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
 fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
     let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
-    // Where motion is chaotic the noise floors have it in them.
-    let integrator = if bench.family.is_chaotic() { 0.0 } else { state.integrator };
-    squares > 1.0 + LEARNT_FALL / 2.0 + integrator.powi(2)
+    // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
+    if bench.family.is_chaotic() {
+        return squares > NOISE.powi(2);
+    }
+    squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
 /// Screens, races and judges; the winner if it is to be believed.

@@ -49,7 +49,10 @@ pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Optio
         if polished.len() < most {
             rival.fit.jacobian = None;
             rival.fit.solve(bench, if polished.is_empty() { LEADER } else { FOLLOWER });
-            reshape(bench, &mut rival);
+            // In contact every look takes long, and hardly anybody overtakes by it.
+            if !bench.family.is_chaotic() || rival.fit.squares() <= best {
+                reshape(bench, &mut rival);
+            }
             polished.push(rival);
         }
     }

@@ -5,8 +5,7 @@
 //! largest error alone; what is promising there is probed on all of them.
 
 use crate::family::{Candidate, Law};
-use crate::fit::together::{rows_near, shared};
-use crate::fit::{Bench, Fit, Logs, corrected};
+use crate::fit::{Bench, Fit, Logs, corrected, rows_near, shared};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// How large probes are.

@@ -154,6 +154,18 @@ impl State {
         Some(bare)
     }
 
+    /// Goes on beside a family that is seen from here.
+    pub(super) fn look_again(&mut self, bench: &Bench, tell: &dyn Fn(&Rung)) {
+        for fit in [&mut self.bare, &mut self.fit] {
+            if let Some(again) = Fit::at(bench, fit.active.clone(), fit.u.clone(), &[]) {
+                *fit = again;
+            }
+        }
+        self.integrator = self.fit.renew_step_error(bench);
+        self.fit.solve(bench, Effort::FULL);
+        self.climb(bench, "starts as it sees them".to_owned(), tell);
+    }
+
     /// Notes where the error is now.
     pub(super) fn climb(&mut self, bench: &Bench, step: String, tell: &dyn Fn(&Rung)) {
         let judged = !bench.logs(Logs::HeldOut).is_empty();

@@ -40,9 +40,20 @@ pub type Residual = Vec<f64>;
 impl<'a> Bench<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
     pub fn new(family: &'a dyn Family) -> Self {
+        Self::at(family, &vec![0.0; family.knobs().len()])
+    }
+
+    /// The same where what another start state does is answered by the model at a point.
+    pub fn at(family: &'a dyn Family, u: &[f64]) -> Self {
         let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
-        let (starts, rollouts) = Starts::at(family, &vec![0.0; family.knobs().len()]);
+        let (starts, rollouts) = Starts::at(family, u);
         Bench { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
+    }
+
+    /// Counts what was spent elsewhere.
+    pub(crate) fn counting(self, spent: usize) -> Self {
+        self.rollouts.fetch_add(spent, Ordering::Relaxed);
+        self
     }
 
     /// Simulated logs so far.

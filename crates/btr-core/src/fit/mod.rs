@@ -8,7 +8,7 @@ mod identifiable;
 pub(crate) mod judge;
 mod solve;
 mod start;
-pub(crate) mod together;
+mod together;
 
 pub use bench::{Bench, Logs, Residual, corrected, squares};
 pub use derivative::columns;
@@ -16,3 +16,4 @@ pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub use fitted::{Fitted, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use solve::{Effort, Ended, Fit, cost};
+pub use together::{rows_near, shared};

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// Changes that share a simulation, by the channels in which each is felt: first come, first served. What is felt everywhere
 /// (no channels) is alone.
-pub(crate) fn shared<'a>(near: impl Iterator<Item = &'a [String]>) -> Vec<Vec<usize>> {
+pub fn shared<'a>(near: impl Iterator<Item = &'a [String]>) -> Vec<Vec<usize>> {
     let mut shots: Vec<(Vec<usize>, Vec<&str>)> = Vec::new();
     for (index, near) in near.enumerate() {
         let free = |taken: &[&str]| !taken.is_empty() && near.iter().all(|name| !taken.contains(&name.as_str()));
@@ -23,7 +23,7 @@ pub(crate) fn shared<'a>(near: impl Iterator<Item = &'a [String]>) -> Vec<Vec<us
 }
 
 /// The rows of a log's residual in which a change is felt that is near these channels.
-pub(crate) fn rows_near(log: &Recorded, near: &[String]) -> Vec<Range<usize>> {
+pub fn rows_near(log: &Recorded, near: &[String]) -> Vec<Range<usize>> {
     if near.is_empty() {
         return std::iter::once(0..log.rows()).collect();
     }

@@ -1,6 +1,7 @@
 //! What is simulated beside what was measured, at any point of the family and from any start.
 
 use super::Beside;
+use crate::floor;
 use crate::robot::Base;
 use crate::windows;
 use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
@@ -64,6 +65,15 @@ impl Family for Beside {
 
     fn is_chaotic(&self) -> bool {
         self.parts.iter().any(|part| !part.windows.is_empty())
+    }
+
+    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+        if !self.is_chaotic() {
+            return None;
+        }
+        let mut other = self.clone();
+        other.begin(u).and_then(|()| floor::raise(&mut other, u)).ok()?;
+        Some(Box::new(other))
     }
 
     fn start_near(&self, log: usize, number: usize) -> &[String] {

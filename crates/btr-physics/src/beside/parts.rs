@@ -8,6 +8,7 @@ use std::ops::Range;
 const JUDGED_TAIL: f64 = 0.3;
 
 /// Some samples of a log that are learnt from or judged on together.
+#[derive(Clone)]
 pub(super) struct Part {
     pub scenario: usize,
     pub samples: Range<usize>,
