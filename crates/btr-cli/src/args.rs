@@ -2,7 +2,7 @@
 
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Evolve robot controllers and their simulator against each other.
 ///
@@ -173,6 +173,13 @@ pub(crate) struct Beside {
     /// Write what was found and plots of it into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
+}
+
+impl Beside {
+    /// Every file that is read.
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = &Path> {
+        std::iter::once(&self.model).chain(&self.logs).chain(&self.held_out).map(PathBuf::as_path)
+    }
 }
 
 #[derive(ClapArgs)]

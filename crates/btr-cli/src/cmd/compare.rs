@@ -1,5 +1,6 @@
 //! `btr compare`: where a model fails.
 
+use super::output::apart;
 use crate::args::{Compare, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report;
@@ -12,6 +13,7 @@ use btr_physics::experiment::{self, Replays, Source};
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// A channel that errs by more noise floors is not only noise.
@@ -39,6 +41,8 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
+    let inputs = std::iter::once(&args.model).chain(&args.logs).map(PathBuf::as_path);
+    apart(args.report.as_deref(), inputs)?;
     let mut source = Source::read(&args.model)?;
     source.set(&global.settings)?;
     let outcome = outcome(&source, args)?;

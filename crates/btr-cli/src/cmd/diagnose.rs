@@ -1,6 +1,7 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
+use super::output::apart;
 use crate::args::{Beside, Diagnose, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report::{self, Asked};
@@ -8,10 +9,11 @@ use crate::table::{Table, number};
 use btr_core::diagnose::{Question, Verdict};
 use btr_physics::io::{self, Meta};
 use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
+    apart(args.beside.report.iter().chain(&args.next).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
     let problem = Problem::new(source, &args.beside.logs, &args.beside.held_out)?;
     problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -39,9 +41,15 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
 
 /// The commands of the next experiment, for `btr simulate --log` and for the robot.
 fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
+    let rivals: Vec<&str> = report.effects.iter().flat_map(|found| &found.alike).map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
         Some(commands) => io::write_log(path, commands, &Meta::default())?,
-        None => eprintln!("no next experiment: nothing to tell apart, or no drive in the range of these logs does it"),
+        None if rivals.is_empty() => eprintln!("{} is not written: there is nothing to tell apart", path.display()),
+        None => eprintln!(
+            "{} is not written: no motion in the range of these logs tells what was found from {}",
+            path.display(),
+            rivals.join(", ")
+        ),
     }
     Ok(())
 }

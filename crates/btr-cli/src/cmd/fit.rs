@@ -2,6 +2,7 @@
 
 use super::add::write_text;
 use super::ladder;
+use super::output::apart;
 use crate::args::{Fit, Global};
 use crate::failure::Failure;
 use crate::report::{self, Asked};
@@ -9,9 +10,11 @@ use crate::table::{Table, number};
 use btr_core::family::Step;
 use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::verbs::{self, FitReport, Problem};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
+    apart(args.beside.report.iter().chain(&args.output).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
     let problem = Problem::with(source, &args.add, &args.beside.logs, &args.beside.held_out)?;
     problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));

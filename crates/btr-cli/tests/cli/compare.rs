@@ -115,3 +115,20 @@ fn check_tells_what_logs_are_worth() {
     assert!(told.contains("doubtful") && told.contains("q_hinge lacks 20.0 % of its samples"), "{told}");
     lab.ok("compare swing.toml holed.csv log.csv");
 }
+
+#[test]
+fn nothing_is_written_over_what_is_read() {
+    let lab = lab("coulomb_friction");
+    let (model, log) = (lab.read("swing.toml"), lab.read("log.csv"));
+    for arguments in [
+        "compare swing.toml log.csv --report log.csv",
+        "compare swing.toml log.csv --report ./swing.toml",
+        "simulate swing.toml --log log.csv -o log.csv",
+        "fit swing.toml log.csv -o swing.toml",
+        "diagnose swing.toml log.csv --next log.csv",
+        "convert log.csv log.csv",
+    ] {
+        assert!(lab.complaint(arguments).contains("would be written over"), "{arguments}");
+    }
+    assert!(lab.read("swing.toml") == model && lab.read("log.csv") == log);
+}

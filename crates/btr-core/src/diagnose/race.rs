@@ -18,7 +18,7 @@ const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
 
 /// The effort for each shape that is tried once more.
-const RESHAPED: Effort = Effort { jacobians: 1, steps: 6 };
+pub(super) const RESHAPED: Effort = Effort { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
 #[derive(Clone, Debug)]

@@ -1,11 +1,17 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
-use super::race::{CLOSE, FOLLOWER, Rival, race};
+use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, LEARNT_FALL, TIE};
 use super::{Found, Ranked, Rung, is_worth_a_round};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
+
+/// How far numbers are moved to begin anew: amplitudes by this share, shapes by so much of their coordinate...
+const SHAKEN: (f64, f64) = (0.15, 0.5);
+/// ... and how often at most, while the cost falls below this share each time.
+const SHAKES: usize = 3;
+const LOWER: f64 = 0.99;
 
 /// The base of a round and what was found so far.
 pub(super) struct State {
@@ -31,10 +37,35 @@ impl State {
         self.fit.solve(bench, Effort::FULL);
         if is_worth_a_round(bench, self) {
             self.fit.polish(bench);
+            self.shake(bench, found.candidate);
         }
         let step = format!("+ {}@{}", found.effect, found.site);
         self.chosen.push(found);
         self.climb(bench, step, tell);
+    }
+
+    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: begins anew on either side of
+    /// where each of the latest effect's numbers ended, as long as that leads lower.
+    fn shake(&mut self, bench: &Bench, candidate: usize) {
+        for _ in 0..SHAKES {
+            if bench.family.is_chaotic() || !is_worth_a_round(bench, self) {
+                return;
+            }
+            let own = &bench.family.candidates()[candidate];
+            let sides = own.knobs().flat_map(|knob| [-1.0, 1.0].map(|side| (knob, side)));
+            let begun = sides.filter_map(|(knob, side)| {
+                let mut u = self.fit.u.clone();
+                let away = if own.shapes.contains(&knob) { SHAKEN.1 } else { SHAKEN.0 * u[knob].abs() };
+                u[knob] = bench.family.knobs()[knob].clamp(u[knob] + side * away);
+                let mut fit = Fit::at(bench, self.fit.active.clone(), u, &self.fit.step_error)?;
+                fit.solve(bench, RESHAPED);
+                Some(fit)
+            });
+            let best = begun.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
+            best.solve(bench, FOLLOWER);
+            self.fit = best;
+        }
     }
 
     /// Drops earlier effects that the latest one has made superfluous.
