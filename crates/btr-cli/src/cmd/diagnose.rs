@@ -12,8 +12,8 @@ use std::process::ExitCode;
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
-    let problem = Problem::new(source, &args.beside.logs, &args.beside.held_out)?;
-    problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
+    let problem = Problem::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
     let Some((report, _)) = verbs::diagnose(&problem, question, &tell) else {
@@ -48,6 +48,7 @@ fn word_of(verdict: Verdict) -> String {
 fn show(report: &DiagnoseReport, args: &Diagnose) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
+    ladder::reserve(&report.doubts, &report.not_judged);
     for effect in &report.effects {
         println!(
             "\n{}@{}   probability {}   delta BIC {}",
@@ -84,12 +85,22 @@ fn sentence(report: &DiagnoseReport) -> String {
     let share = format!("{:.0} % of the squared error is not noise", 100.0 * report.unexplained_share);
     match (report.verdict, named.is_empty()) {
         (Verdict::EffectMissing, _) => format!("missing: {}", named.join("; ")),
-        (Verdict::NothingMissing, _) => "nothing is missing: what remains is noise".to_owned(),
+        (Verdict::NothingMissing, _) => format!("nothing is missing{}: what remains is noise", judged(report)),
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
             format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
         }
     }
+}
+
+/// The joints that a verdict is about, where these are not all.
+fn judged(report: &DiagnoseReport) -> String {
+    if report.not_judged.is_empty() {
+        return String::new();
+    }
+    let joints = report.noise_floor.iter().filter_map(|floor| floor.channel.split_once('_').map(|(_, joint)| joint));
+    let judged: Vec<&str> = joints.filter(|joint| !report.not_judged.iter().any(|other| other == joint)).collect();
+    format!(" on {}", judged.join(", "))
 }
 
 /// What the error looks like, ready to be pasted into the model.

@@ -147,27 +147,19 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
     }
     let near = |expected: f64| (ratio / expected - 1.0).abs() < NEAR;
     let degrees = 1f64.to_degrees();
-    let (topic, severity, what) = match () {
-        () if likeness.abs() < 0.5 => {
-            (Topic::Sign, Severity::Doubtful, format!("has little to do with the slope of q_{joint}"))
-        }
-        () if near(degrees) => {
-            (Topic::Unit, Severity::Bad, format!("is 57 times the slope of q_{joint}: is it in degrees?"))
-        }
-        () if near(degrees.recip()) => {
-            (Topic::Unit, Severity::Bad, format!("is a 57th of the slope of q_{joint}: is q_{joint} in degrees?"))
-        }
-        () if near(-1.0) => (
-            Topic::Sign,
-            Severity::Bad,
-            format!("has the opposite sign of the slope of q_{joint}: is one of them reversed?"),
-        ),
-        () if !(0.7..1.4).contains(&ratio) => (
-            Topic::Unit,
-            Severity::Doubtful,
-            format!("is {ratio:.2} times the slope of q_{joint}: do their units fit?"),
-        ),
+    let [q, dq] = ["q", "dq"].map(|kind| format!("{kind}_{joint}"));
+    let (topic, severity, suspect, what) = match () {
+        () if likeness.abs() < 0.5 => (Topic::Sign, Severity::Doubtful, &dq, "has little to do with".to_owned()),
+        () if near(degrees) => (Topic::Unit, Severity::Bad, &dq, "is 57 times".to_owned()),
+        () if near(degrees.recip()) => (Topic::Unit, Severity::Bad, &q, "is a 57th of".to_owned()),
+        () if near(-1.0) => (Topic::Sign, Severity::Bad, &dq, "has the opposite sign of".to_owned()),
+        () if !(0.7..1.4).contains(&ratio) => (Topic::Unit, Severity::Doubtful, &dq, format!("is {ratio:.2} times")),
         () => return None,
     };
-    Some(Finding::new(topic, severity, &format!("dq_{joint}"), format!("dq_{joint} {what}")))
+    let ask = match (topic, severity) {
+        (Topic::Unit, Severity::Bad) => format!(": is {suspect} in degrees?"),
+        (Topic::Sign, Severity::Bad) => ": is one of them reversed?".to_owned(),
+        _ => String::new(),
+    };
+    Some(Finding::new(topic, severity, suspect, format!("{dq} {what} the slope of {q}{ask}")))
 }

@@ -1,6 +1,6 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Floor, LadderStep, NextExperiment, Problem};
+use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
 use btr_core::fit::{Bench, Estimate};
@@ -85,6 +85,10 @@ pub struct DiagnoseReport {
     pub next_experiment: Option<NextExperiment>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
+    /// What makes the answer doubtful: the same checks as `check` makes.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: the answer is not about them.
+    pub not_judged: Vec<String>,
     /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
     pub at_bound: Vec<String>,
     /// Simulated logs.
@@ -109,6 +113,8 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         residual_law: residual_law(problem, &diagnosis),
         next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
+        doubts: problem.doubts.clone(),
+        not_judged: problem.not_judged.clone(),
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
