@@ -114,6 +114,6 @@ mod tests {
         assert_eq!(pieces(&log(0.01, 100, 39, 0.08)).len(), 1);
         // A slow log has no gap where one sample is missing.
         assert_eq!(pieces(&log(0.05, 100, 39, 0.1)).len(), 1);
-        assert_eq!(pieces(&Log::default()), Vec::<Range<usize>>::from([0..0]));
+        assert_eq!(pieces(&Log::default()), std::iter::once(0..0).collect::<Vec<_>>());
     }
 }

@@ -174,9 +174,12 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let indexed = format!(
         "{text}[logs]\nindex = \"index.csv\"\ncolumns = {{ \"mass@bob\" = {{ column = \"grams\", factor = 0.001 }} }}\n"
     );
-    let replays =
-        experiment::replays(&source(folder.path(), &indexed), &[gap.clone()], &[folder.path().join("whole.csv")])
-            .unwrap();
+    let replays = experiment::replays(
+        &source(folder.path(), &indexed),
+        std::slice::from_ref(&gap),
+        &[folder.path().join("whole.csv")],
+    )
+    .unwrap();
     let scenarios: Vec<_> = replays.model.scenarios.iter().map(|s| (s.name.as_str(), s.settings.len())).collect();
     assert_eq!(scenarios, [("gap from 0.0 s", 1), ("gap from 1.9 s", 1), ("whole", 0)]);
     assert_eq!((replays.model.learn, replays.logs.len(), replays.checked.len()), (2, 3, 2));

@@ -165,7 +165,7 @@ fn units_and_signs_that_do_not_fit_are_told_and_end_with_1() {
     scaled(&lab, "against.csv", &[DQ_KNEE], -1.0);
     says(&lab, "against.csv", 1, "bad: dq_knee has the opposite sign");
     scaled(&lab, "half.csv", &[DQ_KNEE], 0.5);
-    says(&lab, "half.csv", 0, "doubtful: dq_knee is 0.50 times the slope of q_knee");
+    says(&lab, "half.csv", 0, "doubtful: dq_knee is 0.49 times the slope of q_knee");
     scaled(&lab, "wide.csv", &[Q_HIP], 4.5);
     says(&lab, "wide.csv", 0, "doubtful: q_hip reaches");
 }

@@ -305,7 +305,7 @@ fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<
     let known = own.filter(|x| x.is_finite());
     let [min, max] = match (section.bounds, section.relative, known) {
         (Some(bounds), None, _) => bounds,
-        (None, Some(_), Some(0.0)) => return Err(nothing_to_be_relative_to(&name)),
+        (None, Some(_), Some(0.0)) => return Err(nothing_to_be_relative_to(name)),
         (None, Some([a, b]), Some(own)) => [a * own, b * own],
         (None, Some(_), None) => {
             return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
