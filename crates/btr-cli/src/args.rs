@@ -52,7 +52,8 @@ pub(crate) enum Verb {
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(Simulate),
     /// Judge logs before anything is fitted to them: clock, sensors, lags, and which numbers in doubt they can tell
-    #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv")]
+    #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
+        Exit code 1 where something in a log is bad: nothing that uses it can be trusted.")]
     Check(Check),
     /// Tell where a model fails: per channel, per joint and regime of motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \

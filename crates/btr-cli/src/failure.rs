@@ -1,5 +1,8 @@
 //! Errors at the edge: one message, one `help:` line, one exit code.
 
+use btr_core::check::Topic;
+use btr_core::world::WorldError;
+use btr_physics::verbs::{Doubt, ProblemError};
 use std::process::ExitCode;
 
 /// Exit code of a run that was done but missed the goal it was given.
@@ -8,6 +11,9 @@ pub(crate) const MISSED: u8 = 1;
 pub(crate) const INTERRUPTED: u8 = 130;
 /// Exit code of everything that cannot be done.
 const REFUSED: u8 = 2;
+
+/// A simulation that blows up sooner than this, in s, was wrong from the beginning.
+const AT_ONCE_S: f64 = 0.2;
 
 /// Why a verb could not do its work.
 #[derive(Debug)]
@@ -26,6 +32,34 @@ impl Failure {
     /// A command line that makes no sense.
     pub(crate) fn usage(message: impl Into<String>) -> Self {
         Failure::new("usage", message, None)
+    }
+
+    /// A question that cannot be asked about logs of which this is doubtful.
+    pub(crate) fn problem(error: ProblemError, doubts: &[Doubt]) -> Self {
+        let (message, help) = (error.to_string(), error.help());
+        match error {
+            ProblemError::File(error) => error.into(),
+            ProblemError::World(error) => Failure::simulation(&error, doubts),
+            ProblemError::Add(error) => error.into(),
+            ProblemError::Still | ProblemError::Blind => Failure::new("log", message, help),
+        }
+    }
+
+    /// A simulation that could not be done, of logs of which this is doubtful.
+    pub(crate) fn simulation(error: &WorldError, doubts: &[Doubt]) -> Self {
+        let unit = doubts.iter().find(|doubt| doubt.finding.topic == Topic::Unit);
+        let help = match (error, unit) {
+            (WorldError::BlewUp { time_s, .. }, Some(doubt)) if *time_s < AT_ONCE_S => {
+                let (channel, sentence) = (&doubt.finding.channel, &doubt.finding.sentence);
+                let ending = if channel.starts_with("dq_") { "_deg_s" } else { "_deg" };
+                Some(format!("{sentence} A column called {channel}{ending} is read in degrees"))
+            }
+            (WorldError::BlewUp { .. }, _) => {
+                Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
+            }
+            _ => None,
+        };
+        Failure::new("simulation", error.to_string(), help)
     }
 
     /// Says it on stderr, or as a JSON document on stdout.
@@ -61,26 +95,9 @@ impl From<btr_physics::io::IoError> for Failure {
     }
 }
 
-impl From<btr_core::world::WorldError> for Failure {
-    fn from(error: btr_core::world::WorldError) -> Self {
-        let help = match &error {
-            btr_core::world::WorldError::BlewUp { .. } => {
-                Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
-            }
-            _ => None,
-        };
-        Failure::new("simulation", error.to_string(), help)
-    }
-}
-
-impl From<btr_physics::verbs::ProblemError> for Failure {
-    fn from(error: btr_physics::verbs::ProblemError) -> Self {
-        use btr_physics::verbs::ProblemError;
-        match error {
-            ProblemError::File(error) => error.into(),
-            ProblemError::World(error) => error.into(),
-            ProblemError::Add(error) => error.into(),
-        }
+impl From<WorldError> for Failure {
+    fn from(error: WorldError) -> Self {
+        Failure::simulation(&error, &[])
     }
 }
 

@@ -21,6 +21,7 @@ pub mod noise;
 pub mod random;
 pub mod search;
 mod settings;
+pub mod silence;
 pub mod smooth;
 pub mod space;
 pub mod stats;

@@ -135,6 +135,18 @@ impl Log {
         self
     }
 
+    /// Some samples of the log, at their times.
+    #[must_use]
+    pub fn part(&self, samples: std::ops::Range<usize>) -> Log {
+        let cut = |channel: &Channel| Channel {
+            unit: channel.unit.clone(),
+            role: channel.role,
+            values: channel.values[samples.clone()].to_vec(),
+        };
+        let channels = self.channels.iter().map(|(name, channel)| (name.clone(), cut(channel))).collect();
+        Log { clock_s: self.clock_s[samples.clone()].to_vec(), channels }
+    }
+
     /// The usual time between two samples, in seconds: the mean, in which jitter cancels, over all steps that are no gaps
     /// (longer than one and a half medians). `None` with fewer than two samples.
     pub fn usual_step_s(&self) -> Option<f64> {

@@ -15,6 +15,8 @@ pub struct Noise {
     pub quantum: f64,
     /// Least standard deviation that is believed; above zero.
     least: f64,
+    /// What is taken for it where the readings show none.
+    assumed: f64,
 }
 
 /// Orders of the differences that are tried.
@@ -23,6 +25,9 @@ const ORDERS: std::ops::RangeInclusive<usize> = 3..=10;
 const BLOCK: usize = 32;
 /// No sensor resolves a smaller share of the range it shows.
 const FINEST: f64 = 1e-5;
+/// Readings without noise are taken to be as good as those of a good sensor: this share of the range, about what 13 bits resolve.
+/// It makes errors in multiples of it neither absurd nor blind.
+const ASSUMED: f64 = 1e-4;
 
 impl Noise {
     /// Estimated from readings alone; NaN are missing samples. `None` when fewer than a dozen readings are there.
@@ -37,12 +42,19 @@ impl Noise {
         // The differences see quantisation as well, as soon as the motion runs through its steps.
         let white = if rough.is_finite() { (rough * rough - quantum * quantum / 12.0).max(0.0).sqrt() } else { 0.0 };
         let least = FINEST * (high - low).max(FINEST * high.abs().max(low.abs())).max(f64::MIN_POSITIVE / FINEST);
-        Some(Noise { white, quantum, least })
+        // A channel that stands still has no range; in SI units, a good sensor's is about one.
+        let assumed = ASSUMED * if high > low { high - low } else { 1.0 };
+        Some(Noise { white, quantum, least, assumed })
     }
 
     /// The standard deviation of a reading, quantisation included: sigma² = white² + quantum²/12, never zero.
     pub fn sigma(&self) -> f64 {
         (self.white.powi(2) + self.quantum.powi(2) / 12.0).sqrt().max(self.least)
+    }
+
+    /// What errors are measured in: the standard deviation, or one that is assumed where the readings show no noise.
+    pub fn floor(&self) -> f64 {
+        if self.is_negligible() { self.assumed.max(self.sigma()) } else { self.sigma() }
     }
 
     /// True for readings that err by nothing that could be noticed: those of a simulation.
@@ -145,6 +157,7 @@ mod tests {
         for values in [motion(1000), vec![0.0; 50], vec![3.0; 50]] {
             let noise = Noise::of(&values).unwrap();
             assert!(noise.sigma() > 0.0 && noise.is_negligible(), "{noise:?}");
+            assert!(noise.floor() >= 1e-4 && noise.floor() < 1e-3, "{noise:?}");
         }
         assert!(!Noise::of(&noisy(500, 1e-4, 0.0)).unwrap().is_negligible());
         assert!(Noise::of(&[1.0; 5]).is_none() && Noise::of(&[f64::NAN; 50]).is_none());

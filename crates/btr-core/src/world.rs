@@ -17,7 +17,7 @@ pub struct Behaviour {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldError {
     /// The state stopped being finite or left every sensible range.
-    #[error("the simulation blew up at t = {time_s} s: {what}")]
+    #[error("the simulation blew up at t = {} s: {what}", rounded(*time_s))]
     BlewUp {
         /// Simulated time at which it was noticed.
         time_s: f64,
@@ -36,6 +36,11 @@ pub enum WorldError {
     /// A log that lacks something.
     #[error(transparent)]
     Log(#[from] LogError),
+}
+
+/// To a tenth of a millisecond.
+fn rounded(time_s: f64) -> f64 {
+    (1e4 * time_s).round() / 1e4
 }
 
 /// A family of simulations and the task set in them.

@@ -16,7 +16,7 @@ use crate::term::{self, Extent, Term};
 use crate::windows::{self, Windows};
 use btr_core::diagnose::ResidualLaw;
 use btr_core::family::{Candidate, Family, Feature, Knob, Measured, Recorded, Step};
-use btr_core::log::{Log, Role};
+use btr_core::log::{Channel, Log, Role};
 use btr_core::world::WorldError;
 use knobs::{in_doubt, knob, own};
 use parts::{Part, parts, whole};
@@ -31,6 +31,8 @@ pub struct Beside {
     recorded: Vec<Log>,
     /// The model's scenarios, with the restarts that the logs call for.
     situations: Vec<Scenario>,
+    /// The logs' clocks, as laws count time.
+    clocks_s: Vec<Vec<f64>>,
     parts: Vec<Part>,
     knobs: Vec<Knob>,
     doubtful: Vec<usize>,
@@ -125,6 +127,7 @@ impl Beside {
             scales,
             parts,
             situations: model.scenarios.clone(),
+            clocks_s: model.scenarios.iter().zip(&recorded).map(by_laws).collect(),
             model,
             recorded,
         })
@@ -163,6 +166,12 @@ impl Beside {
         let name = format!("q_{joint}");
         let channel = log.channel(&name);
         channel.and_then(|channel| self.model.setup.noise.floor(&name, &channel.values)).unwrap_or(0.0)
+    }
+
+    /// Whether a channel's noise floor is a guess, in the first log that has the channel.
+    pub(crate) fn is_assumed(&self, name: &str) -> bool {
+        let first = self.recorded.iter().find_map(|log| log.channel(name));
+        first.is_some_and(|channel| self.model.setup.noise.is_assumed(name, &channel.values))
     }
 
     /// The model as it stands.
@@ -269,7 +278,8 @@ impl Beside {
         let (mut channels, mut present) = (Vec::new(), 0);
         let mut start = 0;
         for name in compared(&self.model) {
-            let Some(channel) = recorded.channel(&name).filter(|c| c.role == Role::Measured) else { continue };
+            let there = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
+            let Some(channel) = recorded.channel(&name).filter(there) else { continue };
             let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
@@ -380,12 +390,14 @@ impl Beside {
     }
 }
 
+/// The clock of a log, as laws count time.
+fn by_laws((scenario, log): (&Scenario, &Log)) -> Vec<f64> {
+    log.clock_s().iter().map(|t| scenario.begins_s + t).collect()
+}
+
 /// Names of the channels that are compared.
 fn compared(model: &Model) -> impl Iterator<Item = String> {
-    let joints = model.robot.movable().map(|(_, link)| match link.joint.actuator {
-        Actuator::Prescribed => format!("tau_{}", link.joint.name),
-        _ => format!("q_{}", link.joint.name),
-    });
+    let joints = model.robot.movable().map(|(_, link)| link.joint.compared());
     let floating = model.robot.base == Base::Floating && model.setup.sensors.imu;
     joints.chain(["x", "y", "z"].into_iter().filter(move |_| floating).map(|axis| format!("imu_gyro_{axis}")))
 }

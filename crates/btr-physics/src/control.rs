@@ -14,6 +14,8 @@ pub(crate) struct Control<'a> {
     reference: Reference<'a>,
     joints: Vec<JointControl>,
     dt_s: f64,
+    /// When the run begins, by the clock of laws.
+    begins_s: f64,
     /// Whether any effect acts on all joints at once; only then the load is summed up.
     coupled: bool,
     /// Sum of the sizes of all motors' torques in the last step.
@@ -84,7 +86,8 @@ impl<'a> Control<'a> {
         let coupled = effects.iter().any(|placed| placed.effect.card().site == SiteKind::Robot);
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
-        Ok(Control { reference, joints, dt_s: setup.dt_s, coupled, load: 0.0, needed })
+        let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
+        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed })
     }
 
     /// Takes in the references that are valid at `time_s`.
@@ -115,7 +118,18 @@ impl<'a> Control<'a> {
             let acceleration = joint.before.map_or(0.0, |before| (dq - before) / dt_s);
             joint.before = Some(dq);
             let midway = engine.midway();
-            let state = JointState { time_s, dt_s, q, dq, acceleration, midway, inertia, torque, load, command };
+            let state = JointState {
+                time_s: self.begins_s + time_s,
+                dt_s,
+                q,
+                dq,
+                acceleration,
+                midway,
+                inertia,
+                torque,
+                load,
+                command,
+            };
             let dof = match course.filter(|_| engine.leads()) {
                 Some(course) => joint.follow(course, &state),
                 None => joint.act(&state),

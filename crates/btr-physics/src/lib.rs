@@ -7,6 +7,7 @@ mod articulated;
 mod assemble;
 pub mod augment;
 pub mod beside;
+mod check;
 mod control;
 pub mod drive;
 pub mod effect;

@@ -27,6 +27,8 @@ pub struct Scenario {
     pub replay: Option<Arc<crate::drive::Replay>>,
     /// T_e in s.
     pub duration_s: f64,
+    /// When it begins, in s on the clock by which laws count time: what follows a gap of a log begins late.
+    pub begins_s: f64,
     /// What is known of this situation: payload, gain, supply voltage, ...
     pub settings: Vec<(Target, f64)>,
     /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
@@ -236,6 +238,7 @@ impl Model {
             target.set(value, &mut robot, &mut effects, &mut setup);
         }
         setup.duration_s = situation.duration_s;
+        setup.begins_s = situation.begins_s;
         setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();
         place(&mut robot, &situation.start);
         (robot, effects, setup)

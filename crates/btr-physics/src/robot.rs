@@ -248,6 +248,14 @@ impl Joint {
         }
     }
 
+    /// The channel of a log that its simulation is compared with: its torque where its motion is given.
+    pub fn compared(&self) -> String {
+        match self.actuator {
+            Actuator::Prescribed => format!("tau_{}", self.name),
+            _ => format!("q_{}", self.name),
+        }
+    }
+
     /// Unit of its position: rad, or m for slides.
     pub fn position_unit(&self) -> &'static str {
         if self.kind == JointKind::Prismatic { "m" } else { "rad" }

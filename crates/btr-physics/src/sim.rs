@@ -89,6 +89,8 @@ pub struct Setup {
     pub substeps: usize,
     /// Simulated time, in s.
     pub duration_s: f64,
+    /// When it begins, in s on the clock by which laws count time; drives and logs count from zero.
+    pub begins_s: f64,
     /// Time between two references of the drive, in s.
     pub control_s: f64,
     /// Whether joints are led linearly from one reference to the next; held otherwise. Prescribed joints are always led.
@@ -118,6 +120,7 @@ impl Default for Setup {
             dt_s: 0.001,
             substeps: 1,
             duration_s: 2.0,
+            begins_s: 0.0,
             control_s: 0.055,
             interpolate: false,
             sample_s: None,

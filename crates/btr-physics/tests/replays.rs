@@ -121,3 +121,84 @@ fn a_prescribed_joint_weighs_what_it_carries_without_its_servo() {
     let (torque, error) = needed(folder.path(), &path, &heavy);
     assert!(error > 0.3 * torque, "{error} of {torque} N·m");
 }
+
+/// A log of the swing in which some samples are changed or left out.
+fn edited(folder: &Path, name: &str, change: impl Fn(usize, &mut Vec<String>) -> bool) -> PathBuf {
+    let text = std::fs::read_to_string(&recorded(folder)[0]).unwrap();
+    let rows = text.lines().enumerate().filter_map(|(k, line)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        change(k, &mut cells).then(|| cells.join(","))
+    });
+    let path = folder.join(name);
+    std::fs::write(&path, rows.collect::<Vec<_>>().join("\n")).unwrap();
+    path
+}
+
+#[test]
+fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |from: usize, to: usize, as_text: &dyn Fn(&str) -> String| {
+        let held = std::cell::RefCell::new(String::new());
+        let path = edited(folder.path(), "edited.csv", |k, cells| {
+            match (from..to).contains(&k) {
+                true => cells[1] = as_text(&held.borrow()),
+                false => held.borrow_mut().clone_from(&cells[1]),
+            }
+            true
+        });
+        let replays = experiment::replays(&source(folder.path(), MODEL), &[path], &[]).unwrap();
+        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::Usual).unwrap();
+        log.values("q_hinge").unwrap().to_vec()
+    };
+    let (empty, last) = (|_: &str| String::new(), |held: &str| held.to_owned());
+    assert_eq!(told(40, 45, &empty), told(40, 45, &last));
+    let (off, held) = (told(40, 46, &empty), told(40, 46, &last));
+    assert!(off.iter().zip(&held).any(|(a, b)| (a - b).abs() > 1e-4));
+}
+
+#[test]
+fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = MODEL.replace("duration_s = 1.0", "duration_s = 3.0");
+    let model = experiment::model(&source(folder.path(), &text)).unwrap();
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let whole = model.simulate(&s, &c, 0, Some(1)).unwrap();
+    let path = folder.path().join("whole.csv");
+    io::write_log(&path, &whole, &Meta::default()).unwrap();
+    let kept = |k: usize| k == 0 || !(100..140).contains(&k) && !(150..190).contains(&k);
+    let rows = std::fs::read_to_string(&path).unwrap();
+    let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
+    let gap = folder.path().join("gap.csv");
+    std::fs::write(&gap, rows.join("\n")).unwrap();
+    std::fs::write(folder.path().join("index.csv"), "file,grams\ngap.csv,2000\n").unwrap();
+    let indexed = format!(
+        "{text}[logs]\nindex = \"index.csv\"\ncolumns = {{ \"mass@bob\" = {{ column = \"grams\", factor = 0.001 }} }}\n"
+    );
+    let replays = experiment::replays(
+        &source(folder.path(), &indexed),
+        std::slice::from_ref(&gap),
+        &[folder.path().join("whole.csv")],
+    )
+    .unwrap();
+    let scenarios: Vec<_> = replays.model.scenarios.iter().map(|s| (s.name.as_str(), s.settings.len())).collect();
+    assert_eq!(scenarios, [("gap from 0.0 s", 1), ("gap from 1.9 s", 1), ("whole", 0)]);
+    assert_eq!((replays.model.learn, replays.logs.len(), replays.checked.len()), (2, 3, 2));
+    assert!(replays.warnings.iter().any(|w| w.contains("10 samples between gaps from 1.390 s on: too short")));
+    assert!(replays.logs[1].clock_s()[0].abs() < 1e-12 && (replays.model.scenarios[1].begins_s - 1.89).abs() < 1e-9);
+    // A law that swings with time swings on after the gap as it does in the whole log.
+    let swinging = format!(
+        "{text}[[effects]]\neffect = \"formula\"\nsite = \"hinge\"\non = \"torque\"\nlaw = \"a*sin(9*t)\"\na = 2.0\n"
+    );
+    let swinging = source(folder.path(), &swinging);
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let real = experiment::model(&swinging).unwrap().simulate(&s, &c, 0, Some(1)).unwrap();
+    io::write_log(&path, &real, &Meta::default()).unwrap();
+    let rows = std::fs::read_to_string(&path).unwrap();
+    let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
+    std::fs::write(&gap, rows.join("\n")).unwrap();
+    let replays = experiment::replays(&swinging, &[gap], &[]).unwrap();
+    let again = replays.model.rollout(&s, 1, &[], Step::Usual).unwrap();
+    let pairs = again.values("q_hinge").unwrap().iter().zip(replays.logs[1].values("q_hinge").unwrap());
+    let furthest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(furthest < 0.02, "{furthest}");
+}

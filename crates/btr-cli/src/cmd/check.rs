@@ -1,10 +1,10 @@
 //! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
 
 use crate::args::{Check, Global};
-use crate::failure::Failure;
+use crate::failure::{Failure, MISSED};
 use crate::table::{Table, maybe, number};
-use btr_core::check::{self, Quality, Severity};
-use btr_physics::experiment::{self, Source};
+use btr_core::check::{self, Severity};
+use btr_physics::experiment::{self, Checked, Source};
 use btr_physics::verbs::{self, CheckReport, Told};
 use serde_json::{Value, json};
 use std::process::ExitCode;
@@ -13,22 +13,20 @@ pub(crate) fn run(args: &Check, global: &Global) -> Result<ExitCode, Failure> {
     let mut source = Source::read(&args.model)?;
     source.set(&global.settings)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
-    let names: Vec<String> = args.logs.iter().map(|path| path.display().to_string()).collect();
     let warnings = replays.warnings.clone();
     let report = verbs::check(replays);
     if global.json {
-        println!("{}", document(&names, &report, &warnings)?);
-        return Ok(ExitCode::SUCCESS);
+        println!("{}", document(&report, &warnings)?);
+    } else {
+        warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
+        report.logs.iter().for_each(|log| println!("{}\n", text(log, global.verbose)));
+        println!("{}", identifiability(&report.told));
     }
-    warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
-    for (name, quality) in names.iter().zip(&report.logs) {
-        println!("{}\n", text(name, quality, global.verbose));
-    }
-    println!("{}", identifiability(&report.told));
-    Ok(ExitCode::SUCCESS)
+    let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
+    Ok(if bad { ExitCode::from(MISSED) } else { ExitCode::SUCCESS })
 }
 
-fn word(severity: Severity) -> &'static str {
+pub(super) fn word(severity: Severity) -> &'static str {
     match severity {
         Severity::Fine => "fine",
         Severity::Doubtful => "doubtful",
@@ -36,8 +34,8 @@ fn word(severity: Severity) -> &'static str {
     }
 }
 
-fn text(name: &str, quality: &Quality, verbose: bool) -> String {
-    let mut lines = vec![format!("{name}: {}", word(quality.worst()))];
+fn text(Checked { log, quality }: &Checked, verbose: bool) -> String {
+    let mut lines = vec![format!("{log}: {}", word(quality.worst()))];
     lines.extend(quality.findings.iter().map(|f| format!("  {:<9} {}", word(f.severity), f.sentence)));
     if verbose {
         let mut table = Table::new(&["channel", "unit", "min", "max", "noise", "step", "missing %"]);
@@ -69,12 +67,12 @@ fn identifiability(told: &Told) -> String {
     lines.join("\n")
 }
 
-fn document(names: &[String], report: &CheckReport, warnings: &[String]) -> Result<Value, Failure> {
+fn document(report: &CheckReport, warnings: &[String]) -> Result<Value, Failure> {
     let joint = |j: &check::Follows| {
         let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
         json!({ "joint": j.joint, "command_lag": lag })
     };
-    let log = |(name, quality): (&String, &Quality)| {
+    let log = |Checked { log: name, quality }: &Checked| {
         json!({
             "log": name,
             "verdict": quality.worst(),
@@ -84,7 +82,7 @@ fn document(names: &[String], report: &CheckReport, warnings: &[String]) -> Resu
             "findings": quality.findings,
         })
     };
-    let logs: Vec<Value> = names.iter().zip(&report.logs).map(log).collect();
+    let logs: Vec<Value> = report.logs.iter().map(log).collect();
     let mut document = json!({ "ok": true, "logs": logs, "warnings": warnings });
     let told = serde_json::to_value(&report.told).map_err(|e| Failure::new("output", e.to_string(), None))?;
     if let (Some(document), Value::Object(told)) = (document.as_object_mut(), told) {

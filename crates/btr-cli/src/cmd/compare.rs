@@ -1,5 +1,6 @@
 //! `btr compare`: where a model fails.
 
+use super::ladder;
 use super::output::apart;
 use crate::args::{Compare, Global};
 use crate::failure::{Failure, MISSED};
@@ -10,6 +11,7 @@ use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::experiment::{self, Replays, Source};
+use btr_physics::verbs;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -73,8 +75,9 @@ fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
         let run = |step| model.simulate_in_steps(&s, &c, k, None, step);
         Ok((run(Step::USUAL)?, run(Step::USUAL.halved())?))
     };
+    let blown = |e: WorldError| Failure::simulation(&e, &verbs::doubts(&replays));
     let simulated: Vec<(Log, Log)> =
-        (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
+        (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>().map_err(blown)?;
     let names: Vec<String> = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
     let episodes: Vec<Episode> = names
         .iter()
@@ -144,7 +147,11 @@ fn text(outcome: &Outcome, most: usize) -> String {
     for cell in failures.iter().take(most) {
         let share = format!("{:.0} % of the squared error", 100.0 * cell.share);
         lines.push(format!("  {}", cell.hint));
-        lines.push(format!("    {share}; most of it in {} from {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
+        lines.push(format!("    {share}; most of it in {}, at {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
+    }
+    let not_judged = outcome.replays.not_judged();
+    if !not_judged.is_empty() {
+        lines.push(ladder::unmeasured(&not_judged));
     }
     if outcome.integrator_error() > 0.5 {
         let error = number(outcome.integrator_error());
@@ -189,6 +196,7 @@ fn document(outcome: &Outcome) -> Value {
         "channels": outcome.comparison.channels.iter().map(channel).collect::<Vec<_>>(),
         "failures": outcome.comparison.failures().iter().map(failure).collect::<Vec<_>>(),
         "integrator_error": outcome.integrator_error(),
+        "not_judged": outcome.replays.not_judged(),
         "warnings": outcome.replays.warnings,
     })
 }

@@ -15,8 +15,8 @@ use std::process::ExitCode;
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
     apart(args.beside.report.iter().chain(&args.next).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
-    let problem = Problem::new(source, &args.beside.logs, &args.beside.held_out)?;
-    problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
+    let problem = Problem::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
     let Some((report, diagnosis)) = verbs::diagnose(&problem, question, &tell) else {
@@ -61,6 +61,7 @@ fn word_of(verdict: Verdict) -> String {
 fn show(report: &DiagnoseReport, args: &Diagnose) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
+    ladder::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         println!(
             "\n{}@{}   probability {}   delta BIC {}",
@@ -98,13 +99,30 @@ fn sentence(report: &DiagnoseReport) -> String {
     let named: Vec<String> = report.effects.iter().map(|e| format!("{} on {}", e.effect, e.site)).collect();
     let share = format!("{:.0} % of the squared error is not noise", 100.0 * report.unexplained_share);
     match (report.verdict, named.is_empty()) {
-        (Verdict::EffectMissing, _) => format!("missing: {}", named.join("; ")),
-        (Verdict::NothingMissing, _) => "nothing is missing: what remains is noise".to_owned(),
+        (Verdict::EffectMissing, _) => format!("missing: {}{}", named.join("; "), unsure(report)),
+        (Verdict::NothingMissing, _) => format!("nothing is missing{}: what remains is noise", judged(report)),
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
             format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
         }
     }
+}
+
+/// Where a name is less likely than not: which others it may be.
+fn unsure(report: &DiagnoseReport) -> String {
+    let unsure = report.effects.iter().filter(|found| found.probability < 0.5);
+    let others: Vec<&str> = unsure.flat_map(|found| &found.alike).map(String::as_str).collect();
+    if others.is_empty() { String::new() } else { format!(", or one of {}: these logs cannot tell", others.join(", ")) }
+}
+
+/// The joints that a verdict is about, where these are not all.
+fn judged(report: &DiagnoseReport) -> String {
+    if report.not_judged.is_empty() {
+        return String::new();
+    }
+    let joints = report.noise_floor.iter().filter_map(|floor| floor.channel.split_once('_').map(|(_, joint)| joint));
+    let judged: Vec<&str> = joints.filter(|joint| !report.not_judged.iter().any(|other| other == joint)).collect();
+    format!(" on {}", judged.join(", "))
 }
 
 /// What the error looks like, ready to be pasted into the model.
@@ -121,6 +139,9 @@ pub(crate) fn fit_command(report: &DiagnoseReport, args: &Beside) -> Option<Stri
         return None;
     }
     let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
-    let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
-    Some(format!("btr fit {} {} {} -o fitted.toml", args.model.display(), logs.join(" "), adds.join(" ")))
+    let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
+    let held_out =
+        if args.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(&args.held_out)) };
+    let (model, logs, adds) = (args.model.display(), paths(&args.logs), adds.join(" "));
+    Some(format!("btr fit {model} {logs}{held_out} {adds} -o fitted.toml"))
 }

@@ -16,8 +16,9 @@ use std::process::ExitCode;
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
     apart(args.beside.report.iter().chain(&args.output).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
-    let problem = Problem::with(source, &args.add, &args.beside.logs, &args.beside.held_out)?;
-    problem.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
+    let problem = Problem::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
+        .map_err(|e| Failure::problem(e, &doubts))?;
     let space = &problem.beside.model().simulations;
     if space.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
@@ -59,6 +60,7 @@ fn show(report: &FitReport) {
     if let Some(why) = &report.withheld {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");
     }
+    ladder::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for direction in &report.null_directions {
         println!("\n{}", direction.sentence);
     }

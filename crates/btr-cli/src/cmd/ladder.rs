@@ -1,11 +1,13 @@
 //! The error's fall, as `diagnose` and `fit` show it while it happens.
 
+use crate::args::Beside;
 use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
+use btr_core::check::Severity;
 use btr_core::fit::Estimate;
-use btr_physics::experiment::Source;
-use btr_physics::verbs::{Floor, LadderStep};
+use btr_physics::experiment::{self, Replays, Source};
+use btr_physics::verbs::{self, Doubt, Floor, LadderStep};
 use std::path::Path;
 
 /// The model's text with the settings of the command line.
@@ -13,6 +15,45 @@ pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
     let mut source = Source::read(model)?;
     source.set(&global.settings)?;
     Ok(source)
+}
+
+/// Reads the logs and tells on stderr what is odd about them, before anything is made of them.
+pub(crate) fn replays(source: &Source, beside: &Beside, global: &Global) -> Result<(Replays, Vec<Doubt>), Failure> {
+    let replays = experiment::replays(source, &beside.logs, &beside.held_out)?;
+    let doubts = verbs::doubts(&replays);
+    if !global.quiet {
+        replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        doubts.iter().for_each(|doubt| eprintln!("{}", line(doubt)));
+    }
+    Ok((replays, doubts))
+}
+
+pub(crate) fn line(Doubt { log, finding }: &Doubt) -> String {
+    format!("{}: {log}: {}", super::check::word(finding.severity), finding.sentence)
+}
+
+/// What keeps an answer from being believed or from being complete, in sentences to stand below it.
+pub(crate) fn reserve(doubts: &[Doubt], not_judged: &[String]) -> Vec<String> {
+    let mut sentences = Vec::new();
+    if !not_judged.is_empty() {
+        sentences.push(unmeasured(not_judged));
+    }
+    let bad = doubts.iter().any(|doubt| doubt.finding.severity == Severity::Bad);
+    match doubts.len() {
+        0 => {}
+        _ if bad => {
+            sentences.push("do not believe this: something in the logs is bad, as `btr check` tells".to_owned());
+        }
+        1 => sentences.push("the logs leave 1 doubt, which may be behind this: `btr check` tells".to_owned()),
+        many => sentences.push(format!("the logs leave {many} doubts, which may be behind this: `btr check` tells")),
+    }
+    sentences
+}
+
+/// Joints that nothing can be said about.
+pub(crate) fn unmeasured(joints: &[String]) -> String {
+    let was = if joints.len() == 1 { "was" } else { "were" };
+    format!("{} {was} not measured, and so not judged", joints.join(", "))
 }
 
 /// Tells a step on stderr as it is reached.
@@ -35,7 +76,8 @@ pub(crate) fn table(ladder: &[LadderStep]) -> Table {
 
 /// The noise floors in a line.
 pub(crate) fn floors(floors: &[Floor]) -> String {
-    let each = floors.iter().map(|floor| format!("{} {} {}", floor.channel, number(floor.sigma), floor.unit));
+    let assumed = |floor: &Floor| if floor.assumed { " (assumed: its readings show no noise)" } else { "" };
+    let each = floors.iter().map(|f| format!("{} {} {}{}", f.channel, number(f.sigma), f.unit, assumed(f)));
     format!("noise floor: {}", each.collect::<Vec<_>>().join(", "))
 }
 

@@ -23,6 +23,7 @@ pub(crate) fn report(asked: &Asked, found: &DiagnoseReport, u: &[f64]) -> Result
         let names = found.at_bound.join(", ");
         lead.push(Block::Text(format!("At their bounds: {names}. Widen them before you believe this.")));
     }
+    lead.extend(asked.reserve());
     lead.extend(fit_command(found, asked.args).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
     sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));

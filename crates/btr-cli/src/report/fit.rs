@@ -13,7 +13,9 @@ use btr_physics::verbs::FitReport;
 
 /// `u` is the point of the family that was found.
 pub(crate) fn report(asked: &Asked, found: &FitReport, u: &[f64]) -> Result<Report, Failure> {
-    let lead = Section { title: "Result".to_owned(), blocks: vec![Block::Lead(sentence(found)), asked.told()] };
+    let mut blocks = vec![Block::Lead(sentence(found)), asked.told()];
+    blocks.extend(asked.reserve());
+    let lead = Section { title: "Result".to_owned(), blocks };
     let mut ladder = fall(&found.error_ladder);
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
     let mut sections = vec![lead, ladder, values(asked, found)];

@@ -3,6 +3,7 @@
 use super::joints::Beside;
 use super::{Block, Section};
 use crate::args;
+use crate::cmd::ladder::{line, reserve};
 use crate::failure::Failure;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
@@ -39,6 +40,11 @@ impl Asked<'_> {
             "{model} beside {logs}, judged on {judges}. Errors are in multiples of the sensors' noise floor: 1 is \
              as good as any model can be."
         ))
+    }
+
+    /// What keeps the answer from being believed or from being complete.
+    pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
+        reserve(&self.problem.doubts, &self.problem.not_judged).into_iter().map(Block::Text)
     }
 
     /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
@@ -123,8 +129,8 @@ pub(super) fn fine_print(problem: &Problem, floors: &[Floor], integrator: &str, 
     let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
     let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
-    let warnings = (!problem.warnings.is_empty()).then(|| Block::List(problem.warnings.clone()));
-    let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(warnings);
+    let doubts = (!problem.doubts.is_empty()).then(|| Block::List(problem.doubts.iter().map(line).collect()));
+    let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(doubts);
     Section { title: "What this rests on".to_owned(), blocks: blocks.collect() }
 }
 

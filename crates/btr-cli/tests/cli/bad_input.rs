@@ -209,12 +209,15 @@ fn logs() {
     let csv = [
         "",
         "t,cmd_hinge,q_hinge\n",
-        "t,cmd_knee,q_knee\n0,0,0\n1,0,0\n",
-        "t,cmd_hinge\n0,0\n1,0\n",
+        "t,cmd_knee,q_knee\n0,0,0\n0.1,0,0\n",
+        "t,cmd_hinge\n0,0\n0.1,0\n",
         "time,cmd_hinge,q_hinge\n0,0,0\n0,0,0\n",
         "t,cmd_hinge,q_hinge\n0,0,0\n1,zero,0\n",
         "t,cmd_hinge,q_hinge\n0,0,0,0\n",
         "when,cmd_hinge,q_hinge\n0,0,0\n",
+        "t;cmd_hinge;q_hinge\n0;0;0\n",
+        "t,cmd_hinge,q_hinge\n0,0,0\n10,0,0\n20,0,0\n",
+        "t,cmd_hinge,q_hinge\n0,0,0\n10000,0,0\n20000,0,0\n",
     ];
     let told: Vec<String> = csv.iter().map(|csv| format!("{csv}{}", log("log.csv", csv.as_bytes()))).collect();
     insta::assert_snapshot!("csv_logs", told.join("\n"));
@@ -233,6 +236,42 @@ fn logs() {
     let searched = Lab::with(&[(REALITY, "kind = \"logs\"\nfiles = [\"whole.csv\"]")]);
     searched.ok("simulate small.toml -q -o whole.csv");
     insta::assert_snapshot!("logs_and_controllers", searched.complaint("coevolve small.toml --out run --dry-run"));
+}
+
+#[test]
+fn columns_that_the_file_names_and_the_log_lacks() {
+    let lab = Lab::new();
+    lab.write("log.csv", "t,target,encoder\n0,0,0\n0.01,0,0\n0.02,0,0\n");
+    let with = |channels: &str| {
+        lab.write("mapped.toml", &format!("{}\n[channels.channels]\n{channels}", lab.read("small.toml")));
+        lab.complaint("compare mapped.toml log.csv")
+    };
+    let told = [
+        with("cmd_hinge = \"target\"\nq_hinge = \"encodre\""),
+        with("cmd_hinge = \"goal\"\nq_hinge = \"encoder\""),
+        with("\"cmd_{joint}\" = \"target_{joint}\"\nq_hinge = \"encoder\""),
+    ];
+    insta::assert_snapshot!("lacking_columns", told.join("\n"));
+}
+
+#[test]
+fn robots_that_make_no_sense() {
+    let lab = Lab::with(&[("builtin = \"pendulum\"\nlength_m = 0.5", "urdf = \"arm.urdf\"")]);
+    let with = |urdf: &str| {
+        lab.write("arm.urdf", urdf);
+        lab.complaint("simulate small.toml -o out.csv")
+    };
+    let arm = |kind: &str, inertial: &str| {
+        format!(
+            "<robot name=\"arm\">\n<link name=\"base\"/>\n<link name=\"bob\">{inertial}</link>\n\
+             <joint name=\"hinge\" type=\"{kind}\">\n<parent link=\"base\"/><child link=\"bob\"/></joint></robot>"
+        )
+    };
+    let told = [with("<robot>"), with(&arm("hinge", "")), with(&arm("floating", "")), with(&arm("continuous", ""))];
+    insta::assert_snapshot!("urdf_errors", told.join("\n"));
+    let body = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
+    lab.write("small.toml", &lab.read("small.toml").replace("mass@bob", "mass@base"));
+    insta::assert_snapshot!("massless_link", with(&arm("continuous", body)));
 }
 
 #[test]
@@ -268,6 +307,7 @@ fn files_that_are_not_there() {
             lab.complaint("convert nothing.csv out.mcap"),
             lab.complaint("simulate small.toml -o out.txt"),
             lab.complaint("simulate small.toml -o no/such/folder/out.csv"),
+            lab.complaint("compare nothing.tml nothing.csv"),
         ]
         .join("\n")
     );

@@ -118,7 +118,7 @@ fn check_tells_what_logs_are_worth() {
 
 #[test]
 fn nothing_is_written_over_what_is_read() {
-    let lab = lab("coulomb_friction");
+    let lab = lab(FRICTION);
     let (model, log) = (lab.read("swing.toml"), lab.read("log.csv"));
     for arguments in [
         "compare swing.toml log.csv --report log.csv",

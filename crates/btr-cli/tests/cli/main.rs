@@ -6,6 +6,7 @@ mod check;
 mod compare;
 mod determinism;
 mod disengage;
+mod doubts;
 mod lab;
 mod realities;
 mod reports;

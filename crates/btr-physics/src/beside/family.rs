@@ -30,7 +30,7 @@ impl Family for Beside {
     }
 
     fn clock_s(&self, log: usize) -> &[f64] {
-        self.recorded[self.parts[log].scenario].clock_s()
+        &self.clocks_s[self.parts[log].scenario]
     }
 
     fn logs(&self) -> &[Recorded] {

@@ -3,6 +3,7 @@
 use super::Drive;
 use crate::robot::{Actuator, Link, Robot};
 use btr_core::log::{Log, interpolate};
+use btr_core::silence;
 use btr_core::smooth::{Motion, finely};
 
 /// A stamp that is off by less than this share of the usual time between samples was only rounded.
@@ -10,8 +11,9 @@ const ROUNDED: f64 = 1e-3;
 
 /// The commands of a log, each held until the next one.
 ///
-/// A step that begins between two stamps is told the mean of what was held during it. A missing command (NaN) switches the torque off, as does a channel `torque_on` that is below one half or missing. A joint
-/// without a `cmd_<joint>` channel is never driven. A prescribed joint follows its measured `q_<joint>`, smoothed.
+/// A step that begins between two stamps is told the mean of what was held during it. Commands that are missing (NaN) for longer
+/// than a message may be lost ([`silence`]) switch the torque off, as does a channel `torque_on` that is below one half or missing.
+/// A joint without a `cmd_<joint>` channel is never driven. A prescribed joint follows its measured `q_<joint>`, smoothed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,
@@ -27,6 +29,7 @@ impl Replay {
     /// The drive that repeats what `robot` was told in `log`. Time counts from the log's first sample.
     pub fn new(log: &Log, robot: &Robot) -> Self {
         let values = |name: &str| log.channel(name).map(|channel| channel.values.clone());
+        let told = |name: &str| log.channel(name).map(|channel| silence::held(log, &channel.values));
         let followed = |link: &Link| {
             let prescribed = link.joint.actuator == Actuator::Prescribed;
             let measured = log.channel(&format!("q_{}", link.joint.name)).filter(|_| prescribed)?;
@@ -36,7 +39,7 @@ impl Replay {
         Replay {
             clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
             rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
-            commands: robot.movable().map(|(_, link)| values(&format!("cmd_{}", link.joint.name))).collect(),
+            commands: robot.movable().map(|(_, link)| told(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
             motions: robot.movable().map(|(_, link)| followed(link)).collect(),
         }

@@ -9,10 +9,12 @@ use crate::robot::{Actuator, Base, DutyLoop, Robot, Sampling};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
-use crate::{ant, nao, parameter, pendulum, site, urdf};
+use crate::urdf::{self, UrdfError};
+use crate::{ant, nao, parameter, pendulum, site};
 use btr_core::log::Log;
 use btr_core::space::{Dim, Space, SpaceError};
 use nalgebra::{Point3, Vector3};
+use std::path::Path;
 
 /// The paper's time between two references.
 const PAPERS_CONTROL_S: f64 = 0.055;
@@ -25,8 +27,7 @@ impl Builder<'_> {
             (None, Some(path)) => {
                 let base = section.base.unwrap_or(Base::Fixed);
                 let path = self.source.folder().join(path);
-                let (robot, _) = urdf::load_urdf(&path, base).map_err(|e| self.error(&["robot", "urdf"], e, None))?;
-                robot
+                urdf::load_urdf(&path, base).map_err(|e| self.no_robot(&path, &e))?.0
             }
             _ => {
                 let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";
@@ -38,6 +39,16 @@ impl Builder<'_> {
         }
         self.actuators(&mut robot)?;
         Ok(robot)
+    }
+
+    /// A URDF that is not there is the model file's mistake, one that makes no sense its own.
+    fn no_robot(&self, path: &Path, error: &UrdfError) -> FileError {
+        if let UrdfError::File { .. } = error {
+            return self.error(&["robot", "urdf"], error, None);
+        }
+        let message = error.to_string();
+        let line = std::fs::read_to_string(path).ok().and_then(|text| line_of(&text, &message)).unwrap_or(0);
+        FileError { path: path.to_owned(), line, column: 0, message, help: None }
     }
 
     fn builtin(&self, name: &str) -> Result<Robot, FileError> {
@@ -90,6 +101,7 @@ impl Builder<'_> {
             dt_s,
             substeps: 1,
             duration_s: s.duration_s,
+            begins_s: 0.0,
             control_s,
             interpolate: s.interpolate,
             sample_s: Some(dt_s * f64::from(s.sample_every)),
@@ -293,6 +305,7 @@ fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<
     let known = own.filter(|x| x.is_finite());
     let [min, max] = match (section.bounds, section.relative, known) {
         (Some(bounds), None, _) => bounds,
+        (None, Some(_), Some(0.0)) => return Err(nothing_to_be_relative_to(name)),
         (None, Some([a, b]), Some(own)) => [a * own, b * own],
         (None, Some(_), None) => {
             return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
@@ -304,6 +317,21 @@ fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<
         Some(value) => dim.nominal(value),
         None => dim,
     })
+}
+
+fn nothing_to_be_relative_to(name: &str) -> String {
+    let why = match name.split_once('@') {
+        Some(("mass", link)) => format!("`{link}` has no mass, as a URDF's link without <inertial>"),
+        _ => "the model's own value is 0".to_owned(),
+    };
+    format!("parameter `{name}`: {why}, and nothing is relative to that; give bounds = [min, max]")
+}
+
+/// The line of a URDF that a message is about: where the first name that it quotes stands in quotes. The parser tells none.
+fn line_of(text: &str, message: &str) -> Option<usize> {
+    let quoted = format!("\"{}\"", message.split('`').nth(1)?);
+    let before = &text[..text.find(&quoted)?];
+    Some(before.matches('\n').count() + 1)
 }
 
 pub(super) fn noise(section: &NoiseSection) -> Noise {

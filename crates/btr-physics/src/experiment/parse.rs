@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 /// What is wrong with a model or experiment file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{}{}: {message}", path.display(), position(*line, *column))]
+#[error("{}{message}", place(path, *line, *column))]
 pub struct FileError {
-    /// The file.
+    /// The file; empty where the message names it.
     pub path: PathBuf,
     /// Line from 1; 0 when the whole file is meant.
     pub line: usize,
@@ -19,11 +19,13 @@ pub struct FileError {
     pub help: Option<String>,
 }
 
-fn position(line: usize, column: usize) -> String {
+fn place(path: &Path, line: usize, column: usize) -> String {
+    let path = path.display();
     match (line, column) {
-        (0, _) => String::new(),
-        (line, 0) => format!(":{line}"),
-        (line, column) => format!(":{line}:{column}"),
+        (0, _) if path.to_string().is_empty() => String::new(),
+        (0, _) => format!("{path}: "),
+        (line, 0) => format!("{path}:{line}: "),
+        (line, column) => format!("{path}:{line}:{column}: "),
     }
 }
 
@@ -49,7 +51,7 @@ impl Source {
             message,
             help: Some("give the path of a model or experiment file (TOML); robots/ has examples".to_owned()),
         };
-        if path.extension().is_some_and(|ending| ending != "toml") {
+        if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
             return Err(refused("not a TOML file".to_owned()));
         }
         let text = std::fs::read_to_string(path).map_err(|e| refused(e.to_string()))?;

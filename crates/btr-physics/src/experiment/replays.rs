@@ -3,27 +3,66 @@
 use super::build::Builder;
 use super::file::{ColumnSection, File, RealitySection};
 use super::parse::{FileError, Source};
-use super::scenarios::{self, Row, Situations};
-use crate::io;
-use crate::model::{Model, Scenario};
+use super::pieces;
+use super::scenarios::{self, Reader, Row, Situations};
+use crate::check;
+use crate::model::Model;
 use crate::parameter::Target;
 use crate::robot::Robot;
+use btr_core::check::Quality;
 use btr_core::log::Log;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
+/// Readings that stay within so many noise floors do not move.
+const DEAD: f64 = 10.0;
+
 /// A model, the logs that it is to repeat, and what was noticed while they were read.
 pub struct Replays {
-    /// With one scenario per log, in their order; those from `learn` on are held out.
+    /// With one scenario per log, or several for a log with gaps, in their order; those from `learn` on are held out.
     pub model: Model,
-    /// What was recorded, from time zero.
+    /// What was recorded, from time zero; one per scenario.
     pub logs: Vec<Log>,
     /// What is odd about the logs, though they can be used.
     pub warnings: Vec<String>,
+    /// What the logs are worth, one per file.
+    pub checked: Vec<Checked>,
 }
 
-/// The model of a file with one scenario per log: what the log says the robot was told, from where the log starts. An index
-/// of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
+/// What a log is worth.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    /// Its path.
+    pub log: String,
+    /// All that was found in it.
+    pub quality: Quality,
+}
+
+impl Replays {
+    /// Joints of which no log has a reading that could be compared.
+    pub fn not_judged(&self) -> Vec<String> {
+        let read = |log: &Log, name: &str| log.channel(name).is_some_and(|c| c.values.iter().any(|x| x.is_finite()));
+        let joints = self.model.robot.movable().map(|(_, link)| &link.joint);
+        let blind = joints.filter(|joint| !self.logs.iter().any(|log| read(log, &joint.compared())));
+        blind.map(|joint| joint.name.clone()).collect()
+    }
+
+    /// Whether any reading that could be compared changes by more than its noise in a log to learn from.
+    pub fn is_moving(&self) -> bool {
+        let noise = &self.model.setup.noise;
+        let moves = |log: &Log, name: &str| {
+            let Some(channel) = log.channel(name) else { return false };
+            let there = channel.values.iter().filter(|x| x.is_finite());
+            let (low, high) = there.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+            noise.floor(name, &channel.values).is_some_and(|sigma| high - low > DEAD * sigma)
+        };
+        let joints = || self.model.robot.movable().map(|(_, link)| &link.joint);
+        self.logs.iter().take(self.model.learn).any(|log| joints().any(|joint| moves(log, &joint.compared())))
+    }
+}
+
+/// The model of a file beside logs: what each log says the robot was told, from where it starts; a log with gaps in pieces. An
+/// index of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
 ///
 /// # Errors
 /// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt from and
@@ -40,17 +79,15 @@ pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Resu
         return Err(source.error(&[], "no log to learn from", None));
     }
     let known = Known::of(&file, source)?;
-    let mut all = Situations { scenarios: Vec::new(), learn: learn.len(), logs: Vec::new(), warnings: Vec::new() };
+    let reader = Reader { file: &file, source, robot: &robot };
+    let (mut all, mut wholes) = (Situations::none(), Vec::new());
     let mut floor = 0.0f64;
-    for path in learn.iter().chain(held_out) {
-        let (mut log, noticed) =
-            io::read_recorded(path, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
-        let noticed = noticed.iter().map(ToString::to_string).chain(scenarios::doubts(&log, &file));
-        let noticed = noticed.chain(known.misses(path));
-        all.warnings.extend(noticed.map(|warning| format!("{}: {warning}", path.display())));
-        all.scenarios.push(known.scenario(path, &log, &robot, source)?);
-        floor = scenarios::smooth_needed(&mut log, &robot).into_iter().fold(floor, f64::max);
-        all.logs.push(log);
+    for (k, path) in learn.iter().chain(held_out).enumerate() {
+        let (log, noticed) = pieces::read(path, &file)?;
+        all.notice(path, noticed.into_iter().chain(known.misses(path)));
+        let settings = known.settings(path, &robot, source)?;
+        floor = all.add(path, &log, k < learn.len(), &settings, &reader)?.into_iter().fold(floor, f64::max);
+        wholes.push((path.display().to_string(), log));
     }
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
     let mut model = builder.model(all)?;
@@ -58,7 +95,9 @@ pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Resu
         // A torque that was smoothed does not show its sensor's noise any more.
         model.setup.noise.torque = floor;
     }
-    Ok(Replays { model, logs, warnings })
+    let quality = |log: &Log| check::quality(log, &model.robot, &model.setup.noise);
+    let checked = wholes.into_iter().map(|(name, log)| Checked { quality: quality(&log), log: name }).collect();
+    Ok(Replays { logs, warnings, checked, model })
 }
 
 /// What an index says about logs.
@@ -107,10 +146,5 @@ impl<'a> Known<'a> {
             (Some(row), Some(columns)) => scenarios::settings((self.section, columns), row, source, robot),
             _ => Ok(Vec::new()),
         }
-    }
-
-    fn scenario(&self, path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
-        let settings = self.settings(path, robot, source)?;
-        Ok(Scenario { settings, ..scenarios::compared(path, log, robot, source)? })
     }
 }

@@ -2,8 +2,8 @@
 
 use super::file::{Choice, ColumnSection, File, LogsSection};
 use super::parse::{FileError, Source, nearest};
+use super::pieces::{self, Piece, about};
 use crate::drive::Replay;
-use crate::io;
 use crate::model::Scenario;
 use crate::parameter::Target;
 use crate::robot::{Actuator, Robot};
@@ -53,27 +53,65 @@ pub(super) fn from_logs(
         let message = format!("{} is to be learnt from and held out at once", both.path.display());
         return Err(source.error(&["reality"], &message, None));
     }
-    let learn = wanted.iter().filter(|w| !w.held_out).count();
-    if learn == 0 {
+    if wanted.iter().all(|w| w.held_out) {
         let help = "name files, or an index with learn = { column = value }".to_owned();
         return Err(source.error(&["reality"], "no log to learn from", Some(help)));
     }
-    let (mut scenarios, mut logs, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+    let mut all = Situations::none();
     for one in &wanted {
-        let (mut log, noticed) = io::read_recorded(&one.path, &file.channels).map_err(|e| unreadable(source, &e))?;
-        let noticed = noticed.iter().map(ToString::to_string).chain(doubts(&log, file));
-        warnings.extend(noticed.map(|warning| format!("{}: {warning}", one.path.display())));
+        let (log, noticed) = pieces::read(&one.path, file)?;
+        all.notice(&one.path, noticed);
         let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
-        scenarios.push(Scenario { settings, ..compared(&one.path, &log, robot, source)? });
-        smooth_needed(&mut log, robot);
-        logs.push(log);
+        all.add(&one.path, &log, !one.held_out, &settings, &Reader { file, source, robot })?;
     }
-    Ok(Situations { scenarios, learn, logs, warnings })
+    Ok(all)
+}
+
+/// What it takes to make a situation of a log.
+pub(super) struct Reader<'a> {
+    pub file: &'a File,
+    pub source: &'a Source,
+    pub robot: &'a Robot,
+}
+
+impl Situations {
+    pub(super) fn none() -> Self {
+        Situations { scenarios: Vec::new(), learn: 0, logs: Vec::new(), warnings: Vec::new() }
+    }
+
+    pub(super) fn notice(&mut self, path: &Path, noticed: impl IntoIterator<Item = String>) {
+        self.warnings.extend(noticed.into_iter().map(|warning| format!("{}: {warning}", path.display())));
+    }
+
+    /// Adds a log, in pieces where it has gaps; those to learn from have to be added first. The largest noise floor of torques
+    /// that were smoothed, if there are any.
+    pub(super) fn add(
+        &mut self,
+        path: &Path,
+        log: &Log,
+        learn: bool,
+        settings: &[(Target, f64)],
+        reader: &Reader,
+    ) -> Result<Option<f64>, FileError> {
+        self.notice(path, doubts(log, reader.file));
+        let (pieces, noticed) = pieces::pieces(path, log)?;
+        self.notice(path, noticed);
+        let mut floor = None;
+        for mut piece in pieces {
+            self.scenarios.push(Scenario { settings: settings.to_vec(), ..reader.compared(&piece)? });
+            floor = smooth_needed(&mut piece.log, reader.robot).into_iter().chain(floor).reduce(f64::max);
+            self.logs.push(piece.log);
+        }
+        if learn {
+            self.learn = self.scenarios.len();
+        }
+        Ok(floor)
+    }
 }
 
 /// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what is
 /// left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
-pub(super) fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
+fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
     let clock_s = log.clock_s().to_vec();
     let mut floor = None;
     let joints = robot.movable().map(|(_, link)| &link.joint);
@@ -94,30 +132,17 @@ pub(super) fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
 }
 
 /// What is odd about a log, though it can be used.
-pub(super) fn doubts(log: &Log, file: &File) -> Vec<String> {
-    const LONG_STEP_S: f64 = 0.5;
-    const GAP: f64 = 10.0;
+fn doubts(log: &Log, file: &File) -> Vec<String> {
     let mut doubts = Vec::new();
     let silent = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));
     doubts.extend(silent.map(|(name, _)| format!("`{name}` has no value at all")));
     let Some(step) = log.usual_step_s() else { return doubts };
-    let widest = log.clock_s().windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
-    if widest > GAP * step {
-        doubts.push(format!("a gap of {widest:.3} s between samples that are usually {step:.4} s apart"));
-    }
-    if step > LONG_STEP_S {
-        doubts.push(format!("{step:.3} s between samples: is its time in seconds?"));
-    }
     if let Some(control_s) = file.simulation.control_s.filter(|control_s| *control_s > 1.5 * step) {
         doubts.push(format!(
             "a command every {step:.4} s, but the model takes one every {control_s} s (simulation.control_s)"
         ));
     }
     doubts
-}
-
-pub(super) fn unreadable(source: &Source, error: &io::IoError) -> FileError {
-    source.error(&["reality"], &error.to_string(), Some(error.help()))
 }
 
 fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {
@@ -207,15 +232,6 @@ fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &
     source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
 }
 
-/// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
-pub(super) fn compared(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
-    let replaying = replaying(path, log, robot, source)?;
-    match missing_position(log, robot) {
-        Some(e) => Err(lacking(path, source, &e)),
-        None => Ok(replaying),
-    }
-}
-
 /// What the columns of a row set.
 pub(super) fn settings(
     (section, columns): (&str, &IndexMap<String, ColumnSection>),
@@ -226,20 +242,53 @@ pub(super) fn settings(
     columns.iter().map(|(target, column)| setting((section, target), column, row, source, robot)).collect()
 }
 
-/// The situation of a log: its commands, its duration, its start.
-pub(super) fn replaying(path: &Path, log: &Log, robot: &Robot, source: &Source) -> Result<Scenario, FileError> {
-    if log.len() < 2 {
-        let message = format!("{}: a log needs at least two samples", path.display());
-        return Err(source.error(&["reality"], &message, None));
+impl Reader<'_> {
+    /// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
+    fn compared(&self, piece: &Piece) -> Result<Scenario, FileError> {
+        let replaying = self.replaying(piece)?;
+        match self.missing_position(&piece.log) {
+            Some(e) => Err(self.lacking(&piece.path, &e)),
+            None => Ok(replaying),
+        }
     }
-    Ok(Scenario {
-        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        replay: Some(Arc::new(Replay::new(log, robot))),
-        duration_s: log.duration_s(),
-        settings: Vec::new(),
-        start: start(log, robot).map_err(|e| lacking(path, source, &e))?,
-        ..Scenario::default()
-    })
+
+    /// The situation of a log: its commands, its duration, its start.
+    pub(super) fn replaying(&self, piece: &Piece) -> Result<Scenario, FileError> {
+        Ok(Scenario {
+            name: piece.name.clone(),
+            replay: Some(Arc::new(Replay::new(&piece.log, self.robot))),
+            duration_s: piece.log.duration_s(),
+            begins_s: piece.begins_s,
+            start: start(&piece.log, self.robot).map_err(|e| self.lacking(&piece.path, &e))?,
+            ..Scenario::default()
+        })
+    }
+
+    /// What a log needs beside its commands, if a simulation is to be compared with it: a position of some joint, and those that
+    /// the file says where to find.
+    fn missing_position(&self, log: &Log) -> Option<LogError> {
+        let position = |joint: &str| log.values(&format!("q_{joint}"));
+        let joints = || self.robot.movable().map(|(_, link)| link.joint.name.as_str());
+        let blind = joints().all(|joint| position(joint).is_err());
+        let promised = |joint: &&str| self.file.channels.channels.contains_key(&format!("q_{joint}"));
+        joints().filter(|joint| blind || promised(joint)).find_map(|joint| position(joint).err())
+    }
+
+    /// A channel that the log does not have, with what it has: at its line where the file says where to find it.
+    fn lacking(&self, path: &Path, error: &LogError) -> FileError {
+        let LogError::Missing { channel, available } = error else { return about(path, &error.to_string(), None) };
+        let has = format!("it has: {}", available.join(", "));
+        match self.file.channels.theirs(channel) {
+            Some((key, theirs)) => {
+                let message = format!("{} has no column `{theirs}`, which is to be `{channel}`", path.display());
+                self.source.error(&["channels", "channels", key], &message, Some(has))
+            }
+            None => {
+                let help = format!("{has}; [channels.channels] in the model file maps foreign names");
+                about(path, &error.to_string(), Some(help))
+            }
+        }
+    }
 }
 
 fn setting(
@@ -256,22 +305,6 @@ fn setting(
         source.error(&keys, &format!("column `{}` holds `{cell}`, which is not a number", column.column), None)
     })?;
     Ok((target, value * column.factor))
-}
-
-/// A channel that the log does not have, with what it has.
-fn lacking(path: &Path, source: &Source, error: &LogError) -> FileError {
-    let available = match error {
-        LogError::Missing { available, .. } => {
-            Some(format!("it has: {}; [channels] in the experiment file maps foreign names", available.join(", ")))
-        }
-        _ => None,
-    };
-    source.error(&["reality"], &format!("{}: {error}", path.display()), available)
-}
-
-/// What a log needs beside its commands, if a simulation is to be compared with it.
-fn missing_position(log: &Log, robot: &Robot) -> Option<LogError> {
-    robot.movable().find_map(|(_, link)| log.values(&format!("q_{}", link.joint.name)).err())
 }
 
 /// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not

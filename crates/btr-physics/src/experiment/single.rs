@@ -3,9 +3,9 @@
 use super::build::Builder;
 use super::file::DriveSection;
 use super::parse::{FileError, Source};
+use super::pieces::{self, Piece};
 use super::replays::Known;
-use super::scenarios::{self, Situations};
-use crate::io;
+use super::scenarios::{Reader, Situations};
 use crate::model::{Model, Scenario};
 use std::path::Path;
 
@@ -44,9 +44,10 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> {
     let file = source.parse()?;
     let builder = Builder { file: &file, source };
-    let (log_read, _) = io::read_recorded(log, &file.channels).map_err(|e| scenarios::unreadable(source, &e))?;
+    let whole = Piece::whole(log, pieces::read(log, &file)?.0);
     let robot = builder.robot()?;
     let settings = Known::of(&file, source)?.settings(log, &robot, source)?;
-    let scenario = Scenario { settings, ..scenarios::replaying(log, &log_read, &robot, source)? };
-    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![log_read], warnings: Vec::new() })
+    let reader = Reader { file: &file, source, robot: &robot };
+    let scenario = Scenario { settings, ..reader.replaying(&whole)? };
+    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
 }

@@ -1,4 +1,5 @@
-//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples.
+//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. What a missing
+//! command means is not decided here.
 //!
 //! Limitations: commas between cells, points in numbers, UTF-8. Headers are written without units, so a channel whose
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
@@ -75,6 +76,9 @@ impl<'a> Table<'a> {
         if header.is_empty() {
             return Err(IoError::Empty { path: path.to_owned() });
         }
+        if let Some(what) = separator(header) {
+            return Err(IoError::Separator { path: path.to_owned(), what });
+        }
         let mapped = mapping.time.as_deref().and_then(|name| header.iter().position(|h| h == name));
         let time = mapped.or_else(|| TIME.iter().find_map(|name| header.iter().position(|h| h == *name)));
         let time = time.ok_or_else(|| IoError::NoTime {
@@ -133,6 +137,12 @@ impl<'a> Table<'a> {
         warnings.extend(more);
         Ok((log, warnings))
     }
+}
+
+/// What separates the cells of a header that knows no commas.
+fn separator(header: &StringRecord) -> Option<&'static str> {
+    let only = header.get(0).filter(|_| header.len() == 1)?;
+    [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|(sign, _)| only.contains(*sign)).map(|(_, what)| what)
 }
 
 /// A cell's number; NaN for a missing sample, `None` for text and for infinities (no sensor measures those).

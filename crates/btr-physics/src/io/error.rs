@@ -48,6 +48,14 @@ pub enum IoError {
         /// The names that are there.
         columns: Vec<String>,
     },
+    /// Cells that are separated by something else than commas.
+    #[error("{}:1: {what} between the cells, not commas", path.display())]
+    Separator {
+        /// The file.
+        path: PathBuf,
+        /// What is there.
+        what: &'static str,
+    },
     /// Time that stands still or runs backwards.
     #[error("{}:{line}: time does not increase: {before_s} s, then {after_s} s", path.display())]
     Clock {
@@ -153,8 +161,13 @@ impl IoError {
                 "the recording never started; record again, or leave this file out".into()
             }
             IoError::NoTime { .. } => "name the time column in the model's [channels] table: time = \"...\"".into(),
+            IoError::Separator { .. } => "save it with commas between the cells, and points in the numbers".into(),
             IoError::Clock { .. } => "sort the file by time and remove repeated samples, then try again".into(),
-            IoError::NotANumber { .. } => "leave the cell empty (or write nan) where a sample is missing".into(),
+            IoError::NotANumber { .. } => {
+                "leave the cell empty (or write nan) where a sample is missing; a command that is missing for more than 50 ms \
+                 is torque off"
+                    .into()
+            }
             IoError::Cells { .. } => "repair or remove that line; missing samples are empty cells".into(),
             IoError::Csv { .. } => "save it as UTF-8, with commas between the cells".into(),
             IoError::Twice { .. } => "drop one of the two, or map only one of them in the [channels] table".into(),

@@ -16,7 +16,8 @@ pub struct Mapping {
     /// btr's name = the log's name. `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, String>,
-    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven). `{joint}` makes it one per joint.
+    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}` makes it
+    /// one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_on: Option<String>,
     /// Where things are in an MCAP file.
@@ -97,6 +98,14 @@ impl Mapping {
             Some((_, unit, factor)) => Meaning { unit, factor, ..plain },
             None => plain,
         })
+    }
+
+    /// What a log has to call one of btr's channels, and the key that says so.
+    pub(crate) fn theirs(&self, ours: &str) -> Option<(&str, String)> {
+        let exact = self.channels.get_key_value(ours).map(|(key, theirs)| (key.as_str(), theirs.clone()));
+        let by_pattern = |(key, theirs): (&'_ String, &String)| fill(key, theirs, ours);
+        exact
+            .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
     }
 
     /// The name of the 0/1 channel that switches the given command.

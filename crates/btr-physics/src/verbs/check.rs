@@ -1,8 +1,7 @@
 //! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers in doubt.
 
 use crate::beside::Beside;
-use crate::experiment::Replays;
-use btr_core::check::{Quality, check as quality};
+use crate::experiment::{Checked, Replays};
 use btr_core::family::Family;
 use btr_core::fit::{Bench, NullDirection, Sensitivity, identifiable};
 use serde::Serialize;
@@ -12,7 +11,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct CheckReport {
     /// One per log.
-    pub logs: Vec<Quality>,
+    pub logs: Vec<Checked>,
     /// What all of them together tell.
     pub told: Told,
 }
@@ -38,7 +37,7 @@ pub struct Told {
 
 /// Looks at the logs, and differentiates the model as it stands by everything in doubt.
 pub fn check(replays: Replays) -> CheckReport {
-    CheckReport { logs: replays.logs.iter().map(quality).collect(), told: told(replays) }
+    CheckReport { logs: replays.checked.clone(), told: told(replays) }
 }
 
 fn told(replays: Replays) -> Told {

@@ -1,6 +1,6 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Floor, LadderStep, NextExperiment, Problem};
+use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
 use btr_core::fit::{Bench, Estimate};
@@ -87,6 +87,10 @@ pub struct DiagnoseReport {
     pub integrator_error: f64,
     /// The time step that it was diagnosed with, in s; finer than the model's own where that would err too much.
     pub time_step_s: f64,
+    /// What makes the answer doubtful: the same checks as `check` makes.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: the answer is not about them.
+    pub not_judged: Vec<String>,
     /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
     pub at_bound: Vec<String>,
     /// Simulated logs.
@@ -112,6 +116,8 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         time_step_s: problem.time_step_s(bench.step()),
+        doubts: problem.doubts.clone(),
+        not_judged: problem.not_judged.clone(),
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),

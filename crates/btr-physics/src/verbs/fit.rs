@@ -1,6 +1,6 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
-use super::{Floor, LadderStep, Problem};
+use super::{Doubt, Floor, LadderStep, Problem};
 use btr_core::family::{Family, Step};
 use btr_core::fit::{Bench, Ended, Estimate, Fit, NullDirection};
 use serde::Serialize;
@@ -29,6 +29,10 @@ pub struct FitReport {
     pub withheld: Option<String>,
     /// The noise floors.
     pub noise_floor: Vec<Floor>,
+    /// What makes the answer doubtful: the same checks as `check` makes.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: the answer is not about them.
+    pub not_judged: Vec<String>,
     /// The integrator's own error in multiples of the noise floor.
     pub integrator_error: f64,
     /// The time step that it takes, in s; finer than the model's own where that would err too much.
@@ -63,6 +67,8 @@ pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, 
         stop_reason: fitted.ended,
         withheld: fitted.withheld,
         noise_floor: problem.floors(),
+        doubts: problem.doubts.clone(),
+        not_judged: problem.not_judged.clone(),
         integrator_error: fitted.integrator_error,
         time_step_s: problem.time_step_s(bench.step()),
         rollouts: bench.rollouts(),

@@ -15,7 +15,8 @@ pub use next::{NextExperiment, Rival, next_experiment};
 pub use replay::Judged;
 
 use crate::beside::Beside;
-use crate::experiment::{FileError, Source, replays};
+use crate::experiment::{Checked, FileError, Replays, Source, replays};
+use btr_core::check::Finding;
 use btr_core::world::WorldError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -27,8 +28,29 @@ pub struct Problem {
     pub source: Source,
     /// The model, the logs, and everything that may be varied.
     pub beside: Beside,
-    /// What is odd about the logs, though they can be used.
-    pub warnings: Vec<String>,
+    /// What makes answers doubtful.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: no answer is about them.
+    pub not_judged: Vec<String>,
+}
+
+/// Something that a look at a log found and that makes answers doubtful.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Doubt {
+    /// The log's path.
+    pub log: String,
+    /// What was found in it.
+    #[serde(flatten)]
+    pub finding: Finding,
+}
+
+/// What makes answers from these logs doubtful.
+pub fn doubts(replays: &Replays) -> Vec<Doubt> {
+    let of = |checked: &Checked| {
+        let log = checked.log.clone();
+        checked.quality.doubts().map(|finding| Doubt { log: log.clone(), finding: finding.clone() }).collect::<Vec<_>>()
+    };
+    replays.checked.iter().flat_map(of).collect()
 }
 
 /// Why a question cannot be asked.
@@ -43,6 +65,28 @@ pub enum ProblemError {
     /// What was to be added does not fit the model.
     #[error(transparent)]
     Add(#[from] AddError),
+    /// Logs in which nothing happens.
+    #[error("nothing moves in the logs to learn from: they tell nothing about the model")]
+    Still,
+    /// Logs that say nothing of what the robot did.
+    #[error("no joint's position is measured in the logs to learn from")]
+    Blind,
+}
+
+impl ProblemError {
+    /// What to do about it, where that is not said in the file's terms.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            ProblemError::Still => {
+                Some("record the joints while they are driven; `btr check` tells what is in a log".to_owned())
+            }
+            ProblemError::Blind => Some(
+                "the logs need positions q_<joint>; [channels.channels] in the model file maps foreign names"
+                    .to_owned(),
+            ),
+            _ => None,
+        }
+    }
 }
 
 impl Problem {
@@ -52,21 +96,38 @@ impl Problem {
     /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
     pub fn new(source: Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Result<Self, ProblemError> {
         let replays = replays(&source, learn, held_out)?;
-        let beside = Beside::new(Arc::new(replays.model), replays.logs, &[])?;
-        Ok(Problem { source, beside, warnings: replays.warnings })
+        Problem::of(source, replays)
     }
 
-    /// The same with effects added to the model, their bounds made for what the robot does in the logs.
+    /// The same for logs that were read before.
+    ///
+    /// # Errors
+    /// Logs in which nothing moves or is measured; a model that blows up as it stands.
+    pub fn of(source: Source, replays: Replays) -> Result<Self, ProblemError> {
+        let (doubts, not_judged) = (doubts(&replays), replays.not_judged());
+        if not_judged.len() == replays.model.robot.movable().count() {
+            return Err(ProblemError::Blind);
+        }
+        if !replays.is_moving() {
+            return Err(ProblemError::Still);
+        }
+        let beside = Beside::new(Arc::new(replays.model), replays.logs, &[])?;
+        Ok(Problem { source, beside, doubts, not_judged })
+    }
+
+    /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
+    /// without.
     ///
     /// # Errors
     /// See [`new`](Self::new); an effect or a site that is not there.
     pub fn with(
         source: Source,
+        replays: Replays,
         additions: &[String],
         learn: &[PathBuf],
         held_out: &[PathBuf],
     ) -> Result<Self, ProblemError> {
-        let bare = Problem::new(source, learn, held_out)?;
+        let bare = Problem::of(source, replays)?;
         if additions.is_empty() {
             return Ok(bare);
         }
@@ -98,6 +159,8 @@ pub struct Floor {
     pub unit: String,
     /// Standard deviation of its readings' errors.
     pub sigma: f64,
+    /// Whether that is a guess, for readings without any noise.
+    pub assumed: bool,
 }
 
 impl Problem {
@@ -107,7 +170,9 @@ impl Problem {
         let mut floors: Vec<Floor> = Vec::new();
         for channel in self.beside.logs().iter().flat_map(|log| &log.channels) {
             if floors.iter().all(|floor| floor.channel != channel.name) {
-                floors.push(Floor { channel: channel.name.clone(), unit: channel.unit.clone(), sigma: channel.sigma });
+                let (name, unit) = (channel.name.clone(), channel.unit.clone());
+                let assumed = self.beside.is_assumed(&name);
+                floors.push(Floor { channel: name, unit, sigma: channel.sigma, assumed });
             }
         }
         floors

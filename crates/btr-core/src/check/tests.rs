@@ -1,0 +1,73 @@
+#![allow(clippy::unwrap_used)]
+use super::*;
+
+fn motion(t: f64) -> f64 {
+    0.6 * (4.0 * t).sin() + 0.3 * (9.0 * t).sin()
+}
+
+/// Hip and knee at 200 Hz; the knee follows 40 ms late.
+fn healthy() -> Log {
+    let clock: Vec<f64> = (0..2000).map(|i| 0.005 * f64::from(i)).collect();
+    let step = 1e-3;
+    let read = |late: f64| clock.iter().map(|t| (motion(t - late) / step).round() * step).collect::<Vec<_>>();
+    let told: Vec<f64> = clock.iter().map(|t| motion(*t)).collect();
+    let mut log = Log::new(clock.clone()).unwrap();
+    for (joint, late) in [("hip", 0.02), ("knee", 0.04)] {
+        log.insert(format!("cmd_{joint}"), "rad", Role::Command, told.clone()).unwrap();
+        log.insert(format!("q_{joint}"), "rad", Role::Measured, read(late)).unwrap();
+    }
+    log
+}
+
+fn severity(quality: &Quality, topic: Topic, channel: &str) -> Option<Severity> {
+    quality.findings.iter().find(|f| f.topic == topic && f.channel == channel).map(|f| f.severity)
+}
+
+#[test]
+fn a_healthy_log_is_fine_and_its_lags_are_told() {
+    let quality = check(&healthy());
+    assert_eq!(quality.worst(), Severity::Fine, "{:?}", quality.findings);
+    assert!((quality.clock.rate_hz - 200.0).abs() < 1e-6 && quality.clock.jitter_s < 1e-9);
+    let lag = quality.joints[1].lag.unwrap();
+    assert!((lag.seconds - 0.04).abs() < 5e-4 && lag.likeness > 0.99, "{lag:?}");
+    assert!((quality.sensors[1].quantum.unwrap() - 1e-3).abs() < 1e-9);
+}
+
+#[test]
+fn every_fault_is_found_where_it_is() {
+    let mut log = healthy();
+    let n = log.len();
+    log.values_mut("q_hip").unwrap()[..1200].fill(f64::NAN);
+    log.insert("tau_knee", "N·m", Role::Measured, (0..n).map(|i| (0.01 * i as f64).sin().min(0.5)).collect()).unwrap();
+    log.insert("imu_gyro_x", "rad/s", Role::Measured, vec![0.0; n]).unwrap();
+    log.insert("cmd_toe", "rad", Role::Command, vec![0.1; n]).unwrap();
+    log.insert("q_toe", "rad", Role::Measured, vec![0.1; n]).unwrap();
+    log.insert("q_far", "rad", Role::Measured, (0..n).map(|i| 90.0 * motion(0.005 * i as f64)).collect()).unwrap();
+    let quality = check(&log);
+    for (topic, channel, expected) in [
+        (Topic::Missing, "q_hip", Severity::Bad),
+        (Topic::Saturation, "tau_knee", Severity::Doubtful),
+        (Topic::Dead, "imu_gyro_x", Severity::Doubtful),
+        (Topic::Excitation, "toe", Severity::Doubtful),
+        (Topic::Unit, "q_far", Severity::Doubtful),
+        (Topic::CommandLag, "knee", Severity::Fine),
+    ] {
+        assert_eq!(severity(&quality, topic, channel), Some(expected), "{topic:?} {:?}", quality.findings);
+    }
+    assert_eq!(quality.findings[0].severity, Severity::Bad);
+}
+
+#[test]
+fn clocks_with_holes_and_commands_from_the_future_are_told() {
+    let clock = (0..1000).map(|i| 0.01 * f64::from(i) + if i >= 400 { 0.3 } else { 0.0 }).collect();
+    let mut log = Log::new(clock).unwrap();
+    let at = |late: f64| log.clock_s().iter().map(|t| motion(t - late)).collect::<Vec<_>>();
+    let (told, did) = (at(0.05), at(0.0));
+    log.insert("cmd_knee", "rad", Role::Command, told).unwrap();
+    log.insert("q_knee", "rad", Role::Measured, did).unwrap();
+    let quality = check(&log);
+    assert!(quality.clock.gaps.len() == 1 && (quality.clock.gaps[0].1 - 0.31).abs() < 1e-9);
+    assert_eq!(severity(&quality, Topic::Gaps, ""), Some(Severity::Doubtful));
+    assert_eq!(severity(&quality, Topic::CommandLag, "knee"), Some(Severity::Bad));
+    assert_eq!(check(&Log::default()).worst(), Severity::Bad);
+}
