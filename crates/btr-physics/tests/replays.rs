@@ -147,7 +147,7 @@ fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
             true
         });
         let replays = experiment::replays(&source(folder.path(), MODEL), &[path], &[]).unwrap();
-        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::Usual).unwrap();
+        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::USUAL).unwrap();
         log.values("q_hinge").unwrap().to_vec()
     };
     let (empty, last) = (|_: &str| String::new(), |held: &str| held.to_owned());
@@ -197,7 +197,7 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
     std::fs::write(&gap, rows.join("\n")).unwrap();
     let replays = experiment::replays(&swinging, &[gap], &[]).unwrap();
-    let again = replays.model.rollout(&s, 1, &[], Step::Usual).unwrap();
+    let again = replays.model.rollout(&s, 1, &[], Step::USUAL).unwrap();
     let pairs = again.values("q_hinge").unwrap().iter().zip(replays.logs[1].values("q_hinge").unwrap());
     let furthest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(furthest < 0.02, "{furthest}");

@@ -26,15 +26,18 @@ fn replaying_a_log_repeats_it_bitwise() {
     assert_eq!(log, again);
 }
 
-fn told(torque_on: Option<Vec<f64>>) -> [f64; 4] {
+/// What a replay of so many missing commands, and then of 3 and 4, tells at its start, in their midst, at the 3 and for ever after.
+fn told(missing: usize, torque_on: Option<[f64; 2]>) -> [f64; 4] {
     let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
-    let mut log = Log::new(vec![10.0, 10.1, 10.2, 10.3]).unwrap();
-    log.insert("cmd_hinge", "N·m", Role::Command, vec![1.0, f64::NAN, 3.0, 4.0]).unwrap();
+    let mut log = Log::new((0..missing + 3).map(|i| 10.0 + 0.1 * i as f64).collect()).unwrap();
+    let commands = [vec![1.0], vec![f64::NAN; missing], vec![3.0, 4.0]].concat();
+    log.insert("cmd_hinge", "N·m", Role::Command, commands).unwrap();
     if let Some(on) = torque_on {
-        log.insert("torque_on", "1", Role::Command, on).unwrap();
+        log.insert("torque_on", "1", Role::Command, [vec![1.0; missing + 1], on.to_vec()].concat()).unwrap();
     }
     let replay = Replay::new(&log, &robot);
-    [0.0, 0.15, 0.25, 99.0].map(|time_s| {
+    let later = 0.1 * missing as f64;
+    [0.0, 0.05 + later, 0.15 + later, 99.0].map(|time_s| {
         let mut command = [0.0];
         replay.command(time_s, &mut command);
         command[0]
@@ -43,9 +46,10 @@ fn told(torque_on: Option<Vec<f64>>) -> [f64; 4] {
 
 #[test]
 fn replay_holds_and_switches_off() {
-    let [start, missing, held, after] = told(None);
+    let [start, missing, held, after] = told(4, None);
     assert!(missing.is_nan() && [start, held, after].map(|told| told as i32) == [1, 3, 4]);
-    let gated = told(Some(vec![1.0, 1.0, 0.0, 1.0]));
+    assert_eq!(told(1, None).map(|told| told as i32), [1, 1, 3, 4]);
+    let gated = told(4, Some([0.0, 1.0]));
     assert!(gated[2].is_nan() && gated[3] > 3.5);
 }
 
