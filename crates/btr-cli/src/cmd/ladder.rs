@@ -96,7 +96,10 @@ pub(crate) fn estimate(estimate: &Estimate) -> Vec<String> {
 pub(crate) fn interval(estimate: &Estimate) -> String {
     match (estimate.ci95, estimate.at_bound) {
         (_, true) => "at its bound".to_owned(),
-        (Some([low, high]), _) => format!("{} .. {}", number(low), number(high)),
+        (Some([low, high]), _) => {
+            let by = if estimate.by_bounds { " (by its bounds)" } else { "" };
+            format!("{} .. {}{by}", number(low), number(high))
+        }
         (None, _) => "withheld".to_owned(),
     }
 }

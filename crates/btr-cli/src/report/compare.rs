@@ -61,11 +61,26 @@ fn failures(outcome: &Outcome) -> Section {
         columns: joints.clone(),
         rows: rows.map(|r| (r.words().to_owned(), joints.iter().map(|joint| chi(joint, *r)).collect())).collect(),
     };
-    let over_time = (0..outcome.names.len()).take(LOGS_SHOWN).map(|log| heat(&by_time(outcome, log)));
+    let over_time = worst_logs(outcome).into_iter().take(LOGS_SHOWN).map(|log| heat(&by_time(outcome, log)));
     let maps = std::iter::once(heat(&by_regime)).chain(over_time).collect();
-    let told =
-        "Errors of the joints' positions in multiples of the noise floor, by what the joint was doing and over time.";
-    Section { title: "Where it fails".to_owned(), blocks: vec![list, Block::Text(told.to_owned()), Block::Maps(maps)] }
+    let mut told =
+        "Errors of the joints' positions in multiples of the noise floor, by what the joint was doing and over time."
+            .to_owned();
+    if outcome.names.len() > LOGS_SHOWN {
+        told += &format!(" Drawn are the {LOGS_SHOWN} logs with the largest errors, of {}.", outcome.names.len());
+    }
+    Section { title: "Where it fails".to_owned(), blocks: vec![list, Block::Text(told), Block::Maps(maps)] }
+}
+
+/// The logs, the one with the largest error first.
+fn worst_logs(outcome: &Outcome) -> Vec<usize> {
+    let squares = |track: &Track| -> f64 {
+        track.error.iter().filter(|e| e.is_finite()).map(|e| (e / track.floor).powi(2)).sum()
+    };
+    let of_log = |log: usize| outcome.comparison.tracks.iter().filter(|t| t.log == log).map(squares).sum::<f64>();
+    let mut logs: Vec<(usize, f64)> = (0..outcome.names.len()).map(|log| (log, of_log(log))).collect();
+    logs.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    logs.into_iter().map(|(log, _)| log).collect()
 }
 
 /// The error of every joint in each twelfth of a log.

@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a 95 % interval.
 const NINETY_FIVE: f64 = 1.96;
+/// With priors this much looser than they are...
+const LOOSE: f64 = 3.0;
+/// ... an interval that is wider by this factor was given by the bounds.
+const BY_BOUNDS: f64 = 1.5;
 /// A direction in which the logs tell less than this share of what the priors alone say is a null direction.
 const NULL: f64 = 0.2;
 /// Parts of a null direction smaller than this are not named.
@@ -25,22 +29,27 @@ pub struct Estimate {
     pub ci95: Option<[f64; 2]>,
     /// Whether it stands at a bound.
     pub at_bound: bool,
+    /// Whether the interval is what its bounds and those of others leave rather than what the logs tell.
+    pub by_bounds: bool,
 }
 
 /// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
 /// memory widen the intervals; `trusted` whether there are to be any.
 pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
     let knobs = family.knobs();
-    let deviations = deviations(knobs, fit, inflation);
+    let deviations_within = deviations(knobs, fit, inflation, 1.0);
+    let by_logs = deviations(knobs, fit, inflation, LOOSE);
     let estimate = |(k, &index): (usize, &usize)| {
         let (knob, u) = (&knobs[index], fit.u[index]);
         let near = 1e-6 * (knob.bounds.1 - knob.bounds.0);
         let at_bound = u <= knob.bounds.0 + near || u >= knob.bounds.1 - near;
-        let deviation = deviations.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
+        let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
+        let by_bounds =
+            deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
         let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.clamp(u + side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
         let (name, unit) = (knob.name.clone(), knob.unit.clone());
-        (index, Estimate { name, unit, value: knob.value(u), ci95, at_bound })
+        (index, Estimate { name, unit, value: knob.value(u), ci95, at_bound, by_bounds })
     };
     fit.active.iter().enumerate().map(estimate).collect()
 }
@@ -53,12 +62,12 @@ pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
-/// Standard deviation of each free coordinate.
-fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64) -> Option<Vec<f64>> {
+/// Standard deviation of each free coordinate, where the priors are so many times as wide as they are.
+fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
     for (k, &knob) in fit.active.iter().enumerate() {
-        information[(k, k)] += knobs[knob].spread.powi(-2);
+        information[(k, k)] += (looser * knobs[knob].spread).powi(-2);
     }
     let covariance = information.try_inverse()?;
     Some((0..fit.active.len()).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect())

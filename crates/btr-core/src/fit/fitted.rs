@@ -10,6 +10,9 @@ const STARTS: [f64; 2] = [0.4, 1.5];
 /// What each start may spend before the best goes on.
 const TRIAL: Effort = Effort { jacobians: 1, steps: 6 };
 
+/// A search is at its end where settling lowers the cost by no more than this share.
+const CONVERGED: f64 = 1e-3;
+
 /// A finished fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
@@ -65,7 +68,10 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     fit.solve(bench, Effort::FULL);
     let integrator_error = fit.renew_step_error(bench);
     let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
+    let solved = fit.cost;
     fit.settle(bench);
+    // Steps along slopes as wide as what is left in doubt lead nowhere either.
+    let ended = if solved - fit.cost <= CONVERGED * solved { Ended::Converged } else { ended };
     climb("fitted", &fit);
     let (_, train, held_out) = ladder.last()?.clone();
     let error = held_out.unwrap_or(train);

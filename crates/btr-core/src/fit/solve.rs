@@ -42,9 +42,13 @@ const STALL: (f64, f64) = (1e-4, 0.02);
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
-/// Steps to the middle of what is left open, and which shares of each are tried.
-const SETTLING: usize = 3;
+/// Steps to the middle of what is left open, as long as each lowers the cost by this much, and which shares of each are tried.
+const SETTLING: usize = 12;
+const WORTH_A_STEP: f64 = 0.1;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
+/// The share of a step after which its bend is looked at, and the most that it may bend.
+const AHEAD: f64 = 0.1;
+const BENT: f64 = 0.75;
 
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
@@ -160,23 +164,48 @@ impl Fit {
     }
 
     /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops anywhere along a
-    /// direction that hardly matters to it, an estimate must not.
+    /// direction that hardly matters to it, an estimate must not. The way there is curved (a common scale of masses, gains and
+    /// limits), so steps follow the curve: M. K. Transtrum and J. P. Sethna, "Improvements to the Levenberg-Marquardt algorithm for
+    /// nonlinear least-squares minimization", arXiv:1201.5885.
     pub fn settle(&mut self, bench: &Bench) {
         self.differentiate_widely(bench);
         let knobs = bench.family.knobs();
         let Some(jacobian) = self.jacobian.clone() else { return };
         for _ in 0..SETTLING {
             let Some(direction) = self.direction(knobs, &jacobian, 0.0) else { return };
+            let bend = self.bend(bench, &jacobian, &direction);
             let there = SHARES.iter().filter_map(|share| {
-                let mut u = self.u.clone();
-                let moves = self.active.iter().zip(direction.iter());
-                moves.for_each(|(&knob, x)| u[knob] = knobs[knob].clamp(u[knob] + share * x));
-                Fit::at(bench, self.active.clone(), u, &self.step_error)
+                let step =
+                    bend.as_ref().map_or_else(|| &direction * *share, |b| &direction * *share + b * share.powi(2));
+                self.moved(bench, &step)
             });
             let best = there.min_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(best) = best.filter(|best| best.cost < self.cost) else { return };
+            let fall = self.cost - best.cost;
             *self = Fit { jacobian: Some(jacobian.clone()), ..best };
+            if fall < WORTH_A_STEP {
+                return;
+            }
         }
+    }
+
+    /// The fit as it is a step away.
+    fn moved(&self, bench: &Bench, step: &DVector<f64>) -> Option<Fit> {
+        let (knobs, mut u) = (bench.family.knobs(), self.u.clone());
+        let moves = self.active.iter().zip(step.iter());
+        moves.for_each(|(&knob, x)| u[knob] = knobs[knob].clamp(u[knob] + x));
+        Fit::at(bench, self.active.clone(), u, &self.step_error)
+    }
+
+    /// By how much a step leaves the way on which the residual changes as the Jacobian says; none where it bends too much for that.
+    fn bend(&self, bench: &Bench, jacobian: &DMatrix<f64>, direction: &DVector<f64>) -> Option<DVector<f64>> {
+        let there = self.moved(bench, &(direction * AHEAD))?;
+        let change = there.residual.iter().zip(&self.residual).map(|(there, here)| there - here);
+        let second =
+            (DVector::from_iterator(self.residual.len(), change) - jacobian * direction * AHEAD) / AHEAD.powi(2);
+        let held: Vec<bool> = direction.iter().map(|x| *x == 0.0).collect();
+        let bend = self.solved(bench.family.knobs(), jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
+        (bend.norm() < BENT * direction.norm()).then_some(bend)
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
@@ -211,19 +240,29 @@ impl Fit {
 
     /// Gauss and Newton's step, damped, in the knobs that no bound holds back.
     fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let residual = DVector::from_column_slice(&self.residual);
-        let mut gradient = jacobian.tr_mul(&residual);
+        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
+        let mut held = Vec::with_capacity(self.active.len());
+        for (k, &knob) in self.active.iter().enumerate() {
+            gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
+            let (least, most) = knobs[knob].bounds;
+            held.push((self.u[knob] <= least && gradient[k] > 0.0) || (self.u[knob] >= most && gradient[k] < 0.0));
+        }
+        self.solved(knobs, jacobian, damping, &held, gradient)
+    }
+
+    /// What takes such a gradient away, where the residual changes as the Jacobian says; what is held stays.
+    fn solved(
+        &self,
+        knobs: &[Knob],
+        jacobian: &DMatrix<f64>,
+        damping: f64,
+        held: &[bool],
+        mut gradient: DVector<f64>,
+    ) -> Option<DVector<f64>> {
         let mut normal = jacobian.tr_mul(jacobian);
         for (k, &knob) in self.active.iter().enumerate() {
-            let weight = knobs[knob].spread.powi(-2);
-            normal[(k, k)] += weight;
-            gradient[k] += weight * self.u[knob];
-            normal[(k, k)] *= 1.0 + damping;
-        }
-        for (k, &knob) in self.active.iter().enumerate() {
-            let (least, most) = knobs[knob].bounds;
-            let held = (self.u[knob] <= least && gradient[k] > 0.0) || (self.u[knob] >= most && gradient[k] < 0.0);
-            if held {
+            normal[(k, k)] = (normal[(k, k)] + knobs[knob].spread.powi(-2)) * (1.0 + damping);
+            if held[k] {
                 gradient[k] = 0.0;
                 normal.row_mut(k).fill(0.0);
                 normal.column_mut(k).fill(0.0);
