@@ -25,8 +25,7 @@ const ORDERS: std::ops::RangeInclusive<usize> = 3..=10;
 const BLOCK: usize = 32;
 /// No sensor resolves a smaller share of the range it shows.
 const FINEST: f64 = 1e-5;
-/// Readings without noise are taken to be as good as those of a good sensor: this share of the range, about what 13 bits resolve.
-/// It makes errors in multiples of it neither absurd nor blind.
+/// A channel that stands still has no range; in SI units a good sensor's is about one, of which 13 bits resolve this.
 const ASSUMED: f64 = 1e-4;
 
 impl Noise {
@@ -42,8 +41,7 @@ impl Noise {
         // The differences see quantisation as well, as soon as the motion runs through its steps.
         let white = if rough.is_finite() { (rough * rough - quantum * quantum / 12.0).max(0.0).sqrt() } else { 0.0 };
         let least = FINEST * (high - low).max(FINEST * high.abs().max(low.abs())).max(f64::MIN_POSITIVE / FINEST);
-        // A channel that stands still has no range; in SI units, a good sensor's is about one.
-        let assumed = ASSUMED * if high > low { high - low } else { 1.0 };
+        let assumed = if high > low { least } else { ASSUMED };
         Some(Noise { white, quantum, least, assumed })
     }
 
@@ -157,7 +155,10 @@ mod tests {
         for values in [motion(1000), vec![0.0; 50], vec![3.0; 50]] {
             let noise = Noise::of(&values).unwrap();
             assert!(noise.sigma() > 0.0 && noise.is_negligible(), "{noise:?}");
-            assert!(noise.floor() >= 1e-4 && noise.floor() < 1e-3, "{noise:?}");
+            let spread = |pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap();
+            let range = spread(f64::max) - spread(f64::min);
+            let expected = if range > 0.0 { FINEST * range } else { ASSUMED };
+            assert!((noise.floor() / expected - 1.0).abs() < 1e-9, "{noise:?}");
         }
         assert!(!Noise::of(&noisy(500, 1e-4, 0.0)).unwrap().is_negligible());
         assert!(Noise::of(&[1.0; 5]).is_none() && Noise::of(&[f64::NAN; 50]).is_none());
