@@ -173,8 +173,11 @@ impl State {
     pub(super) fn follow(&mut self, bench: &Bench, mut base: Fit) {
         base.solve(bench, FOLLOWER);
         if base.cost < self.fit.cost {
-            self.held_out = self.held_out.and_then(|_| held_out_squares(bench, &base.u));
             self.fit = base;
+            self.renew_rung(bench);
+            if self.chosen.is_empty() {
+                self.bare = self.fit.clone();
+            }
         }
     }
 
@@ -206,9 +209,14 @@ impl State {
         self.ladder.push(rung);
     }
 
-    /// Moves the estimates to the middle of what the logs leave open; the last rung says what the error is there.
+    /// Moves the estimates to the middle of what the logs leave open.
     pub(super) fn settle(&mut self, bench: &Bench) {
         self.fit.settle(bench);
+        self.renew_rung(bench);
+    }
+
+    /// The last rung says what the error is where the fit is now.
+    fn renew_rung(&mut self, bench: &Bench) {
         self.held_out = self.held_out.and_then(|_| held_out_squares(bench, &self.fit.u));
         if let Some(step) = self.ladder.pop().map(|rung| rung.step) {
             self.ladder.push(self.rung(bench, step));

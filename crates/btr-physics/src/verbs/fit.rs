@@ -43,7 +43,8 @@ pub struct FitReport {
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for; `None` where the model blows up as it stands.
+/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for; `None` where
+/// the model blows up as it stands.
 pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
     let began = Instant::now();
     let bench = Bench::new(&problem.beside);
