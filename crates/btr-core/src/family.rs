@@ -69,6 +69,13 @@ impl Knob {
         }
     }
 
+    /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves exponentially is:
+    /// so a common scale of masses, gains and limits is a straight line.
+    pub fn along(&self, u: f64, by: f64) -> f64 {
+        let on = self.law == Law::Inverse && u > 0.0;
+        self.clamp(if on { u * (by / u).exp() } else { u + by })
+    }
+
     /// A coordinate within the bounds.
     pub fn clamp(&self, u: f64) -> f64 {
         u.clamp(self.bounds.0, self.bounds.1)
@@ -239,5 +246,31 @@ pub trait Family: Sync {
     /// A simulation that blew up.
     fn residual_from(&self, u: &[f64], log: usize, _nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
         self.residual(u, log, Step::USUAL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_keeps_its_proportion_to_a_mass() {
+        let knob = |law, origin, size| Knob {
+            name: String::new(),
+            unit: String::new(),
+            origin,
+            size,
+            law,
+            bounds: (-10.0, 10.0),
+            spread: 1.0,
+            reach: 0.1,
+            amplitude: false,
+        };
+        let (mass, limit) = (knob(Law::Exponential, 2.0, 0.1), knob(Law::Inverse, f64::INFINITY, 3.0));
+        // To first order, a tenth more of the mass is a tenth less of the limit's coordinate.
+        let proportion = |by: f64| mass.value(mass.along(0.0, by)) / limit.value(limit.along(0.6, -0.06 * by));
+        assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
+        assert!(limit.along(0.6, -5.0) > 0.0, "a limit does not go past infinity");
+        assert!(limit.along(0.0, 0.5) > 0.4, "a limit that is off can come on");
     }
 }

@@ -147,7 +147,7 @@ impl Fit {
             look.stencil.map(|(step, _)| {
                 let mut point = self.u.clone();
                 let along = self.active.iter().zip(look.scaled.iter());
-                along.for_each(|(&knob, x)| point[knob] = knobs[knob].clamp(point[knob] + step * x));
+                along.for_each(|(&knob, x)| point[knob] = knobs[knob].along(point[knob], step * x));
                 point
             })
         };

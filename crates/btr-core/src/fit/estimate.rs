@@ -46,7 +46,7 @@ pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) 
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
-        let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.clamp(u + side * NINETY_FIVE * d)));
+        let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
         let (name, unit) = (knob.name.clone(), knob.unit.clone());
         (index, Estimate { name, unit, value: knob.value(u), ci95, at_bound, by_bounds })

@@ -193,7 +193,7 @@ impl Fit {
     fn moved(&self, bench: &Bench, step: &DVector<f64>) -> Option<Fit> {
         let (knobs, mut u) = (bench.family.knobs(), self.u.clone());
         let moves = self.active.iter().zip(step.iter());
-        moves.for_each(|(&knob, x)| u[knob] = knobs[knob].clamp(u[knob] + x));
+        moves.for_each(|(&knob, x)| u[knob] = knobs[knob].along(u[knob], *x));
         Fit::at(bench, self.active.clone(), u, &self.step_error)
     }
 
@@ -238,16 +238,26 @@ impl Fit {
         Some(next)
     }
 
-    /// Gauss and Newton's step, damped, in the knobs that no bound holds back.
+    /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would carry over
+    /// it; a gradient alone does not tell, where knobs move together.
     fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
-        let mut held = Vec::with_capacity(self.active.len());
         for (k, &knob) in self.active.iter().enumerate() {
             gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
-            let (least, most) = knobs[knob].bounds;
-            held.push((self.u[knob] <= least && gradient[k] > 0.0) || (self.u[knob] >= most && gradient[k] < 0.0));
         }
-        self.solved(knobs, jacobian, damping, &held, gradient)
+        let mut held = vec![false; self.active.len()];
+        loop {
+            let step = self.solved(knobs, jacobian, damping, &held, gradient.clone())?;
+            let leaves = |k: usize| {
+                let (u, (least, most)) = (self.u[self.active[k]], knobs[self.active[k]].bounds);
+                (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
+            };
+            let more: Vec<usize> = (0..held.len()).filter(|&k| !held[k] && leaves(k)).collect();
+            if more.is_empty() {
+                return Some(step);
+            }
+            more.into_iter().for_each(|k| held[k] = true);
+        }
     }
 
     /// What takes such a gradient away, where the residual changes as the Jacobian says; what is held stays.
@@ -278,4 +288,41 @@ impl Fit {
 pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
     let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
     squares(residual) + prior
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::family::Law;
+
+    #[test]
+    fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
+        let knob = |most: f64| Knob {
+            name: String::new(),
+            unit: String::new(),
+            origin: 0.0,
+            size: 1.0,
+            law: Law::Linear,
+            bounds: (-9.0, most),
+            spread: 1e6,
+            reach: 0.1,
+            amplitude: false,
+        };
+        // Both would lower the error by growing, but together only as the first makes room for the second.
+        let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
+        let residual = vec![-0.1, -6.4];
+        assert!(jacobian.tr_mul(&DVector::from_column_slice(&residual)).max() < 0.0);
+        let fit = Fit {
+            active: vec![0, 1],
+            u: vec![1.0, 1.0],
+            cost: squares(&residual),
+            step_error: vec![0.0; 2],
+            residual,
+            jacobian: None,
+            fresh: false,
+        };
+        let step = |most: [f64; 2]| fit.direction(&most.map(knob), &jacobian, 0.0).map(|step| (step[0], step[1]));
+        assert!(step([1.0, 9.0]).is_some_and(|(first, second)| first < 0.0 && second > 0.0));
+        assert_eq!(step([1.0, 1.0]), Some((0.0, 0.0)));
+    }
 }
