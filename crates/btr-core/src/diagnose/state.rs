@@ -2,7 +2,7 @@
 
 use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
-use super::thresholds::{DECISIVE, LEARNT_FALL, TIE};
+use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use super::{Found, Ranked, Rung, is_worth_a_round};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
@@ -132,7 +132,7 @@ impl State {
     }
 
     /// Names what was found first anew where one of its kin that makes do with fewer numbers explains as much, now that
-    /// others are known: it may have needed more of them to make up for those.
+    /// others are known, and the logs to judge on do not object: it may have needed more of them to make up for those.
     pub(super) fn simplify(&mut self, bench: &Bench) {
         let candidates = bench.family.candidates();
         for index in 0..self.chosen.len().saturating_sub(1) {
@@ -148,7 +148,10 @@ impl State {
             let Some(rival) = self.replaced(bench, &[index], &kin) else { continue };
             let measure = Measure::of(bench, &self.fit);
             let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
-            if costs <= TIE {
+            let bears_out = |now: f64| {
+                held_out_squares(bench, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
+            };
+            if costs <= TIE && self.held_out.is_none_or(bears_out) {
                 self.rename(bench, index, rival, costs);
             }
         }
