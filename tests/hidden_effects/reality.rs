@@ -11,7 +11,7 @@ use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
-use btr_physics::robot::{JointKind, Robot};
+use btr_physics::robot::{Base, JointKind, Robot};
 use btr_physics::sim;
 use rand::RngExt;
 use std::path::Path;
@@ -150,7 +150,8 @@ impl Reality {
     fn record(&self, truth: &[f64], placed: &[Placed], episode: usize) -> Log {
         // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot settled.
         let skewed = placed.iter().any(|placed| placed.effect.card().name == "clock_skew");
-        let settle = if skewed { 0 } else { (SETTLE_S / TICK_S).round() as usize };
+        let free = self.model.robot.base == Base::Floating;
+        let settle = if skewed || free { 0 } else { (SETTLE_S / TICK_S).round() as usize };
         let told: Commands =
             self.told[episode].iter().map(|row| [vec![row[0]; settle], row.clone()].concat()).collect();
         let settled = scenario(&self.model, episode, &told);
@@ -161,6 +162,7 @@ impl Reality {
         effects.extend_from_slice(placed);
         setup.dt_s /= FINER;
         setup.duration_s = settled.duration_s;
+        setup.rest_s = if free { SETTLE_S } else { 0.0 };
         let Some(drive) = settled.replay else { quit(&"no replay") };
         let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
         let log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));

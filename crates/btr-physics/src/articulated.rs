@@ -1,352 +1,382 @@
-//! Robots that are bolted down and touch nothing, in minimal coordinates.
+//! Robots in minimal coordinates, on the ground, in the air or bolted down.
 //!
-//! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm (R. Featherstone, "Rigid
-//! Body Dynamics Algorithms", Springer 2008, chapters 5 and 6), with all spatial quantities in the world's axes about the
-//! world's origin, so that composite inertias are plain sums.
+//! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm, factorised along the tree
+//! (R. Featherstone, "Rigid Body Dynamics Algorithms", Springer 2008, chapters 5, 6 and 8), with all spatial quantities in the
+//! world's axes about one point, so that composite inertias are plain sums.
 //!
 //! A step is the implicit midpoint rule for servos, springs and dampers, with inertia, gravity and velocity forces taken at
 //! the middle that the past predicts: second order. Joints so stiff that the rule would let them ring are advanced by
-//! backward Euler instead. Dry friction and joint limits are impulses within bounds that stop a joint where they can
-//! (projected Gauss-Seidel on the inverse inertia).
+//! backward Euler instead. Dry friction, joint limits and contacts are impulses within bounds. A contact is a spring and a
+//! damper that are solved for the step's end, and Coulomb friction that holds; a hard floor is a stiff one.
 
 mod course;
+mod impulses;
 mod spatial;
+mod touch;
+mod tree;
 
-use crate::assemble::{self, Body};
+use crate::assemble;
 use crate::engine::{BaseState, Dof, Dynamics, State};
-use crate::robot::{JointKind, Robot};
-use crate::sim::Setup;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, Vector3};
-use spatial::{Inertia, Spatial, factorise, solve};
+use crate::robot::{Base, JointKind, Robot};
+use crate::sim::{Ball, Compliance, Setup};
+use impulses::{Impulses, Law, separation};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, Vector3};
+use spatial::{factorise, solve};
+use std::f64::consts::TAU;
+use touch::{Hull, Reach, Round, Touch};
+use tree::{Body, Carrier, Posture, Tree};
 
 /// Faster than this (m/s, rad/s) is a blow-up.
 const ABSURD_SPEED: f64 = 1e4;
-/// Sweeps over friction and limits, at most.
-const SWEEPS: usize = 60;
-/// Relative change of the velocities at which the sweeps have converged.
-const SETTLED: f64 = 1e-13;
+/// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
+const HARD_HZ: f64 = 30.0;
+/// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is free to do:
+/// others may push it down.
+const PUSHED: f64 = 0.5;
+/// Nothing is looked at that would have to be faster than this (m/s) to touch within a step.
+const FASTEST: f64 = 20.0;
 
-/// A robot on a fixed base.
+/// A robot in its world.
 pub(crate) struct Articulated {
-    bodies: Vec<Moving>,
-    root: Isometry3<f64>,
+    tree: Tree,
+    now: Posture,
+    /// Velocities one step ago.
+    before: Vec<f64>,
+    /// Degrees of freedom of the root, which come first: 6 or none.
+    root: usize,
+    fixed: Isometry3<f64>,
+    dofs: Vec<Dof>,
+    limits: Vec<(f64, f64)>,
+    names: Vec<String>,
     gravity: Vector3<f64>,
     dt_s: f64,
     substeps: usize,
-    q: Vec<f64>,
-    dq: Vec<f64>,
-    /// Velocities one step ago.
-    before: Vec<f64>,
-    dofs: Vec<Dof>,
-    names: Vec<String>,
+    floor: Option<Floor>,
+    hulls: Vec<Hull>,
+    ball: Option<Round>,
+    /// Rate at which the ball's spin decays, in 1/s.
+    rolling_damping: f64,
+    impulses: Impulses,
+    foot_impulses: Vec<f64>,
     scratch: Scratch,
 }
 
-/// A body on its joint; the joint has the same index.
-struct Moving {
-    /// The joint that carries it; none for those on the root.
-    parent: Option<usize>,
-    /// The joint's frame in the parent body's frame at q = 0.
-    origin: Isometry3<f64>,
-    axis: Unit<Vector3<f64>>,
-    slides: bool,
-    limits: (f64, f64),
-    mass: f64,
-    com: Vector3<f64>,
-    /// About the centre of mass, in the body's axes.
-    inertia: Matrix3<f64>,
+/// What the floor and the ball do to whatever touches them.
+struct Floor {
+    /// None where there is only a ball.
+    friction: Option<f64>,
+    /// Of every point of contact, in N/m and N·s/m.
+    stiffness: f64,
+    damping: f64,
 }
 
 /// Memory for a step, allocated once.
 struct Scratch {
-    rotations: Vec<Rotation3<f64>>,
-    places: Vec<Vector3<f64>>,
-    axes: Vec<Spatial>,
-    velocities: Vec<Spatial>,
-    accelerations: Vec<Spatial>,
-    /// Accelerations of the joints; empty while they are what is asked for.
-    joints: Vec<f64>,
-    inertias: Vec<Inertia>,
-    forces: Vec<Spatial>,
-    /// Row by row: first the mass matrix, then its Cholesky factor.
+    /// The middle of the step.
+    middle: Posture,
+    /// Row by row: first the inertia matrix, then its factor.
     matrix: Vec<f64>,
-    /// What the joints do in a step; the inverse's columns of those with friction or at a limit.
+    /// What all do at the step's end.
     next: Vec<f64>,
-    columns: Vec<f64>,
-    /// Positions and velocities in the middle of the step.
-    middle: Vec<(f64, f64)>,
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
     share: Vec<f64>,
-    rows: Vec<Row>,
-}
-
-/// A bounded impulse on one joint.
-#[derive(Clone, Copy)]
-struct Row {
-    joint: usize,
-    /// The velocity that it tries to bring about.
-    wanted: f64,
-    least: f64,
-    most: f64,
-    impulse: f64,
+    touches: Vec<Touch>,
+    /// Accelerations of the joints where they are known.
+    known: Vec<f64>,
 }
 
 impl Articulated {
-    /// Whether this engine can simulate the robot: nothing of it may be free to fall or meant to touch anything.
-    pub(crate) fn can(robot: &Robot, setup: &Setup) -> bool {
-        robot.base == crate::robot::Base::Fixed && setup.ground.is_none() && setup.ball.is_none()
-    }
-
     /// The robot in its start state.
     pub(crate) fn new(robot: &Robot, setup: &Setup) -> Self {
-        let bodies: Vec<Moving> = assemble::bodies(robot).iter().skip(1).map(|body| Moving::new(body, robot)).collect();
-        let n = bodies.len();
+        let assembled = assemble::bodies(robot);
+        let floats = robot.base == Base::Floating;
+        let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
+        let mut bodies: Vec<Body> = carried(robot, &assembled);
+        let mut poses = if floats { vec![start] } else { Vec::new() };
+        let ball = setup.ball.as_ref().map(|ball| {
+            bodies.push(Body::of_ball(ball, poses.len()));
+            poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
+            let friction = 0.5 * (ball.friction + setup.ground.map_or(0.0, |ground| ground.friction));
+            Round { body: bodies.len() - 1, radius: ball.radius_m, friction, restitution: 0.5 * ball.restitution }
+        });
+        let hulls = hulls(robot, &assembled);
         let joints = || robot.movable().map(|(_, link)| &link.joint);
-        let dq: Vec<f64> = (0..n).map(|i| setup.start_velocities.get(i).copied().unwrap_or(0.0)).collect();
+        let (tree, root, many) = (Tree::new(bodies, start), if floats { 6 } else { 0 }, joints().count());
+        let mut u = vec![0.0; tree.freedom()];
+        for (u, &velocity) in u[root..root + many].iter_mut().zip(&setup.start_velocities) {
+            *u = velocity;
+        }
+        let now = Posture { q: joints().map(|joint| joint.start).collect(), poses, u };
+        let touchable = setup.ground.is_some() || ball.is_some();
         Articulated {
-            root: robot.start,
+            before: now.u.clone(),
+            root,
+            fixed: start,
+            dofs: vec![Dof::default(); many],
+            limits: joints().map(|joint| joint.limits).collect(),
+            names: joints().map(|joint| joint.name.clone()).collect(),
             gravity: setup.gravity_m_s2,
             dt_s: setup.dt_s / setup.substeps as f64,
             substeps: setup.substeps,
-            q: joints().map(|joint| joint.start).collect(),
-            before: dq.clone(),
-            dq,
-            dofs: vec![Dof::default(); n],
-            names: joints().map(|joint| joint.name.clone()).collect(),
-            scratch: Scratch::new(n),
-            bodies,
+            floor: touchable.then(|| Floor::new(setup, robot.mass_kg())),
+            impulses: Impulses::new(touch::slots(&hulls)),
+            hulls: if touchable { hulls } else { Vec::new() },
+            ball,
+            rolling_damping: setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s),
+            foot_impulses: vec![0.0; robot.links.iter().filter(|link| link.foot).count()],
+            scratch: Scratch::new(&now),
+            tree,
+            now,
         }
     }
 
-    /// Where the joints will be in the middle of the step if they go on as they did.
+    /// Where everything will be in the middle of the step if it goes on as it did.
     fn predict(&mut self) {
-        let half = 0.5 * self.dt_s;
-        for (i, middle) in self.scratch.middle.iter_mut().enumerate() {
-            *middle = (self.q[i] + half * self.dq[i], 1.5 * self.dq[i] - 0.5 * self.before[i]);
+        let (now, middle) = (&self.now, &mut self.scratch.middle);
+        now.fly(&self.tree.bodies, &self.tree.first, 0.5 * self.dt_s, |d| now.u[d], middle);
+        for ((middle, now), before) in middle.u.iter_mut().zip(&now.u).zip(&self.before) {
+            *middle = 1.5 * now - 0.5 * before;
         }
     }
 
-    /// Poses, joint axes and inertias of all bodies in the world.
-    fn place(&mut self) {
-        let s = &mut self.scratch;
-        for (i, body) in self.bodies.iter().enumerate() {
-            let (rotation, place) = match body.parent {
-                Some(parent) => (s.rotations[parent], s.places[parent]),
-                None => (self.root.rotation.to_rotation_matrix(), self.root.translation.vector),
-            };
-            let place = place + rotation * body.origin.translation.vector;
-            let rotation = rotation * body.origin.rotation.to_rotation_matrix();
-            let axis = rotation * body.axis.into_inner();
-            if body.slides {
-                s.rotations[i] = rotation;
-                s.places[i] = place + axis * s.middle[i].0;
-                s.axes[i] = Spatial { angular: Vector3::zeros(), linear: axis };
-            } else {
-                s.rotations[i] = rotation * Rotation3::from_axis_angle(&body.axis, s.middle[i].0);
-                s.places[i] = place;
-                s.axes[i] = Spatial { angular: axis, linear: place.cross(&axis) };
-            }
-            s.inertias[i] = body.inertia_at(&s.rotations[i], &s.places[i]);
-        }
-    }
-
-    /// Fills `forces` with what each joint has to carry if no joint accelerates (or as `joints` says, where that is filled), and
-    /// makes `inertias` composite.
-    fn carry(&mut self) {
-        let s = &mut self.scratch;
-        for (i, body) in self.bodies.iter().enumerate() {
-            let own = s.axes[i] * s.middle[i].1;
-            let (velocity, acceleration) = match body.parent {
-                Some(parent) => (s.velocities[parent], s.accelerations[parent]),
-                // Gravity acts as if the root were accelerated against it.
-                None => (Spatial::ZERO, Spatial { angular: Vector3::zeros(), linear: -self.gravity }),
-            };
-            s.velocities[i] = velocity + own;
-            s.accelerations[i] = acceleration + s.velocities[i].cross_motion(&own);
-            if let Some(&joint) = s.joints.get(i) {
-                s.accelerations[i] = s.accelerations[i] + s.axes[i] * joint;
-            }
-            let momentum = s.inertias[i].times(&s.velocities[i]);
-            s.forces[i] = s.inertias[i].times(&s.accelerations[i]) + s.velocities[i].cross_force(&momentum);
-        }
-        for i in (0..self.bodies.len()).rev() {
-            if let Some(parent) = self.bodies[i].parent {
-                s.forces[parent] = s.forces[parent] + s.forces[i];
-                s.inertias[parent] = s.inertias[parent].plus(&s.inertias[i]);
-            }
-        }
-    }
-
-    /// The joint-space inertia matrix, from composite inertias; only its lower triangle.
-    fn fill_matrix(&mut self) {
-        let (s, n) = (&mut self.scratch, self.bodies.len());
-        s.matrix.fill(0.0);
-        for i in 0..n {
-            let momentum = s.inertias[i].times(&s.axes[i]);
-            let mut at = Some(i);
-            while let Some(j) = at {
-                s.matrix[i * n + j] = s.axes[j].dot(&momentum);
-                at = self.bodies[j].parent;
-            }
-        }
-    }
-
-    /// One step of `dt_s`: implicit in everything that acts inside the joints.
+    /// One step of `dt_s`: implicit in everything that acts inside the joints and at contacts.
     fn advance(&mut self) {
-        let (dt, n) = (self.dt_s, self.bodies.len());
         self.predict();
         self.foresee();
-        self.place();
-        self.carry();
-        self.fill_matrix();
+        self.tree.place(&self.scratch.middle);
+        self.tree.carry(&self.scratch.middle.u, &self.gravity, None);
+        self.tree.fill_matrix(&mut self.scratch.matrix);
         self.balance();
         self.lead();
-        factorise(&mut self.scratch.matrix, n);
-        solve(&self.scratch.matrix, n, &mut self.scratch.next);
+        factorise(&mut self.scratch.matrix, &self.tree.above);
+        solve(&self.scratch.matrix, &self.tree.above, &mut self.scratch.next);
         self.stop();
-        for i in 0..n {
-            let (old, new, share) = (self.dq[i], self.scratch.next[i], self.scratch.share[i]);
-            self.q[i] += dt * ((1.0 - share) * old + share * new);
-            self.before[i] = old;
-            self.dq[i] = new;
-        }
+        let (now, s) = (&self.now, &mut self.scratch);
+        let mean = |d: usize| (1.0 - s.share[d]) * now.u[d] + s.share[d] * s.next[d];
+        now.fly(&self.tree.bodies, &self.tree.first, self.dt_s, mean, &mut s.middle);
+        std::mem::swap(&mut self.now.q, &mut s.middle.q);
+        std::mem::swap(&mut self.now.poses, &mut s.middle.poses);
+        self.before.copy_from_slice(&self.now.u);
+        self.now.u.copy_from_slice(&s.next);
         self.arrive();
     }
 
-    /// The linear equations for the velocities at the step's end: `matrix`·dq' = `next`.
+    /// The linear equations for the velocities at the step's end: `matrix`·u' = `next`.
     ///
     /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean velocity
-    /// v = (1 − h)·dq + h·dq'.
+    /// v = (1 − h)·u + h·u'.
     fn balance(&mut self) {
-        let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
-        for i in 0..n {
-            let dof = &self.dofs[i];
-            s.matrix[i * n + i] += dof.armature;
-            s.next[i] = dt * (dof.torque.constant - dof.torque.stiffness * self.q[i] - s.axes[i].dot(&s.forces[i]));
+        let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
+        for (next, carried) in s.next.iter_mut().zip(self.tree.carried()) {
+            *next = -dt * carried;
         }
-        for i in 0..n {
-            for j in 0..n {
-                let inertia = if j <= i { s.matrix[i * n + j] } else { s.matrix[j * n + i] };
-                s.next[i] += inertia * self.dq[j];
+        s.share.fill(0.5);
+        for (i, dof) in self.dofs.iter().enumerate() {
+            let d = self.root + i;
+            s.matrix[d * n + d] += dof.armature;
+            s.next[d] += dt * (dof.torque.constant - dof.torque.stiffness * self.now.q[i]);
+        }
+        for d in 0..n {
+            let u = self.now.u[d];
+            s.next[d] += s.matrix[d * n + d] * u;
+            let mut at = self.tree.above[d];
+            while let Some(e) = at {
+                s.next[d] += s.matrix[d * n + e] * self.now.u[e];
+                s.next[e] += s.matrix[d * n + e] * u;
+                at = self.tree.above[e];
             }
         }
-        for i in 0..n {
-            let torque = &self.dofs[i].torque;
+        for (i, dof) in self.dofs.iter().enumerate() {
+            let (d, torque) = (self.root + i, &dof.torque);
             let implicit = dt * torque.damping + dt * dt * torque.stiffness;
-            let rings = implicit >= s.matrix[i * n + i];
-            s.share[i] = if rings { 1.0 } else { 0.5 };
-            let resistance = dt * torque.damping + dt * dt * s.share[i] * torque.stiffness;
-            s.next[i] -= (1.0 - s.share[i]) * resistance * self.dq[i];
-            s.matrix[i * n + i] += s.share[i] * resistance;
+            let rings = implicit >= s.matrix[d * n + d];
+            s.share[d] = if rings { 1.0 } else { 0.5 };
+            let resistance = dt * torque.damping + dt * dt * s.share[d] * torque.stiffness;
+            s.next[d] -= (1.0 - s.share[d]) * resistance * self.now.u[d];
+            s.matrix[d * n + d] += s.share[d] * resistance;
+        }
+        if let Some(ball) = &self.ball {
+            let first = self.tree.first[ball.body];
+            for d in first..first + 3 {
+                s.matrix[d * n + d] *= 1.0 + dt * self.rolling_damping;
+            }
         }
     }
 
-    /// Dry friction and joint limits: impulses within their bounds that stop joints as far as they can.
+    /// Dry friction, joint limits and contacts: impulses within their bounds.
     fn stop(&mut self) {
-        let (dt, n, s) = (self.dt_s, self.bodies.len(), &mut self.scratch);
-        s.rows.clear();
-        let free = |(_, (dof, _)): &(usize, (&Dof, &Moving))| dof.course.is_none();
-        for (i, (dof, body)) in self.dofs.iter().zip(&self.bodies).enumerate().filter(free) {
-            let (lower, upper) = ((body.limits.0 - self.q[i]) / dt, (body.limits.1 - self.q[i]) / dt);
+        self.impulses.clear();
+        self.rub();
+        self.touch();
+        self.impulses.act(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
+    }
+
+    /// Dry friction and joint limits stop joints as far as they can.
+    fn rub(&mut self) {
+        let (dt, s) = (self.dt_s, &mut self.scratch);
+        let mut hold = |dof, bounds| self.impulses.hold(dof, bounds, &self.tree, &s.matrix, &s.next);
+        for (i, dof) in self.dofs.iter().enumerate().filter(|(_, dof)| dof.course.is_none()) {
+            let (d, q) = (self.root + i, self.now.q[i]);
+            let (lower, upper) = ((self.limits[i].0 - q) / dt, (self.limits[i].1 - q) / dt);
             if dof.dry_friction > 0.0 {
                 let most = dt * dof.dry_friction;
-                s.rows.push(Row { joint: i, wanted: 0.0, least: -most, most, impulse: 0.0 });
+                hold(d, [0.0, -most, most]);
             }
-            if s.next[i] < lower || s.next[i] > upper {
+            if s.next[d] < lower || s.next[d] > upper {
                 // It must end the step at the limit, not halfway beyond.
-                s.share[i] = 1.0;
+                s.share[d] = 1.0;
             }
-            if s.next[i] < lower {
-                s.rows.push(Row { joint: i, wanted: lower, least: 0.0, most: f64::INFINITY, impulse: 0.0 });
+            if s.next[d] < lower {
+                hold(d, [lower, 0.0, f64::INFINITY]);
             }
-            if s.next[i] > upper {
-                s.rows.push(Row { joint: i, wanted: upper, least: f64::NEG_INFINITY, most: 0.0, impulse: 0.0 });
+            if s.next[d] > upper {
+                hold(d, [upper, f64::NEG_INFINITY, 0.0]);
             }
         }
-        for (k, row) in s.rows.iter().enumerate() {
-            let column = &mut s.columns[k * n..(k + 1) * n];
-            column.fill(0.0);
-            column[row.joint] = 1.0;
-            solve(&s.matrix, n, column);
-        }
-        for _ in 0..SWEEPS {
-            let mut largest = 0.0f64;
-            for (k, row) in s.rows.iter_mut().enumerate() {
-                let column = &s.columns[k * n..(k + 1) * n];
-                let impulse = row.impulse + (row.wanted - s.next[row.joint]) / column[row.joint];
-                let change = impulse.clamp(row.least, row.most) - row.impulse;
-                row.impulse += change;
-                for (next, effect) in s.next.iter_mut().zip(column) {
-                    *next += effect * change;
-                }
-                largest = largest.max((change * column[row.joint]).abs() / (1.0 + s.next[row.joint].abs()));
+    }
+
+    /// Contacts with the floor and the ball.
+    fn touch(&mut self) {
+        let Some(floor) = &self.floor else { return };
+        let (dt, s) = (self.dt_s, &mut self.scratch);
+        let height = floor.friction.map(|_| -self.tree.origin.z);
+        let reach = Reach { floor: height, gap: dt * FASTEST };
+        touch::find(&self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
+        for touch in &s.touches {
+            let free = separation(touch, &self.tree, &s.next);
+            let arrives = touch.depth > 0.5 * dt * (free - PUSHED);
+            let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
+            let bounces = ball.filter(|ball| ball.restitution > 0.0);
+            // What shall bounce has to arrive at its full speed first.
+            if !arrives || (bounces.is_some() && touch.depth < 0.0) {
+                continue;
             }
-            if largest <= SETTLED {
-                break;
+            let Some(mut law) = floor.law(touch.depth, dt) else { continue };
+            law.friction = ball.map_or(floor.friction.unwrap_or(0.0), |ball| ball.friction);
+            if let Some(ball) = bounces {
+                let arrived = separation(touch, &self.tree, &self.now.u);
+                law.wanted = law.wanted.max(-ball.restitution * arrived);
             }
+            self.impulses.touch(touch, law, &self.tree, &s.matrix, &s.next);
         }
     }
 }
 
-impl Moving {
-    fn new(body: &Body, robot: &Robot) -> Self {
-        let joint = &robot.links[body.link].joint;
-        Moving {
-            parent: body.parent.checked_sub(1),
-            origin: body.origin,
-            axis: Unit::new_normalize(joint.axis),
-            slides: joint.kind == JointKind::Prismatic,
-            limits: joint.limits,
+impl Floor {
+    fn new(setup: &Setup, mass_kg: f64) -> Self {
+        let angular_frequency = TAU * HARD_HZ;
+        let hard =
+            Compliance { stiffness: mass_kg * angular_frequency.powi(2), damping: 2.0 * mass_kg * angular_frequency };
+        let Compliance { stiffness, damping } = setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard);
+        Floor { friction: setup.ground.map(|ground| ground.friction), stiffness, damping }
+    }
+
+    /// A spring and a damper over a step, at a depth in its middle. None if there is neither.
+    ///
+    /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap, it only has
+    /// to close.
+    fn law(&self, depth: f64, dt_s: f64) -> Option<Law> {
+        let resistance = self.damping + 0.5 * dt_s * self.stiffness;
+        let softness = 1.0 / (dt_s * resistance);
+        let wanted = if depth > 0.0 { self.stiffness * depth / resistance } else { 2.0 * depth / dt_s };
+        (resistance > 0.0).then_some(Law { wanted, softness, friction: 0.0 })
+    }
+}
+
+impl Body {
+    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier) -> Self {
+        let origin = if parent.is_none() && matches!(carrier, Carrier::Free { .. }) {
+            Isometry3::identity()
+        } else {
+            body.origin
+        };
+        Body {
+            parent,
+            carrier,
+            rotation: origin.rotation.to_rotation_matrix(),
+            place: origin.translation.vector,
             mass: body.mass_kg,
             com: body.com_m.coords,
             inertia: body.inertia_kg_m2,
         }
     }
 
-    fn inertia_at(&self, rotation: &Rotation3<f64>, place: &Vector3<f64>) -> Inertia {
-        let com = place + rotation * self.com;
-        let turned = rotation.matrix() * self.inertia * rotation.matrix().transpose();
-        Inertia { mass: self.mass, first: com * self.mass, second: turned + assemble::steiner(self.mass, &com) }
+    fn of_ball(ball: &Ball, pose: usize) -> Self {
+        Body {
+            parent: None,
+            carrier: Carrier::Free { pose },
+            rotation: Rotation3::identity(),
+            place: Vector3::zeros(),
+            mass: ball.mass_kg,
+            com: Vector3::zeros(),
+            inertia: Matrix3::identity() * (0.4 * ball.mass_kg * ball.radius_m.powi(2)),
+        }
     }
 }
 
+/// The bodies that can move: a root that is bolted down is none.
+fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Body> {
+    let bolted = usize::from(robot.base == Base::Fixed);
+    let body = |(index, body): (usize, &assemble::Body)| {
+        let Some(joint) = index.checked_sub(1) else { return Body::new(body, None, Carrier::Free { pose: 0 }) };
+        let along = robot.links[body.link].joint.axis;
+        let carrier = match robot.links[body.link].joint.kind {
+            JointKind::Prismatic => Carrier::Slide { joint, axis: along.normalize() },
+            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint, axis: Unit::new_normalize(along) },
+        };
+        Body::new(body, body.parent.checked_sub(bolted), carrier)
+    };
+    assembled.iter().enumerate().skip(bolted).map(body).collect()
+}
+
+/// The shapes of the bodies that can move.
+fn hulls(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Hull> {
+    let bolted = usize::from(robot.base == Base::Fixed);
+    let foot =
+        |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
+    let moving = assembled.iter().skip(bolted).enumerate();
+    let shapes =
+        moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
+    shapes.map(|(body, link, shape)| Hull::new(body, foot(link), shape.pose, shape.geometry.clone())).collect()
+}
+
 impl Scratch {
-    fn new(n: usize) -> Self {
-        let none = Inertia { mass: 0.0, first: Vector3::zeros(), second: Matrix3::zeros() };
+    fn new(now: &Posture) -> Self {
+        let n = now.u.len();
         Scratch {
-            rotations: vec![Rotation3::identity(); n],
-            places: vec![Vector3::zeros(); n],
-            axes: vec![Spatial::ZERO; n],
-            velocities: vec![Spatial::ZERO; n],
-            accelerations: vec![Spatial::ZERO; n],
-            joints: Vec::with_capacity(n),
-            inertias: vec![none; n],
-            forces: vec![Spatial::ZERO; n],
+            middle: now.clone(),
             matrix: vec![0.0; n * n],
             next: vec![0.0; n],
-            // Friction and one limit for each joint at most.
-            columns: vec![0.0; 2 * n * n],
-            middle: vec![(0.0, 0.0); n],
             share: vec![0.5; n],
-            rows: Vec::with_capacity(2 * n),
+            touches: Vec::new(),
+            known: Vec::with_capacity(n),
         }
     }
 }
 
 impl Dynamics for Articulated {
     fn positions(&self) -> &[f64] {
-        &self.q
+        &self.now.q
     }
 
     fn velocities(&self) -> &[f64] {
-        &self.dq
+        &self.now.u[self.root..self.root + self.dofs.len()]
     }
 
     fn place(&mut self, state: &State) {
-        for (i, &(q, dq)) in state.joints.iter().enumerate() {
+        let root = [state.base.angular_rad_s, state.base.velocity_m_s];
+        let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
+        let wanted = root.chain(state.joints.iter().map(|&(_, dq)| dq));
+        for ((now, before), wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(wanted) {
             // Where nothing jumps, what the velocity was before goes on counting.
-            self.before[i] += dq - self.dq[i];
-            (self.q[i], self.dq[i]) = (q, dq);
+            *before += wanted - *now;
+            *now = wanted;
+        }
+        for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
+            *now = q;
+        }
+        if self.root > 0 {
+            self.now.poses[0] = state.base.pose;
         }
     }
 
@@ -359,8 +389,8 @@ impl Dynamics for Articulated {
     }
 
     fn leads(&self) -> bool {
-        // Substeps would have to share a course.
-        self.substeps == 1
+        // Substeps would have to share a course, and what the floor pushes would have to be known beforehand.
+        self.substeps == 1 && self.root == 0 && self.ball.is_none()
     }
 
     fn needed(&mut self, torques: &mut [f64]) {
@@ -368,26 +398,42 @@ impl Dynamics for Articulated {
     }
 
     fn step(&mut self) {
+        self.foot_impulses.fill(0.0);
         for _ in 0..self.substeps {
             self.advance();
+            for touch in &self.scratch.touches {
+                if let Some(foot) = touch.hull.filter(|_| touch.other.is_none()).and_then(|hull| self.hulls[hull].foot)
+                {
+                    self.foot_impulses[foot] += self.impulses.normal(touch.slot);
+                }
+            }
         }
     }
 
     fn base(&self) -> BaseState {
-        BaseState { pose: self.root, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() }
+        if self.root == 0 {
+            return BaseState { pose: self.fixed, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+        }
+        let part = |first: usize| Vector3::from_column_slice(&self.now.u[first..first + 3]);
+        BaseState { pose: self.now.poses[0], velocity_m_s: part(3), angular_rad_s: part(0) }
     }
 
-    fn foot_force_n(&self, _foot: usize) -> f64 {
-        0.0
+    fn foot_force_n(&self, foot: usize) -> f64 {
+        self.foot_impulses[foot] / (self.dt_s * self.substeps as f64)
     }
 
     fn ball(&self) -> Option<Point3<f64>> {
-        None
+        self.ball.as_ref().and_then(|_| self.now.poses.last()).map(|pose| Point3::from(pose.translation.vector))
     }
 
     fn trouble(&self) -> Option<String> {
-        let wild = |i: &usize| !self.dq[*i].is_finite() || self.dq[*i].abs() > ABSURD_SPEED || !self.q[*i].is_finite();
-        let joint = (0..self.q.len()).find(wild)?;
-        Some(format!("joint `{}` moves at {:.1e} per second", self.names[joint], self.dq[joint]))
+        let wild = |x: f64| !x.is_finite() || x.abs() > ABSURD_SPEED;
+        let mut joints = self.now.q.iter().zip(self.velocities()).enumerate();
+        if let Some((joint, (_, dq))) = joints.find(|(_, (q, dq))| wild(**dq) || !q.is_finite()) {
+            return Some(format!("joint `{}` moves at {dq:.1e} per second", self.names[joint]));
+        }
+        let BaseState { velocity_m_s: velocity, angular_rad_s: angular, .. } = self.base();
+        (wild(velocity.norm()) || wild(angular.norm()))
+            .then(|| format!("the base moves at {} m/s and turns at {} rad/s", velocity.norm(), angular.norm()))
     }
 }

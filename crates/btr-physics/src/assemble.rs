@@ -1,6 +1,7 @@
 //! From links to moving bodies: what fixed joints hold together becomes one body with one mass and one inertia.
 
-use crate::robot::{Geometry, JointKind, Link, Robot, Shape};
+use crate::robot::{Base, Geometry, JointKind, Link, Robot, Shape};
+use crate::sim::Setup;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// A rigid body in the frame of its first link. `bodies[0]` is the root, `bodies[1 + j]` hangs on movable joint `j`.
@@ -119,12 +120,22 @@ fn start_poses(robot: &Robot, bodies: &[Body]) -> Vec<Isometry3<f64>> {
 }
 
 /// How far the robot's lowest shape is below the floor (z = 0) in the start pose, in m; negative above it.
-pub(crate) fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
+fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
     let poses = start_poses(robot, bodies);
     let shapes = bodies.iter().zip(&poses).flat_map(|(body, pose)| body.shapes.iter().map(move |(_, s)| (pose, s)));
     shapes
         .map(|(pose, shape)| shape_depth_m(&(robot.start * pose * shape.pose), &shape.geometry))
         .fold(f64::MIN, f64::max)
+}
+
+/// How far a free robot has to be lifted at the start, in m. Longer legs than the start pose was made for would begin inside the
+/// floor and be thrown out of it; one that rests before it moves is put down.
+pub(crate) fn lift_m(robot: &Robot, bodies: &[Body], setup: &Setup) -> f64 {
+    if robot.base == Base::Fixed || setup.ground.is_none() {
+        return 0.0;
+    }
+    let depth = depth_m(robot, bodies);
+    if setup.rest_s > 0.0 && depth.is_finite() { depth } else { depth.max(0.0) }
 }
 
 fn shape_depth_m(pose: &Isometry3<f64>, geometry: &Geometry) -> f64 {

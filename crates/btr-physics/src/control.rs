@@ -104,6 +104,7 @@ impl<'a> Control<'a> {
             let states = engine.positions().iter().zip(engine.velocities());
             self.load = self.joints.iter().zip(states).map(|(joint, (q, dq))| joint.torque(*q, *dq).abs()).sum();
         }
+        let midway = engine.midway();
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let (q, dq) = (engine.positions()[i], engine.velocities()[i]);
             let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
@@ -111,13 +112,16 @@ impl<'a> Control<'a> {
             let command = match course {
                 Some(course) => course.to.value,
                 None if joint.motor.is_prescribed() => self.reference.led(i, time_s + self.dt_s),
+                // What a step solves for its middle is told what holds there; a digital servo reads at instants.
+                None if joint.led && midway && !joint.motor.is_sampled() => {
+                    self.reference.led(i, time_s + 0.5 * self.dt_s)
+                }
                 None => joint.command,
             };
             let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
             let (dt_s, load) = (self.dt_s, self.load);
             let acceleration = joint.before.map_or(0.0, |before| (dq - before) / dt_s);
             joint.before = Some(dq);
-            let midway = engine.midway();
             let state = JointState {
                 time_s: self.begins_s + time_s,
                 dt_s,
@@ -209,7 +213,8 @@ impl<'a> Reference<'a> {
 
     /// The reference of joint `i` on the line from the last to the next one.
     fn led(&self, i: usize, time_s: f64) -> f64 {
-        let share = time_s / self.control_s - self.tick as f64;
+        // Before time zero it rests at the first one.
+        let share = (time_s / self.control_s - self.tick as f64).max(0.0);
         self.last[i] + share * (self.next[i] - self.last[i])
     }
 }

@@ -1,7 +1,6 @@
 //! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
 //! simulations that everything else searches.
 
-use crate::articulated::Articulated;
 use crate::drive::{Drive, DrivePlan};
 use crate::effect::Placed;
 use crate::engine::Dynamics;
@@ -29,6 +28,8 @@ pub struct Scenario {
     pub duration_s: f64,
     /// When it begins, in s on the clock by which laws count time: what follows a gap of a log begins late.
     pub begins_s: f64,
+    /// How long the robot has held the first commands before, in s.
+    pub rest_s: f64,
     /// What is known of this situation: payload, gain, supply voltage, ...
     pub settings: Vec<(Target, f64)>,
     /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
@@ -106,7 +107,8 @@ impl Model {
 
     /// With which power of the time step the error of its physics engine falls.
     pub fn order(&self) -> i32 {
-        if self.setup.engine == EngineName::Auto && Articulated::can(&self.robot, &self.setup) { 2 } else { 1 }
+        let smooth = self.setup.ground.is_none() && self.setup.ball.is_none();
+        if smooth && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
     /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
@@ -239,6 +241,7 @@ impl Model {
         }
         setup.duration_s = situation.duration_s;
         setup.begins_s = situation.begins_s;
+        setup.rest_s = situation.rest_s;
         setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();
         place(&mut robot, &situation.start);
         (robot, effects, setup)

@@ -91,6 +91,8 @@ pub struct Setup {
     pub duration_s: f64,
     /// When it begins, in s on the clock by which laws count time; drives and logs count from zero.
     pub begins_s: f64,
+    /// How long the robot holds the first references before time zero, in s. One that is free is put on the floor for it.
+    pub rest_s: f64,
     /// Time between two references of the drive, in s.
     pub control_s: f64,
     /// Whether joints are led linearly from one reference to the next; held otherwise. Prescribed joints are always led.
@@ -121,6 +123,7 @@ impl Default for Setup {
             substeps: 1,
             duration_s: 2.0,
             begins_s: 0.0,
+            rest_s: 0.0,
             control_s: 0.055,
             interpolate: false,
             sample_s: None,
@@ -198,6 +201,7 @@ pub(crate) fn simulate_led(
     let mut control = Control::new(&robot, effects, &setup, drive)?;
     check_sampling(&robot, &setup)?;
     let mut recorder = Recorder::new(&robot, &setup, samples);
+    rest(&mut control, engine, &setup)?;
     for step in 0..=(samples - 1) * every {
         let time_s = step as f64 * setup.dt_s;
         if step > 0 {
@@ -228,6 +232,19 @@ pub(crate) fn simulate_led(
     recorder.finish(setup.dt_s * every as f64, noise_seed, |log| sense(&robot, effects, log))
 }
 
+/// Lets servos, friction and the floor come to terms before anything is told.
+fn rest(control: &mut Control, engine: &mut dyn Dynamics, setup: &Setup) -> Result<(), WorldError> {
+    let steps = (setup.rest_s / setup.dt_s).round() as usize;
+    for left in (1..=steps).rev() {
+        let time_s = -(left as f64) * setup.dt_s;
+        control.listen(time_s);
+        control.act(time_s, engine);
+        engine.step();
+        check(engine, time_s)?;
+    }
+    Ok(())
+}
+
 /// Servos act between two steps, never within one.
 fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     for joint in robot.movable().map(|(_, link)| &link.joint) {
@@ -245,8 +262,8 @@ fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
 /// The physics engine for a run: the fast one wherever it is able.
 fn engine_for(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
     match setup.engine {
-        EngineName::Auto if Articulated::can(robot, setup) => Box::new(Articulated::new(robot, setup)),
-        EngineName::Auto | EngineName::Rapier => Box::new(Rapier::new(robot, setup)),
+        EngineName::Auto => Box::new(Articulated::new(robot, setup)),
+        EngineName::Rapier => Box::new(Rapier::new(robot, setup)),
     }
 }
 

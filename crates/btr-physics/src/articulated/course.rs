@@ -6,16 +6,17 @@ use super::Articulated;
 impl Articulated {
     /// The middle of the step is known for prescribed joints.
     pub(super) fn foresee(&mut self) {
-        for (dof, middle) in self.dofs.iter().zip(&mut self.scratch.middle) {
+        let middle = &mut self.scratch.middle;
+        for (i, dof) in self.dofs.iter().enumerate() {
             let Some(course) = dof.course else { continue };
-            let velocity = 0.5 * (course.from.velocity + course.to.velocity);
-            *middle = (0.5 * (course.from.value + course.to.value), velocity);
+            middle.q[i] = 0.5 * (course.from.value + course.to.value);
+            middle.u[i] = 0.5 * (course.from.velocity + course.to.velocity);
         }
     }
 
     /// Takes the prescribed velocities out of the linear equations: what they do to the others is known.
     pub(super) fn lead(&mut self) {
-        let (n, s) = (self.dofs.len(), &mut self.scratch);
+        let (n, s) = (self.tree.freedom(), &mut self.scratch);
         for (i, dof) in self.dofs.iter().enumerate() {
             let Some(course) = dof.course else { continue };
             for j in (0..n).filter(|j| *j != i) {
@@ -32,30 +33,32 @@ impl Articulated {
     pub(super) fn arrive(&mut self) {
         for (i, dof) in self.dofs.iter().enumerate() {
             let Some(course) = dof.course else { continue };
-            (self.q[i], self.dq[i]) = (course.to.value, course.to.velocity);
+            (self.now.q[i], self.now.u[i]) = (course.to.value, course.to.velocity);
         }
     }
 
     /// The torques that the prescribed joints need as the coming step begins, beyond what acts on them anyway. Joints that are
     /// free go on accelerating as they did in the last step.
     pub(super) fn inverse(&mut self, torques: &mut [f64]) {
-        let (dt, s) = (self.dt_s, &mut self.scratch);
+        let (now, s) = (&self.now, &mut self.scratch);
+        s.middle.clone_from(now);
+        s.known.clear();
         for (i, dof) in self.dofs.iter().enumerate() {
-            let acceleration = (self.dq[i] - self.before[i]) / dt;
-            s.middle[i] = dof.course.map_or((self.q[i], self.dq[i]), |c| (c.from.value, c.from.velocity));
-            s.joints.push(dof.course.map_or(acceleration, |course| course.from.acceleration));
+            let acceleration = (now.u[i] - self.before[i]) / self.dt_s;
+            s.known.push(dof.course.map_or(acceleration, |course| course.from.acceleration));
+            if let Some(course) = dof.course {
+                (s.middle.q[i], s.middle.u[i]) = (course.from.value, course.from.velocity);
+            }
         }
-        self.place();
-        self.carry();
-        let s = &mut self.scratch;
-        for (i, (dof, torque)) in self.dofs.iter().zip(torques).enumerate() {
+        self.tree.place(&s.middle);
+        self.tree.carry(&s.middle.u, &self.gravity, Some(&s.known));
+        for (((i, dof), inertial), torque) in self.dofs.iter().enumerate().zip(self.tree.carried()).zip(torques) {
             let Some(course) = dof.course else { continue };
-            let (q, dq) = s.middle[i];
-            let inertial = s.axes[i].dot(&s.forces[i]) + dof.armature * course.from.acceleration;
+            let (q, dq) = (s.middle.q[i], s.middle.u[i]);
+            let inertial = inertial + dof.armature * course.from.acceleration;
             // At rest dry friction could be anything up to its bound: nothing is the least.
             let rubs = if dq == 0.0 { 0.0 } else { dof.dry_friction.copysign(dq) };
             *torque = inertial + rubs - dof.torque.at(q, dq);
         }
-        s.joints.clear();
     }
 }

@@ -1,15 +1,15 @@
-//! Spatial quantities in the world's axes about the world's origin, and the linear algebra of a joint-space inertia matrix.
+//! Spatial quantities in the world's axes about one point, and the linear algebra of a tree's inertia matrix.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A motion or a force in Pluecker coordinates about the world's origin: angular part (moment), linear part (force).
+/// A motion or a force in Pluecker coordinates about one point: angular part (moment), linear part (force).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spatial {
     pub(super) angular: Vector3<f64>,
     pub(super) linear: Vector3<f64>,
 }
 
-/// A rigid body's inertia about the world's origin.
+/// A rigid body's inertia about the same point.
 #[derive(Clone, Copy)]
 pub(super) struct Inertia {
     pub(super) mass: f64,
@@ -70,34 +70,73 @@ impl Inertia {
     }
 }
 
-/// Cholesky's factor of a symmetric matrix, in place, in the lower triangle.
-pub(super) fn factorise(matrix: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let mut sum = matrix[i * n + j];
-            for k in 0..j {
-                sum -= matrix[i * n + k] * matrix[j * n + k];
+/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `above` is the tree
+/// that leaves the matrix empty wherever neither of two moves the other; the factor is empty there, too.
+pub(super) fn factorise(matrix: &mut [f64], above: &[Option<usize>]) {
+    let n = above.len();
+    for k in (0..n).rev() {
+        // A body without any inertia makes this NaN, which is noticed as trouble.
+        let pivot = matrix[k * n + k].sqrt();
+        matrix[k * n + k] = pivot;
+        let mut at = above[k];
+        while let Some(i) = at {
+            matrix[k * n + i] /= pivot;
+            at = above[i];
+        }
+        at = above[k];
+        while let Some(i) = at {
+            let share = matrix[k * n + i];
+            let mut other = at;
+            while let Some(j) = other {
+                matrix[i * n + j] -= share * matrix[k * n + j];
+                other = above[j];
             }
-            // A body without any inertia makes this NaN, which is noticed as trouble.
-            matrix[i * n + j] = if i == j { sum.sqrt() } else { sum / matrix[j * n + j] };
+            at = above[i];
         }
     }
 }
 
-/// Solves with the factor, in place.
-pub(super) fn solve(factor: &[f64], n: usize, x: &mut [f64]) {
+/// Solves LᵀL·x = b, in place.
+pub(super) fn solve(factor: &[f64], above: &[Option<usize>], x: &mut [f64]) {
+    for i in (0..above.len()).rev() {
+        eliminate(factor, above, i, x);
+    }
+    substitute(factor, above, x);
+}
+
+/// Solves Lᵀ·x = b where b only is something on the way from `last` to the root, in place.
+pub(super) fn solve_way(factor: &[f64], above: &[Option<usize>], last: usize, x: &mut [f64]) {
+    let mut at = Some(last);
+    while let Some(i) = at {
+        eliminate(factor, above, i, x);
+        at = above[i];
+    }
+}
+
+fn eliminate(factor: &[f64], above: &[Option<usize>], i: usize, x: &mut [f64]) {
+    let n = above.len();
+    x[i] /= factor[i * n + i];
+    let mut at = above[i];
+    while let Some(j) = at {
+        x[j] -= factor[i * n + j] * x[i];
+        at = above[j];
+    }
+}
+
+/// Solves L·x = b, in place.
+pub(super) fn substitute(factor: &[f64], above: &[Option<usize>], x: &mut [f64]) {
+    let n = above.len();
     for i in 0..n {
-        let mut sum = x[i];
-        for k in 0..i {
-            sum -= factor[i * n + k] * x[k];
+        let mut at = above[i];
+        while let Some(j) = at {
+            x[i] -= factor[i * n + j] * x[j];
+            at = above[j];
         }
-        x[i] = sum / factor[i * n + i];
+        x[i] /= factor[i * n + i];
     }
-    for i in (0..n).rev() {
-        let mut sum = x[i];
-        for k in i + 1..n {
-            sum -= factor[k * n + i] * x[k];
-        }
-        x[i] = sum / factor[i * n + i];
-    }
+}
+
+/// The force of a push in `direction` at `point`.
+pub(super) fn push(point: &Vector3<f64>, direction: &Vector3<f64>) -> Spatial {
+    Spatial { angular: point.cross(direction), linear: *direction }
 }

@@ -102,6 +102,7 @@ impl Builder<'_> {
             substeps: 1,
             duration_s: s.duration_s,
             begins_s: 0.0,
+            rest_s: 0.0,
             control_s,
             interpolate: s.interpolate,
             sample_s: Some(dt_s * f64::from(s.sample_every)),

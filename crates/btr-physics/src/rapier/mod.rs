@@ -58,9 +58,7 @@ impl Rapier {
             build::add_ground(&mut world, ground);
         }
         let friction = setup.ground.as_ref().map_or(0.0, |ground| ground.friction);
-        // Longer legs than the start pose was made for would begin inside the floor and be thrown out of it.
-        let sunk = setup.ground.map_or(0.0, |_| assemble::depth_m(robot, &bodies).max(0.0));
-        let lift = if robot.base == Base::Floating { sunk } else { 0.0 };
+        let lift = assemble::lift_m(robot, &bodies, setup);
         let start = Translation3::new(0.0, 0.0, lift) * robot.start;
         let handles = build::add_bodies(&mut world, robot.base, start, &bodies);
         let feet = build::add_shapes(&mut world, robot, &bodies, &handles, friction);
