@@ -9,27 +9,22 @@
 //! backward Euler instead. Dry friction, joint limits and contacts are impulses within bounds. A contact is a spring and a
 //! damper that are solved for the step's end, and Coulomb friction that holds; a hard floor is a stiff one.
 
+mod build;
 mod course;
 mod impulses;
 mod spatial;
 mod touch;
 mod tree;
 
-use crate::assemble;
 use crate::engine::{BaseState, Dof, Dynamics, State};
-use crate::robot::{Base, JointKind, Robot};
-use crate::sim::{Ball, Compliance, Setup};
 use impulses::{Impulses, Law, separation};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use spatial::{factorise, solve};
-use std::f64::consts::TAU;
 use touch::{Hull, Reach, Round, Touch};
-use tree::{Body, Carrier, Posture, Tree};
+use tree::{Posture, Tree};
 
 /// Faster than this (m/s, rad/s) is a blow-up.
 const ABSURD_SPEED: f64 = 1e4;
-/// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
-const HARD_HZ: f64 = 30.0;
 /// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is free to do:
 /// others may push it down.
 const PUSHED: f64 = 0.5;
@@ -86,50 +81,6 @@ struct Scratch {
 }
 
 impl Articulated {
-    /// The robot in its start state.
-    pub(crate) fn new(robot: &Robot, setup: &Setup) -> Self {
-        let assembled = assemble::bodies(robot);
-        let floats = robot.base == Base::Floating;
-        let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
-        let mut bodies: Vec<Body> = carried(robot, &assembled);
-        let mut poses = if floats { vec![start] } else { Vec::new() };
-        let ball = setup.ball.as_ref().map(|ball| {
-            bodies.push(Body::of_ball(ball, poses.len()));
-            poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
-            let friction = 0.5 * (ball.friction + setup.ground.map_or(0.0, |ground| ground.friction));
-            Round { body: bodies.len() - 1, radius: ball.radius_m, friction, restitution: 0.5 * ball.restitution }
-        });
-        let hulls = hulls(robot, &assembled);
-        let joints = || robot.movable().map(|(_, link)| &link.joint);
-        let (tree, root, many) = (Tree::new(bodies, start), if floats { 6 } else { 0 }, joints().count());
-        let mut u = vec![0.0; tree.freedom()];
-        for (u, &velocity) in u[root..root + many].iter_mut().zip(&setup.start_velocities) {
-            *u = velocity;
-        }
-        let now = Posture { q: joints().map(|joint| joint.start).collect(), poses, u };
-        let touchable = setup.ground.is_some() || ball.is_some();
-        Articulated {
-            before: now.u.clone(),
-            root,
-            fixed: start,
-            dofs: vec![Dof::default(); many],
-            limits: joints().map(|joint| joint.limits).collect(),
-            names: joints().map(|joint| joint.name.clone()).collect(),
-            gravity: setup.gravity_m_s2,
-            dt_s: setup.dt_s / setup.substeps as f64,
-            substeps: setup.substeps,
-            floor: touchable.then(|| Floor::new(setup, robot.mass_kg())),
-            impulses: Impulses::new(touch::slots(&hulls)),
-            hulls: if touchable { hulls } else { Vec::new() },
-            ball,
-            rolling_damping: setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s),
-            foot_impulses: vec![0.0; robot.links.iter().filter(|link| link.foot).count()],
-            scratch: Scratch::new(&now),
-            tree,
-            now,
-        }
-    }
-
     /// Where everything will be in the middle of the step if it goes on as it did.
     fn predict(&mut self) {
         let (now, middle) = (&self.now, &mut self.scratch.middle);
@@ -263,14 +214,6 @@ impl Articulated {
 }
 
 impl Floor {
-    fn new(setup: &Setup, mass_kg: f64) -> Self {
-        let angular_frequency = TAU * HARD_HZ;
-        let hard =
-            Compliance { stiffness: mass_kg * angular_frequency.powi(2), damping: 2.0 * mass_kg * angular_frequency };
-        let Compliance { stiffness, damping } = setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard);
-        Floor { friction: setup.ground.map(|ground| ground.friction), stiffness, damping }
-    }
-
     /// A spring and a damper over a step, at a depth in its middle. None if there is neither.
     ///
     /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap, it only has
@@ -280,77 +223,6 @@ impl Floor {
         let softness = 1.0 / (dt_s * resistance);
         let wanted = if depth > 0.0 { self.stiffness * depth / resistance } else { 2.0 * depth / dt_s };
         (resistance > 0.0).then_some(Law { wanted, softness, friction: 0.0 })
-    }
-}
-
-impl Body {
-    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier) -> Self {
-        let origin = if parent.is_none() && matches!(carrier, Carrier::Free { .. }) {
-            Isometry3::identity()
-        } else {
-            body.origin
-        };
-        Body {
-            parent,
-            carrier,
-            rotation: origin.rotation.to_rotation_matrix(),
-            place: origin.translation.vector,
-            mass: body.mass_kg,
-            com: body.com_m.coords,
-            inertia: body.inertia_kg_m2,
-        }
-    }
-
-    fn of_ball(ball: &Ball, pose: usize) -> Self {
-        Body {
-            parent: None,
-            carrier: Carrier::Free { pose },
-            rotation: Rotation3::identity(),
-            place: Vector3::zeros(),
-            mass: ball.mass_kg,
-            com: Vector3::zeros(),
-            inertia: Matrix3::identity() * (0.4 * ball.mass_kg * ball.radius_m.powi(2)),
-        }
-    }
-}
-
-/// The bodies that can move: a root that is bolted down is none.
-fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Body> {
-    let bolted = usize::from(robot.base == Base::Fixed);
-    let body = |(index, body): (usize, &assemble::Body)| {
-        let Some(joint) = index.checked_sub(1) else { return Body::new(body, None, Carrier::Free { pose: 0 }) };
-        let along = robot.links[body.link].joint.axis;
-        let carrier = match robot.links[body.link].joint.kind {
-            JointKind::Prismatic => Carrier::Slide { joint, axis: along.normalize() },
-            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint, axis: Unit::new_normalize(along) },
-        };
-        Body::new(body, body.parent.checked_sub(bolted), carrier)
-    };
-    assembled.iter().enumerate().skip(bolted).map(body).collect()
-}
-
-/// The shapes of the bodies that can move.
-fn hulls(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Hull> {
-    let bolted = usize::from(robot.base == Base::Fixed);
-    let foot =
-        |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
-    let moving = assembled.iter().skip(bolted).enumerate();
-    let shapes =
-        moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
-    shapes.map(|(body, link, shape)| Hull::new(body, foot(link), shape.pose, shape.geometry.clone())).collect()
-}
-
-impl Scratch {
-    fn new(now: &Posture) -> Self {
-        let n = now.u.len();
-        Scratch {
-            middle: now.clone(),
-            matrix: vec![0.0; n * n],
-            next: vec![0.0; n],
-            share: vec![0.5; n],
-            touches: Vec::new(),
-            known: Vec::with_capacity(n),
-        }
     }
 }
 

@@ -25,7 +25,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// How long a free robot stands before a log begins at rest, in s: what its start leaves open is settled by then.
-const REST_S: f64 = 0.6;
+const REST_S: f64 = 1.0;
 /// Joints rest that move by at most so many noise floors in so many seconds.
 const AT_REST: (f64, f64) = (3.0, 0.05);
 

@@ -7,12 +7,13 @@ use super::touch::Touch;
 use super::tree::Tree;
 use nalgebra::Vector3;
 
-/// Sweeps at most.
-const SWEEPS: usize = 100;
-/// Relative change of the velocities at which the sweeps have converged: where nothing touches to the last digits, and else far
-/// below what any sensor sees.
-const SETTLED: f64 = 1e-13;
-const SETTLED_TOUCHING: f64 = 1e-10;
+/// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
+const IN_JOINTS: (usize, f64) = (60, 1e-13);
+/// The same with contacts: far below what any sensor sees. A sole that slides flat on its corners may share its load among them
+/// in many ways, and would be sorted out for ever.
+const TOUCHING: (usize, f64) = (25, 1e-8);
+/// Sweeps over the rows of one contact at a time.
+const SWEEPS_ALONE: usize = 2;
 
 /// All impulses of a step. Rows belong together: a contact has three.
 #[derive(Default)]
@@ -46,8 +47,9 @@ struct Contact {
     row: usize,
     slot: usize,
     law: Law,
-    /// The most that anything across answers to an impulse across.
-    across: f64,
+    /// What an impulse along the normal, and one across, have to be at least to change the speed there by one.
+    stubborn: f64,
+    stubborn_across: f64,
 }
 
 /// How two bodies that touch push each other.
@@ -101,7 +103,7 @@ impl Impulses {
                 solve_way(factor, &tree.above, tree.last(other), half);
             }
         }
-        self.contacts.push(Contact { row, slot: touch.slot, law, across: 0.0 });
+        self.contacts.push(Contact { row, slot: touch.slot, law, stubborn: 0.0, stubborn_across: 0.0 });
     }
 
     /// Finds the impulses and lets them change the velocities.
@@ -110,12 +112,13 @@ impl Impulses {
             return;
         }
         self.prepare(u.len());
-        let settled = if self.contacts.is_empty() { SETTLED } else { SETTLED_TOUCHING };
-        for _ in 0..SWEEPS {
+        let (sweeps, settled) = if self.contacts.is_empty() { IN_JOINTS } else { TOUCHING };
+        for _ in 0..sweeps {
             if self.sweep() <= settled {
                 break;
             }
         }
+
         self.known.fill([0.0; 3]);
         for contact in &self.contacts {
             self.known[contact.slot].copy_from_slice(&self.impulses[contact.row..contact.row + 3]);
@@ -141,7 +144,7 @@ impl Impulses {
         self.answers.resize(rows * rows, 0.0);
         for (i, a) in self.halves.chunks_exact(n).enumerate() {
             for (j, b) in self.halves.chunks_exact(n).enumerate().take(i + 1) {
-                let answer = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                let answer = dot(a, b);
                 self.answers[i * rows + j] = answer;
                 self.answers[j * rows + i] = answer;
             }
@@ -151,7 +154,8 @@ impl Impulses {
         for contact in &mut self.contacts {
             let answer = |i: usize, j: usize| self.answers[(contact.row + i) * rows + contact.row + j];
             let (a, b, c) = (answer(1, 1), answer(1, 2), answer(2, 2));
-            contact.across = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
+            contact.stubborn = (answer(0, 0) + contact.law.softness).recip();
+            contact.stubborn_across = (0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt()).recip();
             for (k, &impulse) in self.known[contact.slot].iter().enumerate() {
                 let row = contact.row + k;
                 self.impulses[row] = impulse;
@@ -160,34 +164,61 @@ impl Impulses {
         }
     }
 
-    /// Takes every impulse to where it should be if the others stay; gives back the largest relative change of a velocity.
+    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay; gives back the largest relative
+    /// change of a velocity.
     fn sweep(&mut self) -> f64 {
         let rows = self.speeds.len();
-        let (speeds, impulses) = (&mut self.speeds, &mut self.impulses);
         let mut largest = 0.0f64;
-        let mut set = |row: usize, to: f64, speeds: &mut [f64], impulses: &mut [f64]| {
-            let change = to - impulses[row];
-            impulses[row] = to;
-            let answers = &self.answers[row * rows..(row + 1) * rows];
-            add(speeds, answers, change);
-            largest = largest.max((change * answers[row]).abs() / (1.0 + speeds[row].abs()));
-        };
-        for &Single { row, wanted, least, most } in &self.singles {
-            let missing = (wanted - speeds[row]) / self.answers[row * rows + row];
-            set(row, (impulses[row] + missing).clamp(least, most), speeds, impulses);
+        for k in 0..self.singles.len() {
+            let Single { row, wanted, least, most } = self.singles[k];
+            let missing = (wanted - self.speeds[row]) / self.answers[row * rows + row];
+            let to = (self.impulses[row] + missing).clamp(least, most);
+            largest = largest.max(self.set(row, to));
         }
-        for &Contact { row, law, across, .. } in &self.contacts {
-            let missing = law.wanted - speeds[row] - law.softness * impulses[row];
-            let answer = self.answers[row * rows + row] + law.softness;
-            set(row, (impulses[row] + missing / answer).max(0.0), speeds, impulses);
-            let most = law.friction * impulses[row];
-            let tried = [row + 1, row + 2].map(|k| impulses[k] - speeds[k] / across);
-            let size = (tried[0] * tried[0] + tried[1] * tried[1]).sqrt();
-            let shrink = if size > most { most / size } else { 1.0 };
-            set(row + 1, tried[0] * shrink, speeds, impulses);
-            set(row + 2, tried[1] * shrink, speeds, impulses);
+        for k in 0..self.contacts.len() {
+            let row = self.contacts[k].row;
+            let found = self.alone(&self.contacts[k]);
+            for (k, to) in found.into_iter().enumerate() {
+                largest = largest.max(self.set(row + k, to));
+            }
         }
         largest
+    }
+
+    /// Sets an impulse; gives back the relative change of its own velocity.
+    fn set(&mut self, row: usize, to: f64) -> f64 {
+        let rows = self.speeds.len();
+        let change = to - self.impulses[row];
+        self.impulses[row] = to;
+        let answers = &self.answers[row * rows..(row + 1) * rows];
+        add(&mut self.speeds, answers, change);
+        (change * answers[row]).abs() / (1.0 + self.speeds[row].abs())
+    }
+
+    /// The impulses of a contact while all others stay: a few sweeps over its three rows, which lean on each other most.
+    fn alone(&self, contact: &Contact) -> [f64; 3] {
+        let (rows, row, Law { wanted, softness, friction }) = (self.speeds.len(), contact.row, contact.law);
+        let answer = |i: usize, j: usize| self.answers[(row + i) * rows + row + j];
+        let own: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| answer(i, j)));
+        let [mut speed, mut impulse] = [&self.speeds, &self.impulses].map(|all| [all[row], all[row + 1], all[row + 2]]);
+        let push = |k: usize, to: f64, speed: &mut [f64; 3], impulse: &mut [f64; 3]| {
+            let change = to - impulse[k];
+            impulse[k] = to;
+            speed.iter_mut().zip(&own[k]).for_each(|(speed, answer)| *speed += answer * change);
+        };
+        for _ in 0..SWEEPS_ALONE {
+            let missing = wanted - speed[0] - softness * impulse[0];
+            let to = (impulse[0] + missing * contact.stubborn).max(0.0);
+            push(0, to, &mut speed, &mut impulse);
+            let most = friction * impulse[0];
+            let tried = [1, 2].map(|k| impulse[k] - speed[k] * contact.stubborn_across);
+            let square = tried[0] * tried[0] + tried[1] * tried[1];
+            let shrink = if square > most * most { most / square.sqrt() } else { 1.0 };
+            for k in [1, 2] {
+                push(k, tried[k - 1] * shrink, &mut speed, &mut impulse);
+            }
+        }
+        impulse
     }
 }
 
@@ -221,6 +252,17 @@ fn room(numbers: &mut Vec<f64>, n: usize) -> &mut [f64] {
     let row = numbers.len();
     numbers.resize(row + n, 0.0);
     &mut numbers[row..]
+}
+
+/// In four sums at once.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    let mut sums = [0.0; 4];
+    for (a, b) in a.zip(b) {
+        sums.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| *sum += a * b);
+    }
+    rest + (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 fn add(to: &mut [f64], direction: &[f64], size: f64) {

@@ -71,16 +71,17 @@ impl Inertia {
 }
 
 /// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `above` is the tree
-/// that leaves the matrix empty wherever neither of two moves the other; the factor is empty there, too.
+/// that leaves the matrix empty wherever neither of two moves the other; the factor is empty there, too. Its diagonal holds the
+/// reciprocals, which is all that is ever asked for.
 pub(super) fn factorise(matrix: &mut [f64], above: &[Option<usize>]) {
     let n = above.len();
     for k in (0..n).rev() {
         // A body without any inertia makes this NaN, which is noticed as trouble.
-        let pivot = matrix[k * n + k].sqrt();
+        let pivot = matrix[k * n + k].sqrt().recip();
         matrix[k * n + k] = pivot;
         let mut at = above[k];
         while let Some(i) = at {
-            matrix[k * n + i] /= pivot;
+            matrix[k * n + i] *= pivot;
             at = above[i];
         }
         at = above[k];
@@ -115,7 +116,7 @@ pub(super) fn solve_way(factor: &[f64], above: &[Option<usize>], last: usize, x:
 
 fn eliminate(factor: &[f64], above: &[Option<usize>], i: usize, x: &mut [f64]) {
     let n = above.len();
-    x[i] /= factor[i * n + i];
+    x[i] *= factor[i * n + i];
     let mut at = above[i];
     while let Some(j) = at {
         x[j] -= factor[i * n + j] * x[i];
@@ -132,7 +133,7 @@ pub(super) fn substitute(factor: &[f64], above: &[Option<usize>], x: &mut [f64])
             x[i] -= factor[i * n + j] * x[j];
             at = above[j];
         }
-        x[i] /= factor[i * n + i];
+        x[i] *= factor[i * n + i];
     }
 }
 
