@@ -135,7 +135,8 @@ pub(crate) fn lift_m(robot: &Robot, bodies: &[Body], setup: &Setup) -> f64 {
         return 0.0;
     }
     let depth = depth_m(robot, bodies);
-    if setup.rest_s > 0.0 && depth.is_finite() { depth } else { depth.max(0.0) }
+    let touches = bodies.iter().any(|body| !body.shapes.is_empty());
+    if setup.rest_s > 0.0 && touches { depth } else { depth.max(0.0) }
 }
 
 fn shape_depth_m(pose: &Isometry3<f64>, geometry: &Geometry) -> f64 {

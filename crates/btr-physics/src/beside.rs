@@ -5,6 +5,7 @@ mod family;
 mod knobs;
 mod parts;
 mod sites;
+mod standing;
 mod visible;
 
 use crate::effect::{EFFECTS, Effect, On, Param, Placed};
@@ -23,11 +24,6 @@ use parts::{Part, parts, whole};
 use sites::{limbs, sites};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// How long a free robot stands before a log begins at rest, in s: what its start leaves open is settled by then.
-const REST_S: f64 = 1.0;
-/// Joints rest that move by at most so many noise floors in so many seconds.
-const AT_REST: (f64, f64) = (3.0, 0.05);
 
 /// A model, the logs it is compared with, and all that may be varied.
 #[derive(Clone)]
@@ -139,26 +135,13 @@ impl Beside {
     }
 
     /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests first is
-    /// simulated from there; one that is under way is found in its log, window by window.
+    /// simulated from there, if it can be; else it is found in its log, window by window.
     fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
-        if self.model.robot.base == Base::Floating {
-            if (0..self.recorded.len()).all(|scenario| self.rests(scenario)) {
-                self.situations.iter_mut().for_each(|situation| situation.rest_s = REST_S);
-            } else {
-                self.cut(u)?;
-            }
+        if self.model.robot.base == Base::Floating && !self.rest()? {
+            self.cut(u)?;
         }
         self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
         Ok(())
-    }
-
-    /// Whether no joint moves when a log begins, as far as its readings tell.
-    fn rests(&self, scenario: usize) -> bool {
-        let start = &self.model.scenarios[scenario].start;
-        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name).zip(start);
-        !start.is_empty()
-            && joints
-                .all(|(joint, (_, dq))| dq.abs() * AT_REST.1 <= AT_REST.0 * self.noise(&self.recorded[scenario], joint))
     }
 
     /// Cuts the logs into windows.

@@ -1,0 +1,85 @@
+//! Whether a free robot can be simulated through a whole log: its log begins at rest, the model stands when it is put down, and
+//! small changes of it have as small consequences all along. A motion that contact makes chaotic is compared in windows instead.
+
+use super::Beside;
+use crate::model::{Model, Scenario};
+use btr_core::family::Step;
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// How long a free robot stands before a log begins at rest, in s: what its start leaves open is settled by then.
+const REST_S: f64 = 1.0;
+/// Joints rest that move by at most so many noise floors in so many seconds.
+const AT_REST: (f64, f64) = (3.0, 0.05);
+/// Whatever leans further than this from how it starts, in rad, has fallen.
+const UPRIGHT_RAD: f64 = 0.5;
+/// Gravity is changed by such shares.
+const CHANGES: [f64; 2] = [1e-6, 1e-3];
+/// How much of the answer may be other than in proportion, in the last third of the motion.
+const DISORDER: f64 = 0.5;
+
+impl Beside {
+    /// Lets the robot rest before every log, if that is where all of them begin and the model can follow them from there.
+    pub(super) fn rest(&mut self) -> Result<bool, WorldError> {
+        let stands =
+            self.model.setup.ground.is_some() && self.model.robot.links.iter().any(|link| !link.shapes.is_empty());
+        if !stands || !(0..self.recorded.len()).all(|scenario| self.rests(scenario)) {
+            return Ok(false);
+        }
+        let rested: Vec<Scenario> =
+            self.model.scenarios.iter().map(|scenario| Scenario { rest_s: REST_S, ..scenario.clone() }).collect();
+        for scenario in &rested {
+            if !is_orderly(&self.model, scenario)? {
+                return Ok(false);
+            }
+        }
+        self.situations = rested;
+        Ok(true)
+    }
+
+    /// Whether no joint moves when a log begins, as far as its readings tell.
+    fn rests(&self, scenario: usize) -> bool {
+        let start = &self.model.scenarios[scenario].start;
+        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name).zip(start);
+        let log = &self.recorded[scenario];
+        !start.is_empty() && joints.all(|(joint, (_, dq))| dq.abs() * AT_REST.1 <= AT_REST.0 * self.noise(log, joint))
+    }
+}
+
+/// Whether the model stands when the log begins, and answers changes in proportion until it ends.
+fn is_orderly(model: &Model, situation: &Scenario) -> Result<bool, WorldError> {
+    let run = |change: f64| {
+        let mut other = model.in_situations(vec![situation.clone()]);
+        other.setup.gravity_m_s2 *= 1.0 + change;
+        other.rollout(&other.simulations.nominal(), 0, &[], Step::USUAL)
+    };
+    let usual = run(0.0)?;
+    if leans_rad(model, &usual)? > UPRIGHT_RAD {
+        return Ok(false);
+    }
+    let [small, large] = CHANGES.map(|change| run(change).and_then(|log| answers(model, &usual, &log, change)));
+    let (small, large) = (small?, large?);
+    let disorder: f64 = small.iter().zip(&large).map(|(a, b)| (a - b).powi(2)).sum();
+    Ok(disorder <= DISORDER.powi(2) * large.iter().map(|answer| answer.powi(2)).sum::<f64>())
+}
+
+/// How far the root leans at the beginning of a log, from how the robot was put down.
+fn leans_rad(model: &Model, log: &Log) -> Result<f64, WorldError> {
+    let first = |name: &str| Ok::<f64, WorldError>(log.values(name)?[0]);
+    let turned = Quaternion::new(first("base_qw")?, first("base_qx")?, first("base_qy")?, first("base_qz")?);
+    let up = |rotation: UnitQuaternion<f64>| rotation * Vector3::z();
+    Ok(up(UnitQuaternion::from_quaternion(turned)).angle(&up(model.robot.start.rotation)))
+}
+
+/// How the joints answer a change, by its size, in the last third of a motion.
+fn answers(model: &Model, usual: &Log, other: &Log, change: f64) -> Result<Vec<f64>, WorldError> {
+    let mut answers = Vec::new();
+    for (_, link) in model.robot.movable() {
+        let name = format!("q_{}", link.joint.name);
+        let late = usual.len() * 2 / 3;
+        let pairs = usual.values(&name)?.iter().zip(other.values(&name)?).skip(late);
+        answers.extend(pairs.map(|(a, b)| (b - a) / change));
+    }
+    Ok(answers)
+}
