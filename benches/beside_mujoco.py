@@ -7,10 +7,11 @@ btr writes the robot as MJCF (masses, inertias, joints, rotor inertia, servos wi
 with the log of its own run; MuJoCo starts where that log starts and gets the log's commands, step by step, inside
 `mujoco.rollout`, so no Python runs between its steps. Its integrator is `implicitfast`, all other settings are its
 defaults. btr's figure holds a whole rollout: world, controller, sensors, log. Processor time is counted, and both take
-turns, so other work on the machine falls on both; trust the ratio of medians rather than either figure alone.
+turns, so other work on the machine falls on both; trust the ratio of medians rather than either figure alone. Every scene
+is shown with btr's own engine (auto) and with its reference (rapier).
 
 Before any timing, the table's last columns say whether both did the same: how far the base moved along x in 2 s, and its
-height at the end over that at the start. Contacts are soft in one engine and hard in the other, so only roughly.
+height at the end over that at the start. Contacts are of different stiffness in all engines, so only roughly.
 """
 
 import argparse
@@ -29,6 +30,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 DURATION_S = 2.0
 SCENES = [("nao", 0.055 / 7), ("nao", 0.001), ("ant", 0.055 / 7)]
+ENGINES = ["auto", "rapier"]
 ROLLOUTS_PER_ROUND = 5
 # Bases may end this far apart (m); a base below this share of its height has fallen.
 APART_M, FALLEN = 0.1, 0.7
@@ -41,11 +43,11 @@ def example(name, *arguments):
 
 
 class Scene:
-    """A robot in both engines."""
+    """A robot in MuJoCo and in one of btr's engines."""
 
-    def __init__(self, name, dt_s, folder):
-        self.name, self.dt_s = name, dt_s
-        example("export_mjcf", name, dt_s, DURATION_S, folder)
+    def __init__(self, name, engine, dt_s, folder):
+        self.name, self.engine, self.dt_s = name, engine, dt_s
+        example("export_mjcf", name, engine, dt_s, DURATION_S, folder)
         self.model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
         self.data = mujoco.MjData(self.model)
         with open(folder / "log.csv", newline="") as file:
@@ -78,7 +80,7 @@ class Scene:
         return mujoco.rollout.rollout(self.model, self.data, self.start, self.commands)[0][0]
 
     def time_btr(self):
-        printed = example("step_speed", self.name, self.dt_s, DURATION_S, ROLLOUTS_PER_ROUND)
+        printed = example("step_speed", self.name, self.engine, self.dt_s, DURATION_S, ROLLOUTS_PER_ROUND)
         self.us["btr"] += [json.loads(line)["us_per_step"] for line in printed.splitlines()]
 
     def time_mujoco(self):
@@ -102,8 +104,8 @@ class Scene:
     def row(self):
         cell = {engine: f"{min(us):7.1f} /{statistics.median(us):7.1f}" for engine, us in self.us.items()}
         ratio = statistics.median(self.us["btr"]) / statistics.median(self.us["MuJoCo"])
-        label = f"{self.name} {self.dt_s * 1e3:.3f} ms"
-        return f"{label:14}{cell['btr']:>18}{cell['MuJoCo']:>18}{ratio:8.2f}   {self.agreement()}"
+        label = f"{self.name} {self.dt_s * 1e3:.3f} ms {self.engine}"
+        return f"{label:21}{cell['btr']:>18}{cell['MuJoCo']:>18}{ratio:8.2f}   {self.agreement()}"
 
 
 def main():
@@ -113,14 +115,14 @@ def main():
     build = ["cargo", "build", "--release", "--quiet", "-p", "btr-physics", "--examples"]
     subprocess.run(build, cwd=ROOT, check=True)
     with tempfile.TemporaryDirectory() as folder:
-        scenes = [Scene(name, dt_s, Path(folder)) for name, dt_s in SCENES]
+        scenes = [Scene(name, engine, dt_s, Path(folder)) for name, dt_s in SCENES for engine in ENGINES]
     for _ in range(rounds):
         for scene in scenes:
             scene.time_btr()
             scene.time_mujoco()
     print(f"µs of processor time per step, minimum / median of {rounds * ROLLOUTS_PER_ROUND} rollouts of {DURATION_S:g} s; "
           f"MuJoCo {mujoco.__version__}; base: btr/MuJoCo")
-    print(f"{'':14}{'btr':>18}{'MuJoCo':>18}{'ratio':>8}   moved along x, m  height  agreement")
+    print(f"{'':21}{'btr':>18}{'MuJoCo':>18}{'ratio':>8}   moved along x, m  height  agreement")
     for scene in scenes:
         print(scene.row())
 

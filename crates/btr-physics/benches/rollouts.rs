@@ -1,4 +1,4 @@
-//! Steps per second of the ant and the Nao, and what a rollout costs beside its steps.
+//! Steps per second of the ant and the Nao on the own engine and on Rapier, and what a rollout costs beside its steps.
 //!
 //! `cargo bench -p btr-physics`. One item is one physics step of 0.055/7 s. `set_up` builds everything and makes a single
 //! step, so its time beside that of `rollouts` with one thread (8 rollouts) is the share that is not stepping.
@@ -9,7 +9,7 @@ mod scenes;
 use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL};
 use divan::counter::ItemsCount;
 use rayon::prelude::*;
-use scenes::{NAMES, Scene};
+use scenes::{ENGINES, NAMES, Scene};
 
 /// The paper's physics step, in s.
 const DT_S: f64 = CONTROL_S / STEPS_PER_CONTROL as f64;
@@ -22,10 +22,15 @@ fn main() {
     divan::main();
 }
 
+/// Every robot on every engine: `ant on auto`.
+fn all() -> Vec<String> {
+    NAMES.iter().flat_map(|name| ENGINES.map(|engine| format!("{name} on {engine}"))).collect()
+}
+
 /// A population of rollouts of 2 s on one and on two threads.
-#[divan::bench(args = NAMES, consts = [1, 2], sample_count = 20)]
-fn rollouts<const THREADS: usize>(bencher: divan::Bencher, name: &str) {
-    let scene = scene(name, DT_S, DURATION_S);
+#[divan::bench(args = all(), consts = [1, 2], sample_count = 20)]
+fn rollouts<const THREADS: usize>(bencher: divan::Bencher, which: &str) {
+    let scene = scene(which, DT_S, DURATION_S);
     let steps = scene.run().expect("it does not blow up").len() - 1;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(THREADS).build().expect("threads");
     let population = || (0..POPULATION).into_par_iter().map(|_| scene.run()).collect::<Vec<_>>();
@@ -33,9 +38,9 @@ fn rollouts<const THREADS: usize>(bencher: divan::Bencher, name: &str) {
 }
 
 /// A rollout of a single step: the world, the controller's side, the log.
-#[divan::bench(args = NAMES, sample_count = 200)]
-fn set_up(bencher: divan::Bencher, name: &str) {
-    let scene = scene(name, DT_S, DT_S);
+#[divan::bench(args = all(), sample_count = 200)]
+fn set_up(bencher: divan::Bencher, which: &str) {
+    let scene = scene(which, DT_S, DT_S);
     bencher.bench_local(|| scene.run());
 }
 
@@ -45,6 +50,7 @@ fn drive(bencher: divan::Bencher, name: &str) {
     bencher.bench_local(|| scene(name, DT_S, DURATION_S));
 }
 
-fn scene(name: &str, dt_s: f64, duration_s: f64) -> Scene {
-    Scene::new(name, dt_s, duration_s).expect("the nominal controller is in its space")
+fn scene(which: &str, dt_s: f64, duration_s: f64) -> Scene {
+    let (name, engine) = which.split_once(" on ").unwrap_or((which, "auto"));
+    Scene::new(name, engine, dt_s, duration_s).expect("the nominal controller is in its space")
 }

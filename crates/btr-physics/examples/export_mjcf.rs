@@ -1,5 +1,6 @@
-//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao> <dt in s> <duration in s> <folder>` puts `scene.xml`
-//! (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run: commands, joint angles, base) there.
+//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao> <auto|rapier> <dt in s> <duration in s> <folder>` puts
+//! `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run on that engine: commands, joint
+//! angles, base) there.
 //!
 //! Fixed and free bases, hinges, slides and position servos are known; as in btr, the robot touches the floor only.
 
@@ -10,17 +11,18 @@ use btr_physics::io::{Meta, write_log};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use btr_physics::sim::Setup;
 use nalgebra::Isometry3;
-use scenes::{NAMES, Scene};
+use scenes::{ENGINES, NAMES, Scene};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [name, dt_s, duration_s, folder] = arguments.as_slice() else {
-        return Err(format!("usage: export_mjcf <{}> <dt_s> <duration_s> <folder>", NAMES.join("|")).into());
+    let [name, engine, dt_s, duration_s, folder] = arguments.as_slice() else {
+        let (names, engines) = (NAMES.join("|"), ENGINES.join("|"));
+        return Err(format!("usage: export_mjcf <{names}> <{engines}> <dt_s> <duration_s> <folder>").into());
     };
-    let scene = Scene::new(name, dt_s.parse()?, duration_s.parse()?)?;
+    let scene = Scene::new(name, engine, dt_s.parse()?, duration_s.parse()?)?;
     let folder = Path::new(folder);
     std::fs::write(folder.join("scene.xml"), to_mjcf(&scene.robot, &scene.setup))?;
     write_log(&folder.join("log.csv"), &scene.run()?, &Meta::default())?;

@@ -205,8 +205,11 @@ impl Articulated {
             let Some(mut law) = floor.law(touch.depth, dt) else { continue };
             law.friction = ball.map_or(floor.friction.unwrap_or(0.0), |ball| ball.friction);
             if let Some(ball) = bounces {
-                let arrived = separation(touch, &self.tree, &self.now.u);
-                law.wanted = law.wanted.max(-ball.restitution * arrived);
+                let kept = -ball.restitution * separation(touch, &self.tree, &self.now.u);
+                if kept > law.wanted {
+                    // An impact is over within the step: nothing of what is kept goes into a spring.
+                    (law.wanted, law.softness) = (kept, 0.0);
+                }
             }
             self.impulses.touch(touch, law, &self.tree, &s.matrix, &s.next);
         }

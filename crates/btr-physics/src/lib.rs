@@ -1,5 +1,5 @@
-//! What btr simulates: robots, their motors and sensors, physical effects, drives and tasks, on Rapier; and what a run of
-//! it needs around it: experiment files, realities, logs on disk.
+//! What btr simulates: robots, their motors and sensors, physical effects, drives and tasks, on an engine of its own
+//! or on Rapier; and what a run of it needs around it: experiment files, realities, logs on disk.
 
 pub mod adapt;
 pub mod ant;

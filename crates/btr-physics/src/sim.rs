@@ -60,7 +60,7 @@ pub struct Ball {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EngineName {
-    /// Minimal coordinates where nothing can be touched, Rapier elsewhere.
+    /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and friction.
     #[default]
     Auto,
     /// Rapier's multibody, always.

@@ -6,10 +6,12 @@ use btr_physics::ant;
 use btr_physics::drive::{Drive, MotionError, NaoWalk};
 use btr_physics::nao::{CONTROL_S, nao};
 use btr_physics::robot::{Actuator, Robot};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::sim::{EngineName, Setup, simulate};
 
 /// The scenes by name.
 pub(crate) const NAMES: [&str; 2] = ["ant", "nao"];
+/// The physics engines as model files name them.
+pub(crate) const ENGINES: [&str; 2] = ["auto", "rapier"];
 
 /// A robot where its motion begins, its world and its drive.
 pub(crate) struct Scene {
@@ -19,9 +21,10 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// The Nao for the name `nao`, else the ant.
-    pub(crate) fn new(name: &str, dt_s: f64, duration_s: f64) -> Result<Self, MotionError> {
-        let setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, ..Setup::default() };
+    /// The Nao for the name `nao`, else the ant; on the reference engine for `rapier`, else on the own one.
+    pub(crate) fn new(name: &str, engine: &str, dt_s: f64, duration_s: f64) -> Result<Self, MotionError> {
+        let engine = if engine == "rapier" { EngineName::Rapier } else { EngineName::Auto };
+        let setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, engine, ..Setup::default() };
         let (mut robot, drive) = if name == "nao" { (nao(), walk(duration_s)?) } else { (ant(), tripod()) };
         drive.place(&mut robot);
         Ok(Scene { robot, setup, drive })

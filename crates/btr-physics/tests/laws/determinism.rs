@@ -1,13 +1,13 @@
 //! The same arguments give the same bits.
 
-use crate::scene::setup;
+use crate::scene::{ENGINES, setup};
 use btr_core::log::Log;
 use btr_physics::ant;
 use btr_physics::effect::{Placed, find};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::sim::{EngineName, Setup, simulate};
 
-fn walk(noise_seed: Option<u64>) -> Log {
-    let mut walking = Setup { duration_s: 0.5, ..Setup::default() };
+fn walk(engine: EngineName, noise_seed: Option<u64>) -> Log {
+    let mut walking = Setup { duration_s: 0.5, engine, ..Setup::default() };
     walking.noise.position = 1e-3;
     let rub = Placed::hinted(find("coulomb_friction").unwrap(), "*");
     simulate(&ant::ant(), &[rub], &walking, &ant::tripod(), noise_seed).unwrap()
@@ -15,17 +15,19 @@ fn walk(noise_seed: Option<u64>) -> Log {
 
 #[test]
 fn repeats_and_threads_agree_bitwise() {
-    let here = walk(Some(7));
-    let there: Vec<Log> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..4).map(|_| scope.spawn(|| walk(Some(7)))).collect();
-        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
-    });
-    assert!(there.iter().all(|log| *log == here));
+    for engine in ENGINES {
+        let here = walk(engine, Some(7));
+        let there: Vec<Log> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..4).map(|_| scope.spawn(|| walk(engine, Some(7)))).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(there.iter().all(|log| *log == here), "{engine:?}");
+    }
 }
 
 #[test]
 fn noise_is_seeded_and_only_on_sensors() {
-    let (clean, one, two) = (walk(None), walk(Some(1)), walk(Some(2)));
+    let [clean, one, two] = [None, Some(1), Some(2)].map(|seed| walk(EngineName::Auto, seed));
     assert_ne!(one, two);
     assert_eq!(clean.values("base_x").unwrap(), one.values("base_x").unwrap());
     assert_eq!(clean.values("cmd_L1_yaw").unwrap(), one.values("cmd_L1_yaw").unwrap());

@@ -7,6 +7,8 @@ mod determinism;
 mod drive;
 mod effects;
 mod engines;
+mod engines_free;
+mod floor;
 mod formula;
 mod free;
 mod friction;

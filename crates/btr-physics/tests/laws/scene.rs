@@ -9,6 +9,14 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 pub(crate) const G: f64 = 9.81;
 
+/// The own engine and the reference.
+pub(crate) const ENGINES: [EngineName; 2] = [EngineName::Auto, EngineName::Rapier];
+
+/// The same on this engine.
+pub(crate) fn on(engine: EngineName, setup: &Setup) -> Setup {
+    Setup { engine, ..setup.clone() }
+}
+
 /// A drive made of a function of time, the same for all joints.
 pub(crate) struct Told<F>(pub(crate) F);
 

@@ -1,0 +1,154 @@
+//! The own engine on the floor: what stands, stands; what rolls, rolls; what bounces, bounces.
+
+use crate::scene::{G, brick, hold, last, on, placed, run, run_with};
+use btr_core::log::Log;
+use btr_physics::ant;
+use btr_physics::nao::nao;
+use btr_physics::robot::{Actuator, Geometry, JointKind, Robot};
+use btr_physics::sim::{Ball, EngineName, Ground, Setup};
+use nalgebra::{Isometry3, Point3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+fn tilted(friction: f64, angle_rad: f64) -> Setup {
+    Setup {
+        ground: Some(Ground::hard(friction)),
+        gravity_m_s2: Vector3::new(G * angle_rad.sin(), 0.0, -G * angle_rad.cos()),
+        duration_s: 1.0,
+        ..Setup::default()
+    }
+}
+
+/// How far the base went between the first sample and the one that is furthest from it, in m.
+fn moved(log: &Log) -> f64 {
+    let axes = ["base_x", "base_y", "base_z"].map(|axis| log.values(axis).unwrap());
+    let at = |i: usize| Vector3::from(axes.map(|axis| axis[i]));
+    (0..log.len()).map(|i| (at(i) - at(0)).norm()).fold(0.0, f64::max)
+}
+
+/// A body of 1 kg of this shape, whose axis is turned by `turn` from the vertical about x, on the floor.
+fn body(geometry: Geometry, turn: f64, height_m: f64) -> Robot {
+    let mut robot = brick(Vector3::repeat(0.1), 1.0, Vector3::zeros());
+    let link = &mut robot.links[0];
+    link.inertia_kg_m2 = geometry.inertia_kg_m2(1.0);
+    link.shapes[0].geometry = geometry;
+    robot.start = Isometry3::new(Vector3::new(0.0, 0.0, height_m), Vector3::x() * turn);
+    robot
+}
+
+const SPHERE: Geometry = Geometry::Sphere { radius_m: 0.05 };
+const CYLINDER: Geometry = Geometry::Cylinder { radius_m: 0.05, half_length_m: 0.08 };
+const CAPSULE: Geometry = Geometry::Capsule { radius_m: 0.05, half_length_m: 0.08 };
+
+#[test]
+fn nao_stands_still_where_it_is_put() {
+    // Held by servos on a slope as on the level.
+    for angle in [0.0, 0.9 * 0.15_f64.atan()] {
+        let still = Setup { dt_s: 0.005, rest_s: 6.0, duration_s: 10.0, ..tilted(0.15, angle) };
+        let crept = moved(&run(&nao(), &still, &hold(0.0)));
+        assert!(crept < 5e-7, "{crept} m in 10 s at {angle} rad");
+    }
+}
+
+#[test]
+fn nao_hardly_sinks_in() {
+    let mut stiff = nao();
+    // What the servos give way by is not the floor's.
+    stiff.links.iter_mut().for_each(|link| link.joint.kind = JointKind::Fixed);
+    let log = run(&stiff, &Setup { duration_s: 3.0, ..Setup::default() }, &hold(0.0));
+    let sunk = stiff.start.translation.z - last(&log, "base_z");
+    assert!(sunk > 0.0 && sunk < 5e-4, "{sunk} m");
+}
+
+#[test]
+fn every_point_of_contact_is_a_spring() {
+    let mut slab = brick(Vector3::new(0.1, 0.1, 0.02), 2.0, Vector3::zeros());
+    slab.start.translation.z = 0.02;
+    let soft = placed("contact_compliance", "*", &[5000.0, 100.0]);
+    let log = run_with(&slab, &[soft], &tilted(0.5, 0.0), &hold(0.0));
+    let sunk = 0.02 - last(&log, "base_z");
+    assert!((sunk - 2.0 * G / 20_000.0).abs() < 1e-6, "{sunk} m on four corners");
+}
+
+#[test]
+fn round_shapes_rest() {
+    for (name, geometry, turn, height) in [
+        ("sphere", SPHERE, 0.0, 0.05),
+        ("cylinder on its end", CYLINDER, 0.0, 0.08),
+        ("cylinder on its side", CYLINDER, FRAC_PI_2, 0.05),
+        ("capsule on its side", CAPSULE, FRAC_PI_2, 0.05),
+    ] {
+        let still = Setup { rest_s: 1.0, duration_s: 5.0, ..tilted(0.5, 0.0) };
+        let log = run(&body(geometry, turn, height), &still, &hold(0.0));
+        let (crept, sunk, force) = (moved(&log), height - last(&log, "base_z"), last(&log, "foot_brick"));
+        assert!(crept < 1e-9 && (0.0..5e-4).contains(&sunk), "{name}: crept {crept} m, sunk {sunk} m");
+        assert!((force - G).abs() < 1e-6, "{name}: {force} N");
+    }
+}
+
+#[test]
+fn round_shapes_roll_and_slide() {
+    // Cylinder and capsule lie across the slope.
+    for (name, geometry, turn) in
+        [("sphere", SPHERE, 0.0), ("cylinder", CYLINDER, FRAC_PI_2), ("capsule", CAPSULE, FRAC_PI_2)]
+    {
+        let robot = body(geometry, turn, 0.05);
+        // The inertia of the spin, seen as a mass at the surface.
+        let drag = robot.links[0].inertia_kg_m2[(2, 2)] / 0.05_f64.powi(2);
+        for (angle, friction) in [(0.2_f64, 0.5), (0.6, 0.1)] {
+            let slides = friction < angle.tan() * drag / (1.0 + drag);
+            let (down, normal) = (G * angle.sin(), G * angle.cos());
+            let acceleration = if slides { down - friction * normal } else { down / (1.0 + drag) };
+            for (engine, most) in [(EngineName::Auto, 3e-5), (EngineName::Rapier, 3e-3)] {
+                let log = run(&robot, &on(engine, &tilted(friction, angle)), &hold(0.0));
+                let went = last(&log, "base_x") / (0.5 * acceleration);
+                assert!((went - 1.0).abs() < most, "{engine:?}, {name}: {went} of what is expected");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_dropped_ball_keeps_its_share_of_speed() {
+    let mut aside = brick(Vector3::repeat(0.02), 1.0, Vector3::zeros());
+    aside.start.translation = Vector3::new(1.0, 0.0, 0.02).into();
+    for restitution in [0.0, 0.6, 1.0] {
+        let ball = Ball {
+            radius_m: 0.03,
+            mass_kg: 0.05,
+            start_m: Point3::new(0.0, 0.0, 0.53),
+            friction: 0.5,
+            restitution,
+            rolling_damping_per_s: 0.0,
+        };
+        let log = run(&aside, &Setup { ball: Some(ball), ..tilted(0.5, 0.0) }, &hold(0.0));
+        let z = log.values("ball_z").unwrap();
+        let hit = z.iter().position(|z| *z < 0.0305).unwrap();
+        let highest = z[hit + 20..].iter().copied().fold(0.0, f64::max) - 0.03;
+        // Half of it is the floor's share, which has none.
+        let kept = (highest.max(0.0) / 0.5).sqrt();
+        assert!((kept - 0.5 * restitution).abs() < 3e-3, "{kept} of the speed, restitution {restitution}");
+    }
+}
+
+#[test]
+fn whoever_rests_first_is_put_on_the_floor_and_stands_still() {
+    let mut aloft = ant::ant();
+    aloft.start.translation.z += 0.02;
+    let still = Setup { rest_s: 2.0, ..Setup::default() };
+    for link in &mut aloft.links {
+        if let Actuator::Position { ki, .. } = &mut link.joint.actuator {
+            // What it adds up goes on for much longer.
+            *ki = 0.0;
+        }
+    }
+    let log = run(&aloft, &still, &ant::drive(vec![0.0; 36]));
+    let (crept, down) = (moved(&log), aloft.start.translation.z - log.values("base_z").unwrap()[0]);
+    let fastest = ant::ant()
+        .movable()
+        .map(|(_, link)| log.values(&format!("dq_{}", link.joint.name)).unwrap()[0].abs())
+        .fold(0.0, f64::max);
+    assert!((0.02..0.03).contains(&down), "put down by {down} m");
+    assert!(crept < 1e-9 && fastest < 1e-9, "{crept} m, {fastest} rad/s");
+    let falls = run(&aloft, &Setup { rest_s: 0.0, ..still }, &ant::drive(vec![0.0; 36]));
+    assert!(moved(&falls) > 0.015, "without rest it falls");
+}
