@@ -1,7 +1,8 @@
-//! A robot with contact: what is planted in one of its legs is found in windows of its logs.
+//! A robot with contact: what is planted in one of its legs is found, from a standing start in whole logs and else in windows.
 #![allow(clippy::unwrap_used)]
 
 use btr_core::diagnose::{Question, Verdict, diagnose};
+use btr_core::family::Family;
 use btr_core::fit::Bench;
 use btr_core::log::{Log, Role};
 use btr_physics::ant;
@@ -20,8 +21,8 @@ name = "ant"
 builtin = "ant"
 [simulation]
 control_s = 0.01
-steps_per_control = 2
-sample_every = 2
+steps_per_control = 8
+sample_every = 8
 [noise]
 position_rad = 0.0005
 gyro_rad_s = 0.01
@@ -29,8 +30,8 @@ gyro_rad_s = 0.01
 "mass@trunk" = { relative = [0.75, 1.33] }
 "#;
 
-/// A tripod gait of its own in each episode.
-fn scenario(model: &Model, episode: usize) -> Scenario {
+/// A tripod gait of its own in each episode; it is known where the joints begin if the robot stands first.
+fn scenario(model: &Model, episode: usize, stands: bool) -> Scenario {
     let clock: Vec<f64> = (0..=140).map(|i| f64::from(i) * 0.01).collect();
     let mut gait = ant::tripod();
     gait.omega_rad_s *= 0.8 + 0.2 * episode as f64;
@@ -45,19 +46,27 @@ fn scenario(model: &Model, episode: usize) -> Scenario {
         told.insert(format!("cmd_{}", link.joint.name), "rad", Role::Command, row).unwrap();
     }
     let replay = Some(Arc::new(Replay::new(&told, &model.robot)));
-    Scenario { name: format!("episode {episode}"), replay, duration_s: 1.4, ..Scenario::default() }
+    let start = if stands { command_at_rest(&told, model) } else { Vec::new() };
+    Scenario { name: format!("episode {episode}"), replay, duration_s: 1.4, start, ..Scenario::default() }
+}
+
+/// The first commands, and no velocity.
+fn command_at_rest(told: &Log, model: &Model) -> Vec<(f64, f64)> {
+    let first = |name: &str| (told.values(&format!("cmd_{name}")).unwrap()[0], 0.0);
+    model.robot.movable().map(|(_, link)| first(&link.joint.name)).collect()
 }
 
 /// What is found where `hidden` is, among friction on any joint.
-fn found(hidden: &[Placed]) -> (Verdict, Vec<String>) {
+fn found(hidden: &[Placed], stands: bool) -> (Verdict, Vec<String>) {
     let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
-    model.scenarios = (0..2).map(|episode| scenario(&model, episode)).collect();
+    model.scenarios = (0..2).map(|episode| scenario(&model, episode, stands)).collect();
     let heavier: Vec<f64> = model.simulations.nominal().iter().map(|mass| 1.1 * mass).collect();
     let record = |episode: usize| {
         let (robot, mut effects, mut setup) = model.at(&heavier, episode);
         effects.extend_from_slice(hidden);
         setup.dt_s /= 2.0;
+        setup.rest_s = if stands { 1.0 } else { 0.0 };
         let drive = model.scenarios[episode].replay.clone().unwrap();
         sim::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
     };
@@ -65,22 +74,31 @@ fn found(hidden: &[Placed]) -> (Verdict, Vec<String>) {
     let names = EFFECTS.iter().map(|effect| effect.card().name);
     let without: Vec<&str> = names.filter(|name| *name != "coulomb_friction").collect();
     let beside = Beside::new(Arc::new(model), logs, &without).unwrap();
+    assert_eq!(beside.is_chaotic(), !stands, "whole logs from a standing start, windows else");
     let diagnosis =
         diagnose(&Bench::new(&beside), Question { max_effects: 1, ..Question::default() }, &|_| ()).unwrap();
     let named = diagnosis.effects.iter().map(|found| format!("{}@{}", found.effect, found.site)).collect();
     (diagnosis.verdict, named)
 }
 
+fn friction_on_one_leg() -> Placed {
+    Placed { effect: find("coulomb_friction").unwrap(), site: "L2_pitch".to_owned(), values: vec![0.15] }
+}
+
 #[test]
-#[ignore = "a minute or more of simulated contact"]
+fn friction_on_one_leg_is_found_from_a_standing_start() {
+    let (verdict, named) = found(&[friction_on_one_leg()], true);
+    assert_eq!((verdict, named), (Verdict::EffectMissing, vec!["coulomb_friction@L2_pitch".to_owned()]));
+}
+
+#[test]
 fn friction_on_one_leg_is_found_while_it_walks() {
-    let effect = find("coulomb_friction").unwrap();
-    let placed = Placed { effect, site: "L2_pitch".to_owned(), values: vec![0.15] };
-    let (verdict, named) = found(&[placed]);
+    let (verdict, named) = found(&[friction_on_one_leg()], false);
     assert_eq!((verdict, named), (Verdict::EffectMissing, vec!["coulomb_friction@L2_pitch".to_owned()]));
 }
 
 #[test]
 fn nothing_is_found_where_nothing_is() {
-    assert_eq!(found(&[]), (Verdict::NothingMissing, Vec::new()));
+    assert_eq!(found(&[], true), (Verdict::NothingMissing, Vec::new()));
+    assert_eq!(found(&[], false), (Verdict::NothingMissing, Vec::new()));
 }
