@@ -80,7 +80,7 @@ fn on_the_floor_the_own_engine_errs_less_and_ever_less() {
 
 #[test]
 fn a_robot_on_the_floor_answers_smoothly() {
-    // Rapier does not: what a heavier trunk changes there is as much for a millionth as for a hundredth.
+    // Rapier does not: a trunk that is heavier by 1e-8 changes as much there as one that is heavier by 1e-6.
     let (robot, drive) = (walker(), ant::tripod());
     let walk = |heavier: f64| {
         let mut robot = robot.clone();
