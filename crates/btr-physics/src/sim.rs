@@ -30,7 +30,8 @@ impl Ground {
     }
 }
 
-/// A spring and a damper at every contact with the floor, each as it would be under the robot's whole mass.
+/// A spring and a damper at every point that touches the floor. Rapier has them as they would be under the robot's whole mass, and
+/// softer where a contact feels only a share of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance {
     /// N/m.
