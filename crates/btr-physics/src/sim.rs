@@ -260,7 +260,7 @@ fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// The physics engine for a run: the fast one wherever it is able.
+/// The physics engine for a run.
 fn engine_for(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
     match setup.engine {
         EngineName::Auto => Box::new(Articulated::new(robot, setup)),

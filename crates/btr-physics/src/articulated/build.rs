@@ -72,16 +72,11 @@ impl Floor {
 
 impl Body {
     fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier) -> Self {
-        let origin = if parent.is_none() && matches!(carrier, Carrier::Free { .. }) {
-            Isometry3::identity()
-        } else {
-            body.origin
-        };
         Body {
             parent,
             carrier,
-            rotation: origin.rotation.to_rotation_matrix(),
-            place: origin.translation.vector,
+            rotation: body.origin.rotation.to_rotation_matrix(),
+            place: body.origin.translation.vector,
             mass: body.mass_kg,
             com: body.com_m.coords,
             inertia: body.inertia_kg_m2,

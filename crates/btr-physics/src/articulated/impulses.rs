@@ -109,6 +109,7 @@ impl Impulses {
     /// Finds the impulses and lets them change the velocities.
     pub(super) fn act(&mut self, tree: &Tree, factor: &[f64], u: &mut [f64]) {
         if self.speeds.is_empty() {
+            self.known.fill([0.0; 3]);
             return;
         }
         self.prepare(u.len());
@@ -118,7 +119,6 @@ impl Impulses {
                 break;
             }
         }
-
         self.known.fill([0.0; 3]);
         for contact in &self.contacts {
             self.known[contact.slot].copy_from_slice(&self.impulses[contact.row..contact.row + 3]);
@@ -164,8 +164,8 @@ impl Impulses {
         }
     }
 
-    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay; gives back the largest relative
-    /// change of a velocity.
+    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay; gives back the
+    /// largest relative change of a velocity.
     fn sweep(&mut self) -> f64 {
         let rows = self.speeds.len();
         let mut largest = 0.0f64;

@@ -211,7 +211,7 @@ fn last(bodies: &[Body], first: &[usize], body: usize) -> usize {
 }
 
 impl Posture {
-    /// Where everything is after `dt_s` at the velocities `u`, into `to`; `joints` says where the joints are, which may be stiff.
+    /// Where everything is after `dt_s` at the velocities `u`, into `to`.
     pub(super) fn fly(&self, bodies: &[Body], first: &[usize], dt_s: f64, u: impl Fn(usize) -> f64, to: &mut Posture) {
         for (body, &d) in bodies.iter().zip(first) {
             match body.carrier {

@@ -152,3 +152,14 @@ fn whoever_rests_first_is_put_on_the_floor_and_stands_still() {
     let falls = run(&aloft, &Setup { rest_s: 0.0, ..still }, &ant::drive(vec![0.0; 36]));
     assert!(moved(&falls) > 0.015, "without rest it falls");
 }
+
+#[test]
+fn a_foot_in_the_air_carries_nothing() {
+    let springy = placed("contact_compliance", "*", &[1000.0, 2.0]);
+    let log = run_with(&body(SPHERE, 0.0, 0.1), &[springy], &tilted(0.5, 0.0), &hold(0.0));
+    let (z, force) = (log.values("base_z").unwrap(), log.values("foot_brick").unwrap());
+    let aloft: Vec<usize> = (1..z.len()).filter(|&i| z[i - 1].min(z[i]) > 0.052).collect();
+    let pressed = (0..z.len()).find(|&i| force[i] > 0.0).unwrap();
+    assert!(aloft.iter().any(|&i| i > pressed), "it bounces");
+    assert!(aloft.iter().all(|&i| force[i] <= 0.0));
+}
