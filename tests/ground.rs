@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use btr_core::diagnose::{Question, Verdict, diagnose};
-use btr_core::family::Family;
-use btr_core::fit::Bench;
+use btr_core::family::{Family, Step};
+use btr_core::fit::{Bench, squares};
 use btr_core::log::{Log, Role};
 use btr_physics::ant;
 use btr_physics::beside::Beside;
@@ -11,6 +11,7 @@ use btr_physics::drive::{Drive, Replay};
 use btr_physics::effect::{EFFECTS, Placed, find};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
+use btr_physics::robot::Link;
 use btr_physics::sim;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -66,7 +67,8 @@ fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
     let record = |episode: usize| {
         let (robot, mut effects, mut setup) = model.at(&heavier, episode);
         effects.extend_from_slice(hidden);
-        setup.dt_s /= 2.0;
+        // Finer than any step that a diagnosis may take.
+        setup.dt_s /= 6.0;
         setup.rest_s = stood_s.unwrap_or(0.0);
         let drive = model.scenarios[episode].replay.clone().unwrap();
         sim::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
@@ -111,4 +113,36 @@ fn nothing_is_found_where_nothing_is_in_a_robot_just_put_there() {
 #[test]
 fn nothing_is_found_where_nothing_is_on_the_way() {
     assert_eq!(found(&[], None), (Verdict::NothingMissing, Vec::new()));
+}
+
+/// The root mean square of a family's residuals at a point, in noise floors.
+fn error(family: &dyn Family, u: &[f64]) -> f64 {
+    let logs = 0..family.logs().len();
+    let all: Vec<f64> = logs.flat_map(|log| family.residual(u, log, Step::USUAL).unwrap()).collect();
+    let finite: Vec<f64> = all.into_iter().filter(|r| r.is_finite()).collect();
+    (squares(&finite) / finite.len() as f64).sqrt()
+}
+
+#[test]
+fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
+    let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
+    let mut model = Model { learn: 1, ..model(&source).unwrap() };
+    model.scenarios = vec![scenario(&model, 0, true)];
+    // It was put down as it is told, stood for a moment, and sagged as far as friction let it.
+    let hidden = Placed { values: vec![0.8], ..friction_on_one_leg() };
+    let (robot, mut effects, mut setup) = model.at(&model.simulations.nominal(), 0);
+    effects.push(hidden);
+    setup.rest_s = 0.5;
+    let drive = model.scenarios[0].replay.clone().unwrap();
+    let log = sim::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
+    let read = |link: &Link| (log.values(&format!("q_{}", link.joint.name)).unwrap()[0], 0.0);
+    model.scenarios[0].start = model.robot.movable().map(|(_, link)| read(link)).collect();
+    let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
+    let mut truth = vec![0.0; beside.knobs().len()];
+    let knob = beside.knobs().iter().position(|knob| knob.name == "coulomb_friction.torque@L2_pitch").unwrap();
+    truth[knob] = beside.knobs()[knob].coordinate(0.8);
+    let blind = error(&beside, &truth);
+    let told = beside.seen_from(&truth).unwrap();
+    let (seen, again) = (error(&*told, &truth), told.seen_from(&truth));
+    assert!(blind > 1.2 && seen < 1.05 && again.is_none(), "{blind} {seen}");
 }

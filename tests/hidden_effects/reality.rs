@@ -17,8 +17,8 @@ use rand::RngExt;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How many times finer the reality's time step is.
-const FINER: f64 = 4.0;
+/// How many times finer the reality's time step is: finer than the finest that a diagnosis may take, and no multiple of it.
+const FINER: f64 = 6.0;
 /// How long the robot rests before an episode is recorded, in s.
 const SETTLE_S: f64 = 1.0;
 /// How far the reality's masses and gains are off, at most.

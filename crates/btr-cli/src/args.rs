@@ -168,7 +168,7 @@ pub(crate) struct Beside {
     /// The logs to learn from (MCAP or CSV)
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
-    /// Logs to judge on, which nothing is fitted to
+    /// Logs to judge on, which nothing is fitted to; after MODEL and LOG, as it takes whatever follows
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
     /// Write what was found and plots of it into one HTML file

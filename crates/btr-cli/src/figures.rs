@@ -41,8 +41,8 @@ pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Resu
 
 fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
     let (robot, ..) = experiment.model.at(run.state().simulation(), 0);
-    let adapted =
-        btr_physics::adapt::adapted(experiment.source(), experiment.model.simulations(), run.state().simulation());
+    let (space, s) = (experiment.model.simulations(), run.state().simulation());
+    let adapted = btr_physics::adapt::adapted(experiment.source(), space, s, run.folder());
     Ok(Meta {
         base_link: robot.links.first().map(|link| link.name.clone()),
         urdf: Some(urdf::to_urdf(&robot)),

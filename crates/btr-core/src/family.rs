@@ -215,6 +215,10 @@ pub trait Family: Sync {
     fn windows(&self, _log: usize) -> Vec<Range<usize>> {
         Vec::new()
     }
+    /// Whether it touches the world, so that effects may show on one side of zero and not on the other.
+    fn has_contact(&self) -> bool {
+        false
+    }
     /// Whether small errors grow, as with contact. Then half the step does not tell what no step at all would do: the noise floors
     /// must have the integrator's own error in them.
     fn is_chaotic(&self) -> bool {

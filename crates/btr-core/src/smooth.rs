@@ -14,6 +14,9 @@ const REACH_SAMPLES: f64 = 4.0;
 /// Time to each side of the fit, at least, in s: fast clocks need more samples for the same velocity.
 const REACH_S: f64 = 0.02;
 
+/// A slope of fewer standard deviations than this is none, if nothing else is known.
+const TELLING: f64 = 2.0;
+
 /// A smoothed sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
@@ -91,24 +94,27 @@ pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
     let all = within(2.0 * reach_s(clock_s));
-    // Short, as a command may come at once.
-    let short = within(REACH_S.max(0.5 * reach_s(clock_s)));
-    resting(clock_s, values, short, sigma).or_else(|| moving(clock_s, values, all, sigma))
+    match resting(clock_s, values, sigma, TELLING) {
+        Some(value) => Some(Motion { value, velocity: 0.0, acceleration: 0.0 }),
+        None => moving(clock_s, values, all, sigma),
+    }
 }
 
-/// The mean of some readings; `None` where they have a slope beyond noise, or are fewer than three.
-fn resting(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
-    /// A slope of fewer standard deviations is none.
-    const TELLING: f64 = 2.0;
-    let there: Vec<(f64, f64)> = range.map(|i| (clock_s[i], values[i])).filter(|(_, x)| x.is_finite()).collect();
+/// The mean of the first readings; `None` where they are fewer than three, or have a slope beyond so many standard deviations of
+/// what noise alone would give them.
+pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Option<f64> {
+    let first_s = *clock_s.first()?;
+    // Short, as a command may come at once.
+    let last_s = first_s + REACH_S.max(0.5 * reach_s(clock_s));
+    let readings = clock_s.iter().zip(values).take_while(|(t, _)| **t <= last_s);
+    let there: Vec<(f64, f64)> = readings.map(|(t, x)| (*t, *x)).filter(|(_, x)| x.is_finite()).collect();
     let n = there.len() as f64;
     let (time, value) = there.iter().fold((0.0, 0.0), |(time, value), (t, x)| (time + t / n, value + x / n));
     let (along, square) = there
         .iter()
         .fold((0.0, 0.0), |(along, square), (t, x)| (along + (t - time) * (x - value), square + (t - time).powi(2)));
     // The slope has the deviation sigma/sqrt(sum of squared times).
-    let rests = there.len() >= 3 && along.abs() <= TELLING * sigma * square.sqrt();
-    rests.then_some(Motion { value, velocity: 0.0, acceleration: 0.0 })
+    (there.len() >= 3 && along.abs() <= telling * sigma * square.sqrt()).then_some(value)
 }
 
 /// The parabola at the first tick, through as many samples as it fits to `sigma`.

@@ -2,7 +2,7 @@
 
 use crate::experiment::{SimulationSection, Source};
 use btr_core::space::Space;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 use toml_edit::{DocumentMut, TomlError, Value};
 
 /// Sections that steer a run and do not belong to a model.
@@ -18,16 +18,16 @@ const NAMES_FILES: [(&str, &str); 6] = [
     ("reality", "held_out"),
 ];
 
-/// The text of `source` as a model file whose parameters in doubt have the values of `s`.
+/// The text of `source` as a model file in the folder `into`, whose parameters in doubt have the values of `s`.
 ///
 /// # Errors
 /// A file that is not TOML; it was read before, so this does not happen.
-pub fn adapted(source: &Source, space: &Space, s: &[f64]) -> Result<String, TomlError> {
+pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     for section in NOT_MODEL {
         document.remove(section);
     }
-    anchor(&mut document, source.folder());
+    anchor(&mut document, source.folder(), into);
     for (dim, value) in space.dims().iter().zip(s) {
         if let Some(parameter) = document["parameters"].get_mut(&dim.name).and_then(|item| item.as_table_like_mut()) {
             parameter.insert("value", toml_edit::value(*value));
@@ -53,21 +53,21 @@ pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
     Ok(document.to_string())
 }
 
-/// The text of a model file that lies in `folder`, for a file that will lie elsewhere.
+/// The text of a model file that lies in `folder`, for one in the folder `into`.
 ///
 /// # Errors
 /// A text that is not TOML.
-pub fn moved(text: &str, folder: &Path) -> Result<String, TomlError> {
+pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    anchor(&mut document, folder);
+    anchor(&mut document, folder, into);
     Ok(document.to_string())
 }
 
-/// Makes the paths in a document, relative to `folder`, absolute.
-fn anchor(document: &mut DocumentMut, folder: &Path) {
-    let absolute = |value: &mut Value| {
-        let Some(path) = value.as_str().map(|path| folder.join(path)) else { return };
-        let path = std::path::absolute(&path).unwrap_or(path);
+/// Makes the paths in a document, relative to `folder`, relative to `into`. Absolute ones stay.
+fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
+    let anchored = |value: &mut Value| {
+        let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
+        let path = way(into, &folder.join(path));
         let decor = value.decor().clone();
         *value = path.to_string_lossy().into_owned().into();
         *value.decor_mut() = decor;
@@ -75,11 +75,30 @@ fn anchor(document: &mut DocumentMut, folder: &Path) {
     for (section, key) in NAMES_FILES {
         let item = document.get_mut(section).and_then(|section| section.get_mut(key));
         match item.and_then(|item| item.as_value_mut()) {
-            Some(Value::Array(list)) => list.iter_mut().for_each(absolute),
-            Some(one) => absolute(one),
+            Some(Value::Array(list)) => list.iter_mut().for_each(anchored),
+            Some(one) => anchored(one),
             None => {}
         }
     }
+}
+
+/// The way from a folder to a file: up to where both lie, and down; absolute where that is no more than the root.
+fn way(from: &Path, file: &Path) -> PathBuf {
+    let (from, folder) = (real(from), real(file.parent().unwrap_or(file)));
+    let name = file.file_name().unwrap_or_default();
+    let common = from.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    if common <= 1 {
+        return folder.join(name);
+    }
+    let up = from.components().skip(common).map(|_| Component::ParentDir);
+    up.chain(folder.components().skip(common)).collect::<PathBuf>().join(name)
+}
+
+/// A folder without detours; where it does not exist yet, as it is written.
+fn real(folder: &Path) -> PathBuf {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let absolute = || std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    folder.canonicalize().unwrap_or_else(|_| absolute())
 }
 
 #[cfg(test)]
@@ -98,10 +117,16 @@ mod tests {
     fn a_file_that_moves_takes_the_way_to_others_along() {
         let text = "[robot]\nurdf = \"arm.urdf\" # its shape\n[logs]\nindex = \"logs/index.csv\"\n\
                     [reality]\nfiles = [\"a.csv\", \"/b.csv\"]\n";
-        let moved = moved(text, Path::new("/lab/robots")).unwrap();
+        let from = Path::new("/lab/robots");
+        let moved = |into: &str| moved(text, from, Path::new(into)).unwrap();
+        assert_eq!(moved("/lab/robots"), text);
+        let wanted = "[robot]\nurdf = \"../../robots/arm.urdf\" # its shape\n[logs]\n\
+                      index = \"../../robots/logs/index.csv\"\n\
+                      [reality]\nfiles = [\"../../robots/a.csv\", \"/b.csv\"]\n";
+        assert_eq!(moved("/lab/runs/monday"), wanted);
         let wanted = "[robot]\nurdf = \"/lab/robots/arm.urdf\" # its shape\n[logs]\n\
                       index = \"/lab/robots/logs/index.csv\"\n\
                       [reality]\nfiles = [\"/lab/robots/a.csv\", \"/b.csv\"]\n";
-        assert_eq!(moved, wanted);
+        assert_eq!(moved("/tmp"), wanted);
     }
 }

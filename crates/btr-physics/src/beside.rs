@@ -137,9 +137,14 @@ impl Beside {
     /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests first is
     /// simulated from there, if it can be; else it is found in its log, window by window.
     fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
-        if self.model.robot.base == Base::Floating && !self.rest()? {
+        if self.model.robot.base == Base::Floating && !self.rest(u)? {
             self.cut(u)?;
         }
+        self.measure()
+    }
+
+    /// Says which channels of the logs are compared.
+    fn measure(&mut self) -> Result<(), WorldError> {
         self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
         Ok(())
     }

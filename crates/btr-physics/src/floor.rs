@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Streams of the numbers in doubt, and of the noise.
 const SEED: u64 = 0xF100;
 /// How often the model is asked: one motion is one sample of chaos.
-const DRAWS: u64 = 2;
+const DRAWS: u64 = 4;
 /// How far those numbers are from the model's own, in standard deviations.
 const OFF: f64 = 0.7;
 

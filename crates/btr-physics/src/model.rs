@@ -105,10 +105,14 @@ impl Model {
         }
     }
 
+    /// Whether there is a floor or a ball to touch.
+    pub fn has_contact(&self) -> bool {
+        self.setup.ground.is_some() || self.setup.ball.is_some()
+    }
+
     /// With which power of the time step the error of its physics engine falls.
     pub fn order(&self) -> i32 {
-        let smooth = self.setup.ground.is_none() && self.setup.ball.is_none();
-        if smooth && self.setup.engine == EngineName::Auto { 2 } else { 1 }
+        if !self.has_contact() && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
     /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
@@ -133,7 +137,7 @@ impl Model {
         self.run_once(s, &self.drive.space().nominal(), situation, further, step, None, &mut |_, _| {})
     }
 
-    /// The same with a finer step and noisy sensors.
+    /// The same with a step so fine that its error is as good as none, and noisy sensors.
     pub(crate) fn measured(
         &self,
         s: &[f64],
@@ -142,7 +146,7 @@ impl Model {
         noise: u64,
     ) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
-        self.run_once(s, &own, situation, further, Step::USUAL.halved(), Some(noise), &mut |_, _| {})
+        self.run_once(s, &own, situation, further, Step::USUAL.halved().halved().halved(), Some(noise), &mut |_, _| {})
     }
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with

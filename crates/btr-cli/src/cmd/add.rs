@@ -16,10 +16,9 @@ pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
     let model = experiment::model(&source)?;
     let additions =
         args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;
-    let mut text = add(&source, &model.robot, &additions)?;
-    if !same_folder(&args.output, &args.model) {
-        text = moved(&text, source.folder()).map_err(AddError::from)?;
-    }
+    let text = add(&source, &model.robot, &additions)?;
+    let into = args.output.parent().unwrap_or(&args.output);
+    let text = moved(&text, source.folder(), into).map_err(AddError::from)?;
     write_text(&args.output, &text)?;
     if global.json {
         println!("{}", serde_json::json!({ "ok": true, "model": args.output, "added": args.effects }));
@@ -28,15 +27,6 @@ pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
         println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Whether two files lie in one folder.
-fn same_folder(a: &Path, b: &Path) -> bool {
-    let folder = |path: &Path| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        folder.canonicalize().ok()
-    };
-    folder(a).is_some() && folder(a) == folder(b)
 }
 
 /// Writes a text file, whole or not at all.

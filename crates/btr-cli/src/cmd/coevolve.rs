@@ -228,7 +228,7 @@ fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Ve
     let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
     let mut files = vec![run.write("history.json", text.as_bytes())?];
     let space = experiment.model.simulations();
-    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation());
+    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation(), run.folder());
     let adapted = adapted.map_err(|e| Failure::new("output", e.to_string(), None))?;
     files.push(run.write("adapted.toml", adapted.as_bytes())?);
     files.extend(figures::write(experiment, run, report)?);

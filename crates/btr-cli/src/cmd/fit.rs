@@ -29,7 +29,8 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
     if let Some(output) = &args.output {
-        let text = adapted(&problem.source, space, &problem.values(&fit));
+        let into = output.parent().unwrap_or(output);
+        let text = adapted(&problem.source, space, &problem.values(&fit), into);
         let text = match step {
             Step::USUAL => text,
             finer => text.and_then(|text| in_finer_steps(&text, finer.divides_by())),

@@ -6,6 +6,7 @@
 //! explains the error.
 
 mod law;
+mod picture;
 mod race;
 mod screen;
 mod state;
@@ -123,7 +124,7 @@ pub struct Diagnosis {
     pub ladder: Vec<Rung>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
-    /// What the integrator's error is, in multiples of the noise floor.
+    /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on, whichever is larger.
     pub integrator_error: f64,
     /// Doubtful parameters that ended at a bound.
     pub at_bound: Vec<String>,
@@ -161,9 +162,9 @@ fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Run
         state.simplify(bench);
         let explained = !is_worth_a_round(bench, &state);
         if let Some(family) = (!explained).then(|| bench.family.seen_from(&state.fit.u)).flatten() {
-            let bench = Bench::at(&*family, &state.fit.u).counting(bench.rollouts());
-            state.look_again(&bench, tell);
-            return go_on(&bench, question, state, tell);
+            let again = bench.going_on(&*family, &state.fit.u);
+            state.look_again(&again, tell);
+            return go_on(&again, question, state, tell);
         }
     }
     Diagnosis { cut_short, ..conclude(bench, question, state) }
@@ -327,6 +328,7 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
 
 fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
+    let integrator_error = state.fit.step_error_to_judge_on(bench).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
         (true, error) if error <= NOISE => Verdict::NothingMissing,
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
@@ -352,7 +354,7 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     Diagnosis {
         verdict,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
-        integrator_error: state.integrator,
+        integrator_error,
         at_bound: at_bound.collect(),
         rounds: state.rounds,
         effects: state.chosen,

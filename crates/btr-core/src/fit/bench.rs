@@ -50,10 +50,11 @@ impl<'a> Bench<'a> {
         Bench { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
     }
 
-    /// Counts what was spent elsewhere.
-    pub(crate) fn counting(self, spent: usize) -> Self {
-        self.rollouts.fetch_add(spent, Ordering::Relaxed);
-        self
+    /// A bench for the same family as it is seen from a point: with this one's step, counting on.
+    pub(crate) fn going_on<'b>(&self, family: &'b dyn Family, u: &[f64]) -> Bench<'b> {
+        let other = Bench::at(family, u);
+        let rollouts = self.rollouts() + other.rollouts();
+        Bench { halvings: self.step().halvings.into(), rollouts: rollouts.into(), ..other }
     }
 
     /// Simulated logs so far.
@@ -66,10 +67,11 @@ impl<'a> Bench<'a> {
         Step { halvings: self.halvings.load(Ordering::Relaxed) }
     }
 
-    /// Halves the time step for everything from now on, if an error of its own of so many noise floors asks for it; returns whether
-    /// it did. Where motion is chaotic, the noise floors have that error in them.
-    pub(super) fn refine(&self, error: f64) -> bool {
-        let refines = error > FINE_ENOUGH && self.step().divides_by() < FINEST && !self.family.is_chaotic();
+    /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from or else in
+    /// those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors have that error in them.
+    pub(super) fn refine(&self, learn: f64, held_out: impl FnOnce() -> f64) -> bool {
+        let refinable = self.step().divides_by() < FINEST && !self.family.is_chaotic();
+        let refines = refinable && (learn > FINE_ENOUGH || held_out() > FINE_ENOUGH);
         if refines {
             self.halvings.fetch_add(1, Ordering::Relaxed);
         }

@@ -4,6 +4,7 @@ use super::bench::{Bench, Logs};
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
 use super::judge::{Measure, NOISE, chi, held_out_squares};
 use super::solve::{Effort, Ended, Fit};
+use crate::family::Step;
 
 /// Where amplitudes that are off are started from, beside off: some effects have no slope there.
 const STARTS: [f64; 2] = [0.4, 1.5];
@@ -27,31 +28,67 @@ pub struct Fitted {
     /// What these logs do not tell.
     pub null_directions: Vec<NullDirection>,
     /// What was done, and the two errors after it.
-    pub ladder: Vec<(String, f64, Option<f64>)>,
+    pub ladder: Vec<Rung>,
     /// Why it ended.
     pub ended: Ended,
     /// Why there are no intervals, where there are none.
     pub withheld: Option<String>,
-    /// The integrator's own error in multiples of the noise floor.
+    /// The integrator's own error in multiples of the noise floor: in the logs to learn from or in those to judge on, whichever is
+    /// larger.
     pub integrator_error: f64,
+    /// The time step that it holds for.
+    pub step: Step,
+    /// Simulated logs.
+    pub rollouts: usize,
 }
 
-/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on held-out
-/// ones. `None` where the model blows up as it stands.
-pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
-    let knobs = bench.family.knobs();
-    let mut ladder = Vec::new();
-    let mut climb = |step: &str, fit: &Fit| {
+/// A step of the ladder: what was done, and the error after it on the logs to learn from and on held-out ones.
+type Rung = (String, f64, Option<f64>);
+
+/// The steps so far, and who hears of them.
+struct Ladder<'a> {
+    rungs: Vec<Rung>,
+    tell: &'a dyn Fn(&str, f64, Option<f64>),
+}
+
+impl Ladder<'_> {
+    fn climb(&mut self, bench: &Bench, step: &str, fit: &Fit) {
         let train = chi(fit.squares(), bench.samples(Logs::Learn));
         let held_out = held_out_squares(bench, &fit.u).filter(|_| !bench.logs(Logs::HeldOut).is_empty());
         let held_out = held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut)));
-        tell(step, train, held_out);
-        ladder.push((step.to_owned(), train, held_out));
-    };
+        (self.tell)(step, train, held_out);
+        self.rungs.push((step.to_owned(), train, held_out));
+    }
+
+    /// The last error on held-out logs, or else on those to learn from.
+    fn error(&self) -> f64 {
+        self.rungs.last().map_or(f64::INFINITY, |(_, train, held_out)| held_out.unwrap_or(*train))
+    }
+}
+
+/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on held-out
+/// ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None` where the model blows
+/// up as it stands.
+pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
+    let mut ladder = Ladder { rungs: Vec::new(), tell };
+    let fit = begin(bench, &mut ladder)?;
+    let (fit, ended, integrator_error) = finish(bench, fit, &mut ladder, "fitted");
+    let other = (ladder.error() > NOISE).then(|| bench.family.seen_from(&fit.u)).flatten();
+    let Some(family) = other else { return Some(conclude(bench, fit, ended, integrator_error, ladder)) };
+    let again = bench.going_on(&*family, &fit.u);
+    let mut fit = Fit::at(&again, fit.active, fit.u, &[])?;
+    fit.renew_step_error(&again);
+    let (fit, ended, integrator_error) = finish(&again, fit, &mut ladder, "starts as it sees them");
+    Some(conclude(&again, fit, ended, integrator_error, ladder))
+}
+
+/// The best of several starts; some effects have no slope where they are off.
+fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
+    let knobs = bench.family.knobs();
     let doubtful = bench.family.doubtful().to_vec();
     let mut fit = Fit::at(bench, doubtful.clone(), vec![0.0; knobs.len()], &[])?;
     fit.renew_step_error(bench);
-    climb("model as it stands", &fit);
+    ladder.climb(bench, "model as it stands", &fit);
     let off: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].amplitude).collect();
     let mut starts = vec![fit.clone()];
     for size in STARTS.iter().filter(|_| !off.is_empty()) {
@@ -62,8 +99,13 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     if starts.len() > 1 {
         starts.iter_mut().for_each(|start| _ = start.solve(bench, TRIAL));
         fit = starts.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        climb("best of several starts", &fit);
+        ladder.climb(bench, "best of several starts", &fit);
     }
+    Some(fit)
+}
+
+/// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
+fn finish(bench: &Bench, mut fit: Fit, ladder: &mut Ladder, step: &str) -> (Fit, Ended, f64) {
     fit.jacobian = None;
     fit.solve(bench, Effort::FULL);
     let integrator_error = fit.renew_step_error(bench);
@@ -72,24 +114,31 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
     fit.settle(bench);
     // Steps along slopes as wide as what is left in doubt lead nowhere either.
     let ended = if solved - fit.cost <= CONVERGED * solved { Ended::Converged } else { ended };
-    climb("fitted", &fit);
-    let (_, train, held_out) = ladder.last()?.clone();
-    let error = held_out.unwrap_or(train);
+    ladder.climb(bench, step, &fit);
+    (fit, ended, integrator_error)
+}
+
+fn conclude(bench: &Bench, fit: Fit, ended: Ended, integrator_error: f64, ladder: Ladder) -> Fitted {
+    let error = ladder.error();
     let withheld = (error > NOISE).then(|| {
         format!(
             "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
         )
     });
     let inflation = Measure::of(bench, &fit).inflation();
-    Some(Fitted {
+    let (train, held_out) =
+        ladder.rungs.last().map_or((f64::INFINITY, None), |(_, train, held_out)| (*train, *held_out));
+    Fitted {
         parameters: estimates(bench.family, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(bench.family, &fit),
-        integrator_error,
+        integrator_error: integrator_error.max(fit.step_error_to_judge_on(bench)),
         fit,
         train,
         held_out,
-        ladder,
+        ladder: ladder.rungs,
         ended,
         withheld,
-    })
+        step: bench.step(),
+        rollouts: bench.rollouts(),
+    }
 }

@@ -2,6 +2,7 @@
 //! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
 use super::bench::{Bench, Logs, Residual, corrected, squares};
+use super::judge::chi;
 use crate::family::Knob;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -92,16 +93,17 @@ impl Fit {
         Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
     }
 
-    /// Takes the integrator's error into account as it is here, with a finer step where it is large; not where the error has no
-    /// order (chaos, or a rotor that meets its flank a step earlier), so that what is extrapolated from half the step makes
-    /// things worse. Returns the error's root mean square in multiples of the noise floor.
+    /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to learn from or in
+    /// those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a step earlier), so that what
+    /// is extrapolated from half the step makes things worse. Returns the error's root mean square in the logs to learn from, in
+    /// multiples of the noise floor.
     pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
             let halved = bench.halved(&self.u, Logs::Learn).unwrap_or_else(|| bare.clone());
             let error = bench.beyond(&bare, &halved);
-            let size = (squares(&error) / bench.samples(Logs::Learn).max(1) as f64).sqrt();
-            if !bench.refine(size) {
+            let size = chi(squares(&error), bench.samples(Logs::Learn));
+            if !bench.refine(size, || self.step_error_to_judge_on(bench)) {
                 break (error, size);
             }
             bare = halved;
@@ -114,6 +116,13 @@ impl Fit {
         };
         self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
         size
+    }
+
+    /// The integrator's error in the held-out logs; 0 without such, or where it blows up.
+    pub(crate) fn step_error_to_judge_on(&self, bench: &Bench) -> f64 {
+        let usual = bench.residual(&self.u, Logs::HeldOut).unwrap_or_default();
+        let error = bench.step_error(&self.u, &usual, Logs::HeldOut);
+        chi(squares(&error), bench.samples(Logs::HeldOut))
     }
 
     /// The residual as simulated.

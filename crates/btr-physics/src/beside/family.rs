@@ -63,17 +63,25 @@ impl Family for Beside {
         if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
+    fn has_contact(&self) -> bool {
+        self.model.has_contact()
+    }
+
     fn is_chaotic(&self) -> bool {
         self.parts.iter().any(|part| !part.windows.is_empty())
     }
 
     fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
-        if !self.is_chaotic() {
-            return None;
-        }
         let mut other = self.clone();
-        other.begin(u).and_then(|()| floor::raise(&mut other, u)).ok()?;
-        Some(Box::new(other))
+        let differs = match (self.model.robot.base, self.is_chaotic()) {
+            (Base::Floating, true) => {
+                let cut = other.cut(u).and_then(|()| other.measure()).and_then(|()| floor::raise(&mut other, u));
+                cut.is_ok()
+            }
+            (Base::Floating, false) => other.rest_otherwise(u).unwrap_or(false),
+            (Base::Fixed, _) => false,
+        };
+        differs.then(|| Box::new(other) as Box<dyn Family>)
     }
 
     fn start_near(&self, log: usize, number: usize) -> &[String] {

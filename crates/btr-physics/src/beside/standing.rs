@@ -3,19 +3,41 @@
 
 use super::Beside;
 use crate::model::{Model, Scenario};
+use crate::robot::Link;
 use btr_core::family::Step;
 use btr_core::fit::squares;
 use btr_core::log::{Log, interpolate};
+use btr_core::smooth;
 use btr_core::world::WorldError;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// How long a free robot may have stood before a log begins at rest, in s: long enough for its start to be settled, or it was put
-/// there at that moment, as simulated ones are.
-const STOOD_S: [f64; 2] = [1.0, 0.0];
+/// How a free robot came to where its log begins: put down with its joints as they read there, or as they are told, it stood for so
+/// long, in s.
+#[derive(Clone, Copy)]
+struct Past {
+    told: bool,
+    stood_s: f64,
+}
+
+/// What is thought of, likeliest first: it stood until everything was settled, or not as long, or was put there at that moment, as
+/// simulated ones are.
+const PASTS: [Past; 7] = [
+    Past { told: false, stood_s: 1.0 },
+    Past { told: true, stood_s: 1.0 },
+    Past { told: false, stood_s: 0.5 },
+    Past { told: true, stood_s: 0.5 },
+    Past { told: false, stood_s: 0.2 },
+    Past { told: true, stood_s: 0.2 },
+    Past { told: false, stood_s: 0.0 },
+];
+/// A less likely past is believed where it leaves less than this share of a likelier one's squares.
+const LIKELIER: f64 = 0.95;
 /// The beginning of a log, which tells which, in s.
 const BEGINNING_S: f64 = 0.3;
-/// Joints rest that move by at most so many noise floors in so many seconds.
+/// Joints rest that move by at most so many noise floors in so many seconds...
 const AT_REST: (f64, f64) = (3.0, 0.05);
+/// ... or whose first readings have a slope of at most so many standard deviations: of many joints some always seem to move.
+const TELLING: f64 = 4.0;
 /// Whatever leans further than this from how it starts, in rad, has fallen.
 const UPRIGHT_RAD: f64 = 0.5;
 /// Gravity is changed by such shares.
@@ -24,23 +46,10 @@ const CHANGES: [f64; 2] = [1e-6, 1e-3];
 const DISORDER: f64 = 2.0;
 
 impl Beside {
-    /// Lets the robot rest before every log, if that is where all of them begin and the model can follow them from there.
-    pub(super) fn rest(&mut self) -> Result<bool, WorldError> {
-        let stands =
-            self.model.setup.ground.is_some() && self.model.robot.links.iter().any(|link| !link.shapes.is_empty());
-        if !stands || !(0..self.recorded.len()).all(|scenario| self.rests(scenario)) {
-            return Ok(false);
-        }
-        let mut nearest: Option<(f64, Vec<Scenario>)> = None;
-        for rest_s in STOOD_S {
-            let rested = self.model.scenarios.iter().map(|scenario| Scenario { rest_s, ..scenario.clone() });
-            let rested: Vec<Scenario> = rested.collect();
-            let missed = self.missed(&rested)?;
-            if nearest.as_ref().is_none_or(|(least, _)| missed < *least) {
-                nearest = Some((missed, rested));
-            }
-        }
-        let Some((_, rested)) = nearest else { return Ok(false) };
+    /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the model can follow
+    /// them from there.
+    pub(super) fn rest(&mut self, u: &[f64]) -> Result<bool, WorldError> {
+        let Some(rested) = self.likeliest(u)? else { return Ok(false) };
         for scenario in &rested {
             if !is_orderly(&self.model, scenario)? {
                 return Ok(false);
@@ -50,12 +59,42 @@ impl Beside {
         Ok(true)
     }
 
+    /// The same for one that rests, where the model at `u` sees another past: what holds a joint (play, friction, a wrong zero) tells
+    /// how it came there. Whether it does.
+    pub(super) fn rest_otherwise(&mut self, u: &[f64]) -> Result<bool, WorldError> {
+        let Some(rested) = self.likeliest(u)? else { return Ok(false) };
+        let same = |(a, b): (&Scenario, &Scenario)| a.rest_s.total_cmp(&b.rest_s).is_eq() && a.start == b.start;
+        let differs = !rested.iter().zip(&self.situations).all(same);
+        self.situations = rested;
+        Ok(differs)
+    }
+
+    /// The scenarios with the past that leads nearest to where the logs begin; none where one of them begins under way.
+    fn likeliest(&self, u: &[f64]) -> Result<Option<Vec<Scenario>>, WorldError> {
+        let stands =
+            self.model.setup.ground.is_some() && self.model.robot.links.iter().any(|link| !link.shapes.is_empty());
+        let starts: Option<Vec<_>> = (0..self.recorded.len()).map(|scenario| self.resting_start(scenario)).collect();
+        let Some(starts) = starts.filter(|_| stands) else { return Ok(None) };
+        let mut nearest: Option<(f64, Vec<Scenario>)> = None;
+        for Past { told, stood_s: rest_s } in PASTS {
+            let after = |(scenario, read): (usize, &Vec<(f64, f64)>)| {
+                let start = if told { self.told_start(scenario, read) } else { read.clone() };
+                Scenario { rest_s, start, ..self.model.scenarios[scenario].clone() }
+            };
+            let rested: Vec<Scenario> = starts.iter().enumerate().map(after).collect();
+            let missed = self.missed(u, &rested)?;
+            if nearest.as_ref().is_none_or(|(least, _)| missed < LIKELIER * *least) {
+                nearest = Some((missed, rested));
+            }
+        }
+        Ok(nearest.map(|(_, rested)| rested))
+    }
+
     /// How far the joints are from where the logs begin, in squares of noise floors.
-    fn missed(&self, situations: &[Scenario]) -> Result<f64, WorldError> {
+    fn missed(&self, u: &[f64], situations: &[Scenario]) -> Result<f64, WorldError> {
         let mut missed = 0.0;
         for (situation, recorded) in situations.iter().zip(&self.recorded) {
-            let own = self.model.simulations.nominal();
-            let simulated = self.model.rollout_in(&own, situation, &[], Step::USUAL)?;
+            let simulated = self.simulate_in(u, situation, Step::USUAL)?;
             let early = recorded.clock_s().partition_point(|t| *t <= BEGINNING_S);
             for (_, link) in self.model.robot.movable() {
                 let name = format!("q_{}", link.joint.name);
@@ -69,12 +108,31 @@ impl Beside {
         Ok(missed)
     }
 
-    /// Whether no joint moves when a log begins, as far as its readings tell.
-    fn rests(&self, scenario: usize) -> bool {
-        let start = &self.model.scenarios[scenario].start;
-        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name).zip(start);
+    /// Where the joints are when a log begins, without velocity; `None` if one moves, as far as its readings tell.
+    fn resting_start(&self, scenario: usize) -> Option<Vec<(f64, f64)>> {
         let log = &self.recorded[scenario];
-        !start.is_empty() && joints.all(|(joint, (_, dq))| dq.abs() * AT_REST.1 <= AT_REST.0 * self.noise(log, joint))
+        let start = &self.model.scenarios[scenario].start;
+        let joints = self.model.robot.movable().map(|(_, link)| &link.joint.name).zip(start);
+        let resting = |(joint, (q, dq)): (&String, &(f64, f64))| {
+            let noise = self.noise(log, joint);
+            let still = || {
+                let readings = &log.channel(&format!("q_{joint}"))?.values;
+                smooth::resting(log.clock_s(), readings, noise, TELLING)
+            };
+            let known = (dq.abs() * AT_REST.1 <= AT_REST.0 * noise).then_some(*q);
+            known.or_else(still).map(|q| (q, 0.0))
+        };
+        if start.is_empty() { None } else { joints.map(resting).collect() }
+    }
+
+    /// Where the joints are told to be when a log begins; where they read to be if nothing tells.
+    fn told_start(&self, scenario: usize, read: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let told = |((_, link), read): ((usize, &Link), &(f64, f64))| {
+            let commands = self.recorded[scenario].channel(&format!("cmd_{}", link.joint.name));
+            let first = commands.and_then(|channel| channel.values.first().copied()).filter(|q| q.is_finite());
+            first.map_or(*read, |q| (q, 0.0))
+        };
+        self.model.robot.movable().zip(read).map(told).collect()
     }
 }
 

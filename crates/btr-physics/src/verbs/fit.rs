@@ -71,11 +71,11 @@ pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, 
         doubts: problem.doubts.clone(),
         not_judged: problem.not_judged.clone(),
         integrator_error: fitted.integrator_error,
-        time_step_s: problem.time_step_s(bench.step()),
-        rollouts: bench.rollouts(),
+        time_step_s: problem.time_step_s(fitted.step),
+        rollouts: fitted.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
-    Some((report, fitted.fit, bench.step()))
+    Some((report, fitted.fit, fitted.step))
 }
 
 impl Problem {

@@ -1,0 +1,144 @@
+//! The diagnosis beside made-up worlds, each with one thing that is awkward about real ones.
+#![allow(clippy::unwrap_used)]
+
+use btr_core::diagnose::{Diagnosis, Question, Verdict, diagnose};
+use btr_core::family::{Candidate, Family, Knob, Law, Measured, Recorded, Step};
+use btr_core::fit::Bench;
+use btr_core::random::stream;
+use btr_core::world::WorldError;
+use rand::RngExt;
+
+const SAMPLES: usize = 400;
+const PERIOD_S: f64 = 0.01;
+
+/// Two logs to learn from and one to judge on, of one channel with a noise of 1.
+struct Made {
+    knobs: Vec<Knob>,
+    candidates: Vec<Candidate>,
+    logs: Vec<Recorded>,
+    measured: Vec<Vec<f64>>,
+    contact: bool,
+    /// What is measured at a point, without noise: coordinates, log, time in s, and by what the time step is divided.
+    motion: fn(&[f64], usize, f64, f64) -> f64,
+}
+
+/// Divides the time step by so much that nothing is left of it.
+const NO_STEP: f64 = 1e9;
+
+impl Made {
+    /// A world with a gain in doubt and effects of one amplitude each, which really stand where `truth` says.
+    fn new(effects: &[&str], truth: &[f64], motion: fn(&[f64], usize, f64, f64) -> f64) -> Self {
+        let names = ["gain"].iter().chain(effects).enumerate();
+        let knobs: Vec<Knob> = names.map(|(i, name)| knob(name, i > 0)).collect();
+        let candidate = |(i, name): (usize, &&str)| Candidate {
+            effect: (*name).to_owned(),
+            site: "here".to_owned(),
+            amplitudes: vec![i + 1],
+            shapes: Vec::new(),
+            starts: vec![Vec::new()],
+            kin: Vec::new(),
+        };
+        let log = |i: usize| Recorded {
+            name: format!("log {i}"),
+            held_out: i == 2,
+            channels: vec![Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..SAMPLES }],
+            present: SAMPLES,
+        };
+        // Twelve evenly distributed numbers have a variance of one.
+        let noise = |log: usize, i: usize| {
+            let mut rng = stream(7, &[log as u64, i as u64]);
+            (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+        };
+        let measured = |log: usize| {
+            (0..SAMPLES).map(|i| motion(truth, log, i as f64 * PERIOD_S, NO_STEP) + noise(log, i)).collect()
+        };
+        Made {
+            knobs,
+            candidates: effects.iter().enumerate().map(candidate).collect(),
+            logs: (0..3).map(log).collect(),
+            measured: (0..3).map(measured).collect(),
+            contact: false,
+            motion,
+        }
+    }
+
+    fn diagnosis(&self) -> Diagnosis {
+        diagnose(&Bench::new(self), Question::default(), &|_| ()).unwrap()
+    }
+}
+
+fn knob(name: &str, amplitude: bool) -> Knob {
+    let (bounds, spread) = if amplitude { ((-40.0, 40.0), 30.0) } else { ((-3.0, 3.0), 1.0) };
+    let (name, unit) = (name.to_owned(), "1".to_owned());
+    Knob { name, unit, origin: 0.0, size: 1.0, law: Law::Linear, bounds, spread, reach: 0.1, amplitude }
+}
+
+impl Family for Made {
+    fn knobs(&self) -> &[Knob] {
+        &self.knobs
+    }
+
+    fn doubtful(&self) -> &[usize] {
+        &[0]
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn logs(&self) -> &[Recorded] {
+        &self.logs
+    }
+
+    fn has_contact(&self) -> bool {
+        self.contact
+    }
+
+    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
+        let finer = f64::from(step.divides_by());
+        let simulated = (0..SAMPLES).map(|i| (self.motion)(u, log, i as f64 * PERIOD_S, finer));
+        Ok(self.measured[log].iter().zip(simulated).map(|(there, here)| there - here).collect())
+    }
+}
+
+fn names(diagnosis: &Diagnosis) -> Vec<&str> {
+    diagnosis.effects.iter().map(|found| found.effect.as_str()).collect()
+}
+
+/// A swing of its own for each log.
+fn swing(rate: f64, log: usize, t: f64) -> f64 {
+    (rate * t + 2.0 * log as f64).sin()
+}
+
+#[test]
+fn what_shows_on_one_side_only_is_found_there() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + 4.0 * (-u[1]).max(0.0) * swing(5.0, log, t) + u[2] * swing(7.0, log, t)
+    };
+    let made = Made { contact: true, ..Made::new(&["lift", "tilt"], &[0.4, -1.5, 0.0], motion) };
+    let diagnosis = made.diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
+    assert!((diagnosis.fit.u[1] + 1.5).abs() < 0.1, "{:?}", diagnosis.fit.u);
+}
+
+#[test]
+fn what_is_many_times_its_usual_size_is_found_where_the_way_there_is_no_straight_line() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t + 0.05 * u[1]) + 0.2 * u[2] * swing(5.5, log, t)
+    };
+    let diagnosis = Made::new(&["offset", "tilt"], &[0.4, -23.0, 0.0], motion).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["offset"]));
+    assert!((diagnosis.fit.u[1] + 23.0).abs() < 0.1, "{:?}", diagnosis.fit.u);
+}
+
+#[test]
+fn a_step_too_coarse_for_the_held_out_log_alone_is_made_finer() {
+    // The error falls with the step, but half the step does not tell where it goes.
+    let motion = |u: &[f64], log: usize, t: f64, finer: f64| {
+        let of_the_step = if log == 2 { 1.5 / finer * swing(4.0 + finer.min(8.0), log, t) } else { 0.0 };
+        u[0] * swing(3.0, log, t) + of_the_step + 4.0 * u[1] * swing(5.0, log, t)
+    };
+    let diagnosis = Made::new(&["tilt"], &[0.4, 0.0], motion).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::NothingMissing, vec![]));
+    assert!(diagnosis.integrator_error > 0.2, "{}", diagnosis.integrator_error);
+}
