@@ -3,7 +3,7 @@
 
 use btr_core::diagnose::{Question, Verdict, diagnose};
 use btr_core::family::{Family, Step};
-use btr_core::fit::{Bench, squares};
+use btr_core::fit::{Bench, Logs, squares};
 use btr_core::log::{Log, Role};
 use btr_physics::ant;
 use btr_physics::beside::Beside;
@@ -11,7 +11,7 @@ use btr_physics::drive::{Drive, Replay};
 use btr_physics::effect::{EFFECTS, Placed, find};
 use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
-use btr_physics::robot::Link;
+use btr_physics::robot::{JointKind, Link};
 use btr_physics::sim;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -145,4 +145,29 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     let told = beside.seen_from(&truth).unwrap();
     let (seen, again) = (error(&*told, &truth), told.seen_from(&truth));
     assert!(blind > 1.2 && seen < 1.05 && again.is_none(), "{blind} {seen}");
+}
+
+#[test]
+fn where_feet_came_down_is_not_held_against_the_model() {
+    let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
+    let mut model = Model { learn: 1, ..model(&source).unwrap() };
+    model.scenarios = vec![scenario(&model, 0, true)];
+    let (mut robot, effects, mut setup) = model.at(&model.simulations.nominal(), 0);
+    setup.rest_s = 1.0;
+    let told: Vec<f64> = model.scenarios[0].start.iter().map(|(q, _)| *q).collect();
+    let by = |size: f64, k: usize| if k.is_multiple_of(2) { size } else { -size };
+    for (k, link) in robot.links.iter_mut().filter(|link| link.joint.kind != JointKind::Fixed).enumerate() {
+        link.joint.start = told[k] + by(0.02, k);
+    }
+    let drive = model.scenarios[0].replay.clone().unwrap();
+    let log = sim::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
+    // Where the joints were put down is read no better than sensors read, and feet hold on to it.
+    model.scenarios[0].start = told.iter().enumerate().map(|(k, q)| (q + by(0.012, k), 0.0)).collect();
+    let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
+    let truth = vec![0.0; beside.knobs().len()];
+    let bench = Bench::at(&beside, &truth);
+    let whitened = bench.residuals_of(std::slice::from_ref(&truth), &[0]).pop().unwrap().unwrap();
+    let seen = (squares(&whitened) / bench.samples(Logs::Learn) as f64).sqrt();
+    let blind = error(&beside, &truth);
+    assert!(blind > 1.2 && seen < 1.05, "{blind} {seen}");
 }

@@ -157,7 +157,9 @@ impl Reality {
         let settled = scenario(&self.model, episode, &told);
         let (mut robot, mut effects, mut setup) = self.model.at(truth, episode);
         for (link, row) in robot.links.iter_mut().filter(|link| link.joint.kind != JointKind::Fixed).zip(&told) {
-            link.joint.start = row[0];
+            // Its servos hold it while it is put down: it is where its encoders read what it is told.
+            let own = placed.iter().filter(|placed| free && placed.site == link.joint.name);
+            link.joint.start = own.fold(row[0], |reading, placed| placed.effect.start(&placed.values, reading));
         }
         effects.extend_from_slice(placed);
         setup.dt_s /= FINER;

@@ -229,6 +229,11 @@ pub trait Family: Sync {
     fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn Family>> {
         None
     }
+    /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no probe around the
+    /// model foretells, but why it tips shows before it does. None where the whole of a log follows from its beginning smoothly.
+    fn beginnings(&self) -> Option<Box<dyn Family>> {
+        None
+    }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {
         &[]

@@ -32,6 +32,8 @@ pub struct Beside {
     recorded: Vec<Log>,
     /// The model's scenarios, with the restarts that the logs call for.
     situations: Vec<Scenario>,
+    /// Whether it is a free robot that rests before every log.
+    rests: bool,
     /// The logs' clocks, as laws count time.
     clocks_s: Vec<Vec<f64>>,
     parts: Vec<Part>,
@@ -128,6 +130,7 @@ impl Beside {
             scales,
             parts,
             situations: model.scenarios.clone(),
+            rests: false,
             clocks_s: model.scenarios.iter().zip(&recorded).map(by_laws).collect(),
             model,
             recorded,
@@ -147,6 +150,19 @@ impl Beside {
     fn measure(&mut self) -> Result<(), WorldError> {
         self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
         Ok(())
+    }
+
+    /// Forgets what comes after a share of every log.
+    fn shorten(&mut self, share: f64) -> Result<(), WorldError> {
+        for (scenario, log) in self.recorded.iter().enumerate() {
+            let last = (share * log.len() as f64) as usize;
+            let own = self.parts.iter_mut().filter(|part| part.scenario == scenario);
+            own.for_each(|part| part.samples = part.samples.start.min(last)..part.samples.end.min(last));
+            let situation = &mut self.situations[scenario];
+            // A sample further than the last one that counts: clocks may be read late.
+            situation.duration_s = situation.duration_s.min(log.clock_s()[last.min(log.len() - 1)] - log.clock_s()[0]);
+        }
+        self.measure()
     }
 
     /// Cuts the logs into windows.

@@ -5,6 +5,7 @@
 //! removed again where others make them superfluous. The answer may be that nothing is missing, or that nothing known
 //! explains the error.
 
+mod beginning;
 mod law;
 mod picture;
 mod race;
@@ -15,6 +16,7 @@ pub use law::ResidualLaw;
 
 use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
+use beginning::from_beginnings;
 use law::residual_law;
 use race::{Rival, race};
 use screen::{Start, screen};
@@ -199,7 +201,11 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
 
 /// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
 fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
-    let squares = state.fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
+    leaves_something(bench, state, &state.fit)
+}
+
+fn leaves_something(bench: &Bench, state: &State, fit: &Fit) -> bool {
+    let squares = fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
     // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
     if bench.family.is_chaotic() {
         return squares > NOISE.powi(2);
@@ -211,13 +217,13 @@ fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
 fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
-    let mut bases = vec![state.fit.clone()];
-    if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
-        let origin = vec![0.0; state.fit.u.len()];
-        bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+    let (mut rivals, mut starts) = from_beginnings(bench, state, &offered);
+    rivals = best_of_each(rivals);
+    if rivals.first().is_none_or(|leader| leaves_something(bench, state, &leader.fit)) {
+        let (others, screened) = from_the_whole(bench, state, &offered);
+        rivals = best_of_each(rivals.into_iter().chain(others).collect());
+        starts.extend(screened);
     }
-    let starts = screen(bench, &mut bases, &offered);
-    let mut rivals = race(bench, &bases, &starts, None);
     let leader = rivals.first()?;
     if leader.fit.squares() > MODEST * state.fit.squares() {
         beneath(bench, leader, state).into_iter().for_each(|beneath| state.follow(bench, beneath));
@@ -230,6 +236,17 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
     judge_rivals(bench, state, rivals)
+}
+
+/// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
+fn from_the_whole(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival>, Vec<Start>) {
+    let mut bases = vec![state.fit.clone()];
+    if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
+        let origin = vec![0.0; state.fit.u.len()];
+        bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+    }
+    let starts = screen(bench, &mut bases, offered);
+    (race(bench, &bases, &starts, None), starts)
 }
 
 /// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so that nothing

@@ -57,6 +57,11 @@ impl<'a> Bench<'a> {
         Bench { halvings: self.step().halvings.into(), rollouts: rollouts.into(), ..other }
     }
 
+    /// Takes over the count of a bench that went on from here.
+    pub(crate) fn count(&self, other: &Bench) {
+        self.rollouts.store(other.rollouts(), Ordering::Relaxed);
+    }
+
     /// Simulated logs so far.
     pub fn rollouts(&self) -> usize {
         self.rollouts.load(Ordering::Relaxed)

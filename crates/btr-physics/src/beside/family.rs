@@ -11,6 +11,8 @@ use std::ops::Range;
 
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
+/// What counts as the beginning of a log, as a share of it.
+const BEGINNING: f64 = 0.3;
 
 impl Family for Beside {
     fn knobs(&self) -> &[Knob] {
@@ -48,6 +50,7 @@ impl Family for Beside {
     fn starts(&self, log: usize) -> usize {
         match (self.model.robot.base, self.parts[log].windows.len()) {
             (Base::Fixed, _) => 2 * self.nudged(log).count(),
+            (Base::Floating, 0) if self.rests => self.nudged(log).count(),
             // A log too short for a window begins in a state that no joint tells.
             (Base::Floating, 0) => 0,
             (Base::Floating, _) => windows::nudges(self.model.robot.movable().count()),
@@ -59,7 +62,7 @@ impl Family for Beside {
     }
 
     fn start_spread(&self) -> f64 {
-        // Nudges of a base are as large as what is not known of it.
+        // Nudges of a free robot are as large as what is not known of it.
         if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
     }
 
@@ -84,6 +87,15 @@ impl Family for Beside {
         differs.then(|| Box::new(other) as Box<dyn Family>)
     }
 
+    fn beginnings(&self) -> Option<Box<dyn Family>> {
+        if !self.has_contact() || self.is_chaotic() {
+            return None;
+        }
+        let mut other = self.clone();
+        other.shorten(BEGINNING).ok()?;
+        Some(Box::new(other))
+    }
+
     fn start_near(&self, log: usize, number: usize) -> &[String] {
         match windows::nudged_joint(number, self.model.robot.movable().count()) {
             Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
@@ -103,9 +115,11 @@ impl Family for Beside {
             scenario.restarts = restarts.into();
             return self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?);
         }
-        for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / 2)?))) {
+        // Where one rests nothing moves, so that positions are all there is.
+        let numbers = if self.rests { 1 } else { 2 };
+        for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / numbers)?))) {
             let start = &mut scenario.start[joint];
-            match k % 2 {
+            match k % numbers {
                 0 => start.0 += NUDGE.0 * sigma,
                 _ => start.1 += NUDGE.0 * sigma / NUDGE.1,
             }

@@ -31,7 +31,7 @@ const PASTS: [Past; 7] = [
     Past { told: false, stood_s: 0.0 },
 ];
 /// A less likely past is believed where it leaves less than this share of a likelier one's squares.
-const LIKELIER: f64 = 0.95;
+const LIKELIER: f64 = 0.98;
 /// The beginning of a log, which tells which, in s.
 const BEGINNING_S: f64 = 0.3;
 /// Joints rest that move by at most so many noise floors in so many seconds...
@@ -42,8 +42,9 @@ const TELLING: f64 = 4.0;
 const UPRIGHT_RAD: f64 = 0.5;
 /// Gravity is changed by such shares.
 const CHANGES: [f64; 2] = [1e-6, 1e-3];
-/// How many times larger, for its size, the answer to the small change may be in the last third of the motion.
-const DISORDER: f64 = 2.0;
+/// How many times larger, for its size, the answer to the small change may be in the last third of the motion. A foot that lands or
+/// slips a step earlier makes it a few times larger, chaos thousands of times.
+const DISORDER: f64 = 10.0;
 
 impl Beside {
     /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the model can follow
@@ -55,7 +56,7 @@ impl Beside {
                 return Ok(false);
             }
         }
-        self.situations = rested;
+        (self.situations, self.rests) = (rested, true);
         Ok(true)
     }
 
