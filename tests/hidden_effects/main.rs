@@ -150,7 +150,7 @@ fn run(case: Case, max_rollouts: usize, verbose: bool) -> Outcome {
     if verbose {
         diagnosis.iter().for_each(show);
     }
-    Outcome::new(case, diagnosis, seconds)
+    Outcome::new(&case, &bench, diagnosis, seconds)
 }
 
 /// What else a diagnosis knows: estimates, and who took part in each round.

@@ -1,7 +1,9 @@
 //! What came out of a diagnosis, and the tables over many.
 
+use btr_core::diagnose::thresholds::TIE;
 use btr_core::diagnose::{Diagnosis, Verdict};
-use btr_core::family::{Family, Step};
+use btr_core::family::Family;
+use btr_core::fit::{Bench, Effort, Fit, Measure};
 use btr_physics::beside::Beside;
 use btr_physics::effect::{Placed, find};
 
@@ -62,15 +64,13 @@ pub(crate) struct Outcome {
 
 /// Once the parameters in doubt are fitted, an error below this is no evidence of anything.
 const VISIBLE: f64 = 1.1;
-/// Motions that differ by less than so many noise floors, root mean square, are the same.
-const SAME: f64 = 0.03;
 
 /// How good that is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Score {
     /// Exactly what is there.
     Exact,
-    /// What moves the robot in the same way as what is there, as far as noise could ever tell: another name for it.
+    /// A declared like of what is there that explains the logs as well with as few numbers: nobody could tell.
     Twin,
     /// What is there or what is declared to be its like.
     Equivalent,
@@ -91,13 +91,13 @@ enum Score {
 }
 
 impl Outcome {
-    pub(crate) fn new(case: Case, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
+    pub(crate) fn new(case: &Case, bench: &Bench, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
         let truth: Vec<String> = case.planted.iter().map(|p| format!("{}@{}", p.effect, p.site)).collect();
         let Some(diagnosis) = diagnosis else {
             let score = Score::Silent;
             let (found, nan) = (Vec::new(), f64::NAN);
             return Outcome {
-                case: case.name,
+                case: case.name.clone(),
                 seed: case.seed,
                 truth,
                 found,
@@ -114,20 +114,20 @@ impl Outcome {
         let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
         let error = |rung: Option<&btr_core::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
         let before = error(diagnosis.ladder.get(1).or(diagnosis.ladder.first()));
-        let score = match score(&case, &truth, &found, &diagnosis) {
+        let score = match score(case, bench, &truth, &found, &diagnosis) {
             Score::Silent if before < VISIBLE => Score::Absorbed,
             Score::Part if error(diagnosis.ladder.last()) < VISIBLE => Score::Rest,
             score => score,
         };
         Outcome {
-            law: law(&case, &diagnosis),
+            law: law(case, &diagnosis),
             score,
             before,
-            intervals: intervals(&case, &diagnosis),
+            intervals: intervals(case, &diagnosis),
             after: error(diagnosis.ladder.last()),
             verdict: Some(diagnosis.verdict),
             rollouts: diagnosis.rollouts,
-            case: case.name,
+            case: case.name.clone(),
             seed: case.seed,
             truth,
             found,
@@ -160,7 +160,7 @@ fn law(case: &Case, diagnosis: &Diagnosis) -> String {
     format!("\n            law: {on:?} on {site}: {law}{beside}, explains {explains:.1} %")
 }
 
-fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
+fn score(case: &Case, bench: &Bench, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
     if case.outside {
         return if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong };
     }
@@ -185,7 +185,7 @@ fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis)
         found.iter().any(|f| named(f))
     };
     if truth.iter().all(like) && found.len() <= truth.len() {
-        return if is_twin(case, truth, diagnosis) { Score::Twin } else { Score::Equivalent };
+        return if is_twin(case, bench, diagnosis) { Score::Twin } else { Score::Equivalent };
     }
     if here == found.len() {
         return Score::Part;
@@ -193,18 +193,18 @@ fn score(case: &Case, truth: &[String], found: &[String], diagnosis: &Diagnosis)
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }
 
-/// Whether the one effect that was named and the one that is there, both fitted, move the robot in the same way.
-fn is_twin(case: &Case, truth: &[String], diagnosis: &Diagnosis) -> bool {
-    let ([truth], [_]) = (truth, diagnosis.effects.as_slice()) else { return false };
-    let candidates = case.family.candidates();
-    let fitted = diagnosis.rivals.iter().find(|(candidate, _)| candidates[*candidate].name() == *truth);
-    let (Some((_, its)), Some((_, named))) = (fitted, diagnosis.rivals.first()) else { return false };
-    let differs = |log: usize| {
-        let [a, b] = [its, named].map(|u| case.family.residual(u, log, Step::USUAL).unwrap_or_default());
-        let changes: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).filter(|x| x.is_finite()).collect();
-        (changes.iter().sum::<f64>() / changes.len().max(1) as f64).sqrt()
-    };
-    (0..case.family.logs().len()).all(|log| differs(log) < SAME)
+/// Whether what is there explains the logs no better than what was named, when it is fitted from where it really is.
+fn is_twin(case: &Case, bench: &Bench, diagnosis: &Diagnosis) -> bool {
+    let named = &diagnosis.fit;
+    let mut u = named.u.clone();
+    diagnosis.effects.iter().flat_map(|e| case.family.candidates()[e.candidate].knobs()).for_each(|knob| u[knob] = 0.0);
+    let planted: Vec<(usize, f64)> = case.planted.iter().flat_map(|p| p.coordinates.clone()).collect();
+    planted.iter().for_each(|(knob, x)| u[*knob] = *x);
+    let active = case.family.doubtful().iter().copied().chain(planted.iter().map(|(knob, _)| *knob)).collect();
+    let Some(mut there) = Fit::at(bench, active, u, &named.step_error) else { return false };
+    there.solve(bench, Effort::FULL);
+    let measure = Measure::of(bench, named);
+    measure.criterion(&there) > measure.criterion(named) - TIE
 }
 
 /// Whether two effects are said to look alike and sit at the same place, as far as their places can be compared.
@@ -236,6 +236,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
     let seen: Vec<&Outcome> = outcomes.iter().filter(shows).collect();
     let n = seen.len();
     let mut text = format!("\n{} cases, {n} of them visible", outcomes.len());
+    let named = |score: Score| outcomes.iter().filter(|o| o.score == score).count();
     for score in [
         Score::Exact,
         Score::Twin,
@@ -248,7 +249,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
         Score::Unexplained,
         Score::Wrong,
     ] {
-        let count = outcomes.iter().filter(|o| o.score == score).count();
+        let count = named(score);
         if count > 0 {
             text += &format!(
                 "\n  {:<12} {count:4}  {:5.1} %",
@@ -256,6 +257,11 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
                 100.0 * count as f64 / n as f64
             );
         }
+    }
+    let twins = named(Score::Twin);
+    if twins > 0 {
+        let share = 100.0 * named(Score::Exact) as f64 / (n - twins).max(1) as f64;
+        text += &format!("\nexact where the logs tell what is there from what was named: {share:.1} %");
     }
     let median = |of: &dyn Fn(&Outcome) -> f64| {
         let mut values: Vec<f64> = seen.iter().map(|o| of(o)).collect();

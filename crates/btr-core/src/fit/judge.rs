@@ -11,7 +11,7 @@ pub(crate) const NOISE: f64 = 1.15;
 
 /// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Measure {
+pub struct Measure {
     /// Variance of the residual, in multiples of the noise's; at least 1.
     variance: f64,
     /// Samples that carry one independent piece of information.
@@ -21,13 +21,14 @@ pub(crate) struct Measure {
 }
 
 impl Measure {
-    pub(crate) fn of(bench: &Bench, best: &Fit) -> Self {
+    /// Taken from the best fit, or the last.
+    pub fn of(bench: &Bench, best: &Fit) -> Self {
         let samples = bench.samples(Logs::Learn) as f64;
         Measure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
     }
 
     /// B: the smaller, the better. Differences above ten are decisive.
-    pub(crate) fn criterion(&self, fit: &Fit) -> f64 {
+    pub fn criterion(&self, fit: &Fit) -> f64 {
         let scale = self.variance * self.memory;
         fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
     }
