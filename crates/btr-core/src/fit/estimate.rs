@@ -11,6 +11,8 @@ const NINETY_FIVE: f64 = 1.96;
 const LOOSE: f64 = 3.0;
 /// ... an interval that is wider by this factor was given by the bounds.
 const BY_BOUNDS: f64 = 1.5;
+/// With so many channels for each number, channels bear out how sure it is.
+const CHANNELS: usize = 2;
 /// A direction in which the logs tell less than this share of what the priors alone say is a null direction.
 const NULL: f64 = 0.2;
 /// Parts of a null direction smaller than this are not named.
@@ -34,11 +36,13 @@ pub struct Estimate {
 }
 
 /// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
-/// memory widen the intervals; `trusted` whether there are to be any.
+/// memory widen the intervals; `trusted` whether there are to be any. With contact they are at least as wide as channels differ
+/// in what they say.
 pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
     let knobs = family.knobs();
     let deviations_within = deviations(knobs, fit, inflation, 1.0);
     let by_logs = deviations(knobs, fit, inflation, LOOSE);
+    let by_channels = if family.has_contact() { by_channels(family, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (knob, u) = (&knobs[index], fit.u[index]);
         let near = 1e-6 * (knob.bounds.1 - knob.bounds.0);
@@ -46,6 +50,7 @@ pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) 
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
+        let deviation = deviation.map(|d| by_channels.as_ref().map_or(d, |by_channels| d.max(by_channels[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
         let (name, unit) = (knob.name.clone(), knob.unit.clone());
@@ -71,6 +76,37 @@ fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<
     }
     let covariance = information.try_inverse()?;
     Some((0..fit.active.len()).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect())
+}
+
+/// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a channel is small and
+/// lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum of the squares of what each channel's
+/// residual says. None where channels are too few to tell.
+fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
+    let jacobian = fit.jacobian.as_ref()?;
+    let (mut start, mut rows) = (0, Vec::new());
+    for log in family.logs().iter().filter(|log| !log.held_out) {
+        rows.extend(log.channels.iter().map(|channel| start + channel.samples.start..start + channel.samples.end));
+        start += log.rows();
+    }
+    let (channels, numbers) = (rows.len(), fit.active.len());
+    if channels < CHANNELS * numbers {
+        return None;
+    }
+    let mut information = jacobian.tr_mul(jacobian);
+    for (k, &knob) in fit.active.iter().enumerate() {
+        information[(k, k)] += family.knobs()[knob].spread.powi(-2);
+    }
+    let mut said = DMatrix::zeros(numbers, numbers);
+    for rows in rows {
+        let residual = DVector::from_column_slice(&fit.residual[rows.clone()]);
+        let says = jacobian.rows_range(rows).tr_mul(&residual);
+        said.ger(1.0, &says, &says, 1.0);
+    }
+    // A fit bends what channels say towards nothing.
+    said *= channels as f64 / (channels - numbers) as f64;
+    let inverse = information.try_inverse()?;
+    let covariance = &inverse * said * &inverse;
+    Some((0..numbers).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect())
 }
 
 /// A combination of numbers that the logs do not tell: its parts with their shares, largest first.
