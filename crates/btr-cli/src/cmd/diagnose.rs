@@ -61,6 +61,7 @@ fn word_of(verdict: Verdict) -> String {
 fn show(report: &DiagnoseReport, args: &Diagnose) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
+    report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     ladder::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         println!(

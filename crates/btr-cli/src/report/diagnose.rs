@@ -60,6 +60,8 @@ fn sentence(found: &DiagnoseReport) -> String {
     let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
     let alike = if alike.is_empty() { String::new() } else { format!(" or its like ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
+    let where_judged =
+        found.shows_where_judged().map_or_else(String::new, |sentence| format!(" Note that {sentence}."));
     match (found.verdict, found.effects.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
@@ -70,10 +72,10 @@ fn sentence(found: &DiagnoseReport) -> String {
             format!("Nothing is missing: the error on {on} is {last} noise floors, and what remains is noise.")
         }
         (Verdict::Unexplained, true) => format!(
-            "Something is missing that no effect of the library explains: the error on {on} stays at {last} noise floors; {share}."
+            "Something is missing that no effect of the library explains: the error on {on} stays at {last} noise floors; {share}.{where_judged}"
         ),
         (Verdict::Unexplained, false) => format!(
-            "{names} helps and does not explain: the error on {on} falls from {before} to {last} noise floors; {share}."
+            "{names} helps and does not explain: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
         ),
     }
 }

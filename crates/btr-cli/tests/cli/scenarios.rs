@@ -210,6 +210,23 @@ fn the_friction_law_that_made_the_log_is_named() {
 }
 
 #[test]
+fn what_only_held_out_logs_show_is_said_to_show_there_alone() {
+    let lab = Lab::new();
+    lab.write("pendulum.toml", PENDULUM);
+    // A limit that gentle motions never meet.
+    let weak = effect("torque_limit", "hinge", "torque = 2.0");
+    lab.write("reality.toml", &format!("{PENDULUM}\n{weak}"));
+    for (episode, size) in [0.2, 0.2, 0.9].into_iter().enumerate() {
+        commands(&lab, "told.csv", &["hinge"], size, episode);
+        lab.ok(&format!("simulate reality.toml -q --log told.csv -o log_{episode}.csv --seed {}", episode + 1));
+    }
+    let told = lab.ok("diagnose pendulum.toml log_0.csv log_1.csv --held-out log_2.csv");
+    assert!(told.contains("unexplained") && told.contains("shows in the held-out logs alone"), "{told}");
+    let swapped = lab.json("diagnose pendulum.toml log_0.csv log_2.csv --held-out log_1.csv");
+    assert!(missing(&swapped)[0].contains("torque_limit@hinge"), "{swapped}");
+}
+
+#[test]
 fn one_load_does_not_tell_whether_friction_grows_with_it_and_two_do() {
     let lab = Lab::new();
     lab.write("lift.toml", LIFT);

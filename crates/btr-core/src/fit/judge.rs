@@ -7,7 +7,7 @@ use crate::stats::autocorrelation_time;
 
 /// Up to this error, in multiples of the noise floor, a residual passes for noise; above it, it has structure, and an interval
 /// would be wrong with confidence.
-pub(crate) const NOISE: f64 = 1.15;
+pub const NOISE: f64 = 1.15;
 
 /// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]

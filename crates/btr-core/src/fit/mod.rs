@@ -15,6 +15,6 @@ pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub use fitted::{Fitted, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
-pub use judge::Measure;
+pub use judge::{Measure, NOISE};
 pub use solve::{Effort, Ended, Fit, cost};
 pub use together::{rows_near, shared};

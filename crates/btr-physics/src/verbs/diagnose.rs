@@ -3,7 +3,7 @@
 use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
-use btr_core::fit::{Bench, Estimate};
+use btr_core::fit::{Bench, Estimate, NOISE};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -123,6 +123,21 @@ pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> 
         seconds: began.elapsed().as_secs_f64(),
     };
     Some((report, diagnosis))
+}
+
+impl DiagnoseReport {
+    /// Where the logs to learn from are explained and those to judge on are not: what to make of that.
+    pub fn shows_where_judged(&self) -> Option<String> {
+        let last = self.error_ladder.last()?;
+        let explained = last.train <= NOISE && self.verdict == Verdict::Unexplained;
+        explained.then(|| {
+            format!(
+                "what is learnt from is explained ({:.2} noise floors): what remains shows in the held-out logs alone, so learn \
+                 from one of these and hold out another",
+                last.train
+            )
+        })
+    }
 }
 
 fn residual_law(problem: &Problem, diagnosis: &Diagnosis) -> Option<LawReport> {
