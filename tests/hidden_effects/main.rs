@@ -103,7 +103,7 @@ fn main() {
     }
     let mut outcomes = Vec::new();
     for plan in cases {
-        let outcome = run(plan(), options.subject.max_rollouts, options.verbose);
+        let outcome = run(&plan(), options.subject.max_rollouts, options.verbose);
         if !options.quiet {
             println!("{}", outcome.line());
         }
@@ -129,7 +129,7 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// One diagnosis.
-fn run(case: Case, max_rollouts: usize, verbose: bool) -> Outcome {
+fn run(case: &Case, max_rollouts: usize, verbose: bool) -> Outcome {
     if verbose {
         println!("{}", case.describe());
         for channel in case.family.logs().iter().take(1).flat_map(|log| &log.channels) {
@@ -150,7 +150,7 @@ fn run(case: Case, max_rollouts: usize, verbose: bool) -> Outcome {
     if verbose {
         diagnosis.iter().for_each(show);
     }
-    Outcome::new(&case, &bench, diagnosis, seconds)
+    Outcome::new(case, &bench, diagnosis, seconds)
 }
 
 /// What else a diagnosis knows: estimates, and who took part in each round.
