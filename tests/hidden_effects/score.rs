@@ -70,7 +70,7 @@ const VISIBLE: f64 = 1.1;
 enum Score {
     /// Exactly what is there.
     Exact,
-    /// A declared like of what is there that explains the logs as well with as few numbers: nobody could tell.
+    /// A declared like of what is there, to which the criterion does not prefer that even when it is fitted from where it really is.
     Twin,
     /// What is there or what is declared to be its like.
     Equivalent,
@@ -193,7 +193,7 @@ fn score(case: &Case, bench: &Bench, truth: &[String], found: &[String], diagnos
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }
 
-/// Whether what is there explains the logs no better than what was named, when it is fitted from where it really is.
+/// Whether the criterion does not prefer what is there to what was named, when that is fitted from where it really is.
 fn is_twin(case: &Case, bench: &Bench, diagnosis: &Diagnosis) -> bool {
     let named = &diagnosis.fit;
     let mut u = named.u.clone();
@@ -261,7 +261,7 @@ pub(crate) fn summary(outcomes: &[Outcome]) -> String {
     let twins = named(Score::Twin);
     if twins > 0 {
         let share = 100.0 * named(Score::Exact) as f64 / (n - twins).max(1) as f64;
-        text += &format!("\nexact where the logs tell what is there from what was named: {share:.1} %");
+        text += &format!("\nexact where the criterion would prefer what is there to what was named: {share:.1} %");
     }
     let median = |of: &dyn Fn(&Outcome) -> f64| {
         let mut values: Vec<f64> = seen.iter().map(|o| of(o)).collect();

@@ -47,7 +47,8 @@ const MODEST: f64 = 0.5;
 pub struct Question {
     /// The most effects to add.
     pub max_effects: usize,
-    /// No round of screening begins that would carry the simulated logs beyond this number, and no law is looked for beyond it.
+    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked for beyond it.
+    /// What a round goes on to (refits, and on the ground a second screening) is not counted in advance.
     pub max_rollouts: usize,
 }
 
@@ -153,7 +154,7 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
 /// Round after round; once something is found, with starts as the model that has it sees them.
 fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung)) -> Diagnosis {
     let mut cut_short = false;
-    while state.chosen.len() < question.max_effects && is_worth_a_round(bench, &state) {
+    while state.chosen.len() < question.max_effects && leaves_something(bench, &state, &state.fit) {
         cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
         if cut_short {
             break;
@@ -162,7 +163,7 @@ fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Run
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
         state.simplify(bench);
-        let explained = !is_worth_a_round(bench, &state);
+        let explained = !leaves_something(bench, &state, &state.fit);
         if let Some(family) = (!explained).then(|| bench.family.seen_from(&state.fit.u)).flatten() {
             let again = bench.going_on(&*family, &state.fit.u);
             state.look_again(&again, tell);
@@ -199,11 +200,7 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     Some(state)
 }
 
-/// Whether any effect could pass: below the noise, and what the integrator may have done, there is nothing to win.
-fn is_worth_a_round(bench: &Bench, state: &State) -> bool {
-    leaves_something(bench, state, &state.fit)
-}
-
+/// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
 fn leaves_something(bench: &Bench, state: &State, fit: &Fit) -> bool {
     let squares = fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
     // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.

@@ -3,7 +3,7 @@
 use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{Found, Ranked, Rung, is_worth_a_round};
+use super::{Found, Ranked, Rung, leaves_something};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 
@@ -35,7 +35,7 @@ impl State {
         self.integrator = self.fit.renew_step_error(bench);
         self.fit.jacobian = None;
         self.fit.solve(bench, Effort::FULL);
-        if is_worth_a_round(bench, self) {
+        if leaves_something(bench, self, &self.fit) {
             self.fit.polish(bench);
             self.shake(bench, found.candidate);
         }
@@ -48,7 +48,7 @@ impl State {
     /// where each of the latest effect's numbers ended, as long as that leads lower.
     fn shake(&mut self, bench: &Bench, candidate: usize) {
         for _ in 0..SHAKES {
-            if bench.family.is_chaotic() || !is_worth_a_round(bench, self) {
+            if bench.family.is_chaotic() || !leaves_something(bench, self, &self.fit) {
                 return;
             }
             let own = &bench.family.candidates()[candidate];

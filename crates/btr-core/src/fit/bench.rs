@@ -1,7 +1,7 @@
 //! Evaluating a family: many points and logs at once, counted.
 
 use super::start::Starts;
-use crate::family::{Family, Step};
+use crate::family::{Family, Recorded, Step};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
@@ -177,4 +177,14 @@ pub fn corrected(mut residual: Residual, step_error: &[f64]) -> Residual {
 /// Sum of squares.
 pub fn squares(residual: &[f64]) -> f64 {
     residual.iter().map(|r| r * r).sum()
+}
+
+/// The rows of each channel of some logs in their residual.
+pub(super) fn channels<'a>(logs: impl Iterator<Item = &'a Recorded>) -> Vec<Range<usize>> {
+    let (mut start, mut rows) = (0, Vec::new());
+    for log in logs {
+        rows.extend(log.channels.iter().map(|channel| start + channel.samples.start..start + channel.samples.end));
+        start += log.rows();
+    }
+    rows
 }

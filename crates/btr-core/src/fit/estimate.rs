@@ -1,5 +1,6 @@
 //! What a fit says about each number: its value, how sure it is, and what nothing can be said about.
 
+use super::bench::channels;
 use super::solve::Fit;
 use crate::family::{Family, Knob};
 use nalgebra::{DMatrix, DVector};
@@ -67,15 +68,23 @@ pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
-/// Standard deviation of each free coordinate, where the priors are so many times as wide as they are.
-fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<Vec<f64>> {
+/// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as wide as they are.
+fn information(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
     for (k, &knob) in fit.active.iter().enumerate() {
         information[(k, k)] += (looser * knobs[knob].spread).powi(-2);
     }
-    let covariance = information.try_inverse()?;
-    Some((0..fit.active.len()).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect())
+    Some(information)
+}
+
+/// Standard deviation of each free coordinate.
+fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<Vec<f64>> {
+    information(knobs, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
+}
+
+fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
+    covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
 /// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a channel is small and
@@ -83,30 +92,21 @@ fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<
 /// residual says. None where channels are too few to tell.
 fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let (mut start, mut rows) = (0, Vec::new());
-    for log in family.logs().iter().filter(|log| !log.held_out) {
-        rows.extend(log.channels.iter().map(|channel| start + channel.samples.start..start + channel.samples.end));
-        start += log.rows();
-    }
-    let (channels, numbers) = (rows.len(), fit.active.len());
-    if channels < CHANNELS * numbers {
+    let channels = channels(family.logs().iter().filter(|log| !log.held_out));
+    let numbers = fit.active.len();
+    if channels.len() < CHANNELS * numbers {
         return None;
     }
-    let mut information = jacobian.tr_mul(jacobian);
-    for (k, &knob) in fit.active.iter().enumerate() {
-        information[(k, k)] += family.knobs()[knob].spread.powi(-2);
-    }
     let mut said = DMatrix::zeros(numbers, numbers);
-    for rows in rows {
+    for rows in &channels {
         let residual = DVector::from_column_slice(&fit.residual[rows.clone()]);
-        let says = jacobian.rows_range(rows).tr_mul(&residual);
+        let says = jacobian.rows_range(rows.clone()).tr_mul(&residual);
         said.ger(1.0, &says, &says, 1.0);
     }
     // A fit bends what channels say towards nothing.
-    said *= channels as f64 / (channels - numbers) as f64;
-    let inverse = information.try_inverse()?;
-    let covariance = &inverse * said * &inverse;
-    Some((0..numbers).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect())
+    said *= channels.len() as f64 / (channels.len() - numbers) as f64;
+    let inverse = information(family.knobs(), fit, 1.0, 1.0)?.try_inverse()?;
+    Some(roots(&(&inverse * said * &inverse)))
 }
 
 /// A combination of numbers that the logs do not tell: its parts with their shares, largest first.

@@ -1,7 +1,7 @@
 //! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
 //! leaves.
 
-use super::bench::{Bench, Logs, corrected, squares};
+use super::bench::{Bench, Logs, channels, corrected, squares};
 use super::solve::Fit;
 use crate::stats::autocorrelation_time;
 
@@ -58,15 +58,13 @@ pub(crate) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
 fn memory(bench: &Bench, fit: &Fit) -> f64 {
-    let (mut start, mut weighted, mut weight) = (0, 0.0, 0.0);
-    for &log in bench.logs(Logs::Learn) {
-        for channel in &bench.family.logs()[log].channels {
-            let series = &fit.residual[start + channel.samples.start..start + channel.samples.end];
-            let squares: f64 = series.iter().map(|r| r * r).sum();
-            weighted += squares * autocorrelation_time(series);
-            weight += squares;
-        }
-        start += bench.family.logs()[log].rows();
+    let logs = bench.logs(Logs::Learn).iter().map(|&log| &bench.family.logs()[log]);
+    let (mut weighted, mut weight) = (0.0, 0.0);
+    for rows in channels(logs) {
+        let series = &fit.residual[rows];
+        let squares = squares(series);
+        weighted += squares * autocorrelation_time(series);
+        weight += squares;
     }
     if weight > 0.0 { weighted / weight } else { 1.0 }
 }

@@ -43,7 +43,7 @@ const UPRIGHT_RAD: f64 = 0.5;
 /// Gravity is changed by such shares.
 const CHANGES: [f64; 2] = [1e-6, 1e-3];
 /// How many times larger, for its size, the answer to the small change may be in the last third of the motion. A foot that lands or
-/// slips a step earlier makes it a few times larger, chaos thousands of times.
+/// slips a step earlier made it up to 3.4 times larger in an ant's walk that could well be followed.
 const DISORDER: f64 = 10.0;
 
 impl Beside {
