@@ -16,6 +16,7 @@ pub(crate) static ANT: Subject = Subject {
     held_out,
     seen: &["q_", "cmd_", "imu_gyro_"],
     silent: &[],
+    one_number: &[],
     max_rollouts: 3000,
     outside: &[
         (On::Torque, "-8*max(0,q-0.2)^2"),

@@ -1,4 +1,5 @@
-//! The desk arm of `robots/arm.toml`.
+//! The desk arm of `robots/arm.toml`. Its turret turns about the vertical and does nothing else, so that a single number says all of its
+//! inertia: that of the motor beneath it, `armature@yaw`, as well.
 
 use crate::excite;
 use crate::reality::Subject;
@@ -12,6 +13,7 @@ pub(crate) static ARM: Subject = Subject {
     held_out: excite::held_out,
     seen: &["q_", "cmd_"],
     silent: &["imu_bias"],
+    one_number: &[("link_inertia", "turret"), ("com_offset", "turret")],
     max_rollouts: usize::MAX,
     outside: &[
         (On::Torque, "-8*max(0,q-0.2)^2"),

@@ -18,6 +18,7 @@ pub(crate) static NAO: Subject = Subject {
     held_out: episodes,
     seen: &["q_", "cmd_", "imu_gyro_"],
     silent: &[],
+    one_number: &[],
     max_rollouts: 3000,
     outside: &[
         (On::Torque, "-20*max(0,q-0.1)^2"),

@@ -2,7 +2,7 @@
 
 use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
-use btr_core::family::{Family, Knob, Law, Step};
+use btr_core::family::{Candidate, Family, Knob, Law, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
 use btr_core::smooth;
@@ -48,6 +48,8 @@ pub(crate) struct Subject {
     pub seen: &'static [&'static str],
     /// Effects that nothing of it could show.
     pub silent: &'static [&'static str],
+    /// Effects at sites where they are, by mechanics, the same number as another that is drawn: such a thing has one name.
+    pub one_number: &'static [(&'static str, &'static str)],
     /// The most logs that a diagnosis may simulate before another round begins.
     pub max_rollouts: usize,
     /// Laws that are in no library: `on` what, and the law.
@@ -203,8 +205,11 @@ impl Reality {
 
     /// An effect at a site drawn by lot, with amplitudes in typical proportions, scaled until it shows as wanted.
     fn plant(&mut self, bare: &Beside, name: &str, size: f64) -> Planted {
-        let sites: Vec<usize> =
-            (0..bare.candidates().len()).filter(|&i| bare.candidates()[i].effect == *name).collect();
+        let drawn = |&i: &usize| {
+            let Candidate { effect, site, .. } = &bare.candidates()[i];
+            effect == name && !self.subject.one_number.contains(&(name, site))
+        };
+        let sites: Vec<usize> = (0..bare.candidates().len()).filter(drawn).collect();
         let index = sites[(self.rng.random::<f64>() * sites.len() as f64) as usize];
         let candidate = &bare.candidates()[index];
         let mut coordinates = Vec::new();

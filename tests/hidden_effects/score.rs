@@ -184,11 +184,11 @@ fn score(case: &Case, bench: &Bench, truth: &[String], found: &[String], diagnos
         };
         found.iter().any(|f| named(f))
     };
-    if truth.iter().all(like) && found.len() <= truth.len() {
-        return if is_twin(case, bench, diagnosis) { Score::Twin } else { Score::Equivalent };
-    }
     if here == found.len() {
         return Score::Part;
+    }
+    if truth.iter().all(like) && found.len() <= truth.len() {
+        return if is_twin(case, bench, diagnosis) { Score::Twin } else { Score::Equivalent };
     }
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }

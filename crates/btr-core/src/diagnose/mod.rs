@@ -18,7 +18,7 @@ use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use beginning::from_beginnings;
 use law::residual_law;
-use race::{Rival, race};
+use race::{Rival, last_chance, race};
 use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
 use state::State;
@@ -79,7 +79,8 @@ pub struct Found {
     pub site: String,
     /// `effect@site` of what these logs cannot tell from it.
     pub alike: Vec<String>,
-    /// Its share of belief among everything that was fitted in its round, the model without it included.
+    /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a larger law
+    /// which it stands for.
     pub probability: f64,
     /// By how much it lowered B.
     pub delta_bic: f64,
@@ -232,7 +233,20 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         let others = race(bench, &bases, &starts, Some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
-    judge_rivals(bench, state, rivals)
+    let judged = judge_rivals(bench, state, rivals.clone());
+    if judged.is_some() || bench.family.has_contact() || !leaves_much(bench, &rivals) {
+        return judged;
+    }
+    let fitted = |candidate: &&usize| rivals.iter().any(|rival| rival.candidate == **candidate);
+    let others: Vec<usize> = offered.iter().filter(|c| !fitted(c)).copied().collect();
+    let late = last_chance(bench, &state.fit, &others, &rivals[0].fit);
+    state.rounds.pop();
+    judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
+}
+
+/// Whether even the leader explains too little to be called an explanation.
+fn leaves_much(bench: &Bench, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(Logs::Learn)) > EXPLAINED)
 }
 
 /// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
@@ -288,8 +302,9 @@ fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
     rivals
 }
 
-/// The rival with the lowest B that passes all three tests; of several that tie, the simplest. None where others fit decisively
-/// better that do not pass: then the logs to judge on contradict those to learn from.
+/// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple ones the first of
+/// the library, so that what is the same by mechanics is always called the same. None where others fit decisively better that do
+/// not pass: then the logs to judge on contradict those to learn from.
 fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
     let measure = Measure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
@@ -317,10 +332,14 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     if best - measure.criterion(&rivals.first()?.fit) > DECISIVE {
         return None;
     }
-    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE;
-    let winner = passing.iter().copied().filter(tied).min_by_key(|r| r.fit.active.len())?.clone();
+    let leader = passing.first()?;
+    let kin = &candidates[leader.candidate].kin;
+    let worth_it = |r: &Rival| kin.contains(&r.candidate) && !earns_its_numbers(bench, &leader.fit, &r.fit);
+    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || worth_it(r);
+    let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
+    let own = if worth_it(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
     let alike: Vec<&Rival> = rivals
         .iter()
         .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
@@ -332,12 +351,26 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
-        probability: belief(measure.criterion(&winner.fit)) / total,
+        probability: own / total,
         delta_bic: before - measure.criterion(&winner.fit),
         parameters: Vec::new(),
         candidate: winner.candidate,
     };
     Some((winner, found))
+}
+
+/// Whether the numbers that a larger law has beyond its kin's win as much as any effect must: a difference that is certain and
+/// makes next to none is more likely one between simulators than a law.
+fn earns_its_numbers(bench: &Bench, larger: &Fit, kin: &Fit) -> bool {
+    if larger.active.len() <= kin.active.len() || chi(kin.squares(), bench.samples(Logs::Learn)) > NOISE {
+        return true;
+    }
+    let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
+    let on_held_out = || match (held_out_squares(bench, &kin.u), held_out_squares(bench, &larger.u)) {
+        (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
+        _ => true,
+    };
+    falls(kin.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(Logs::HeldOut).is_empty() || on_held_out())
 }
 
 fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {

@@ -13,6 +13,8 @@ const BEATEN: f64 = 10.0;
 /// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
 pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
+/// From where whoever was not looked at closely begins.
+const TYPICAL: f64 = 0.5;
 /// The effort for whoever leads the race, and for each of the others.
 const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
@@ -29,9 +31,30 @@ pub(super) struct Rival {
     pub fit: Fit,
 }
 
-/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before.
+/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of the starts run.
 pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
-    let begun = starts.iter().take(RUNNERS).filter_map(|start| begin(bench, &bases[start.base], start));
+    run(bench, bases, &starts[..starts.len().min(RUNNERS)], leader)
+}
+
+/// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have promised too
+/// little (a joint with much play does nothing that one with little does).
+pub(super) fn last_chance(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
+    let mut base = base.clone();
+    base.differentiate(bench);
+    let starts: Vec<Start> = others.iter().map(|&candidate| typical(bench, &base, candidate)).collect();
+    run(bench, &[base], &starts, Some(leader))
+}
+
+fn typical(bench: &Bench, base: &Fit, candidate: usize) -> Start {
+    let own = &bench.family.candidates()[candidate];
+    let mut u = base.u.clone();
+    own.amplitudes.iter().for_each(|&knob| u[knob] = bench.family.knobs()[knob].clamp(TYPICAL));
+    own.shapes.iter().zip(&own.starts[0]).for_each(|(&knob, &shape)| u[knob] = shape);
+    Start { candidate, base: 0, u, cost: f64::INFINITY }
+}
+
+fn run(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
+    let begun = starts.iter().filter_map(|start| begin(bench, &bases[start.base], start));
     let mut rivals: Vec<Rival> = begun.collect();
     for rival in &mut rivals {
         rival.fit.solve(bench, Effort::RACE);

@@ -3,7 +3,7 @@
 use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{Found, Ranked, Rung, leaves_something};
+use super::{Found, Ranked, Rung, earns_its_numbers, leaves_something};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 
@@ -151,7 +151,7 @@ impl State {
             let bears_out = |now: f64| {
                 held_out_squares(bench, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
             };
-            if costs <= TIE && self.held_out.is_none_or(bears_out) {
+            if (costs <= TIE || !earns_its_numbers(bench, &self.fit, &rival.fit)) && self.held_out.is_none_or(bears_out) {
                 self.rename(bench, index, rival, costs);
             }
         }
