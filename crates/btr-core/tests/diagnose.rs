@@ -195,3 +195,55 @@ fn intervals_on_the_ground_are_as_wide_as_channels_differ() {
     let (air, ground) = (width(&air), width(&ground));
     assert!(ground > 1.3 * air, "{ground} {air}");
 }
+
+#[test]
+fn what_is_one_and_the_same_is_called_by_the_librarys_first_name() {
+    // Where the first is off by less than anybody could tell, the second fits a little better.
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t + 0.0015) + 4.0 * u[2] * swing(5.0, log, t)
+    };
+    for truth in [[0.4, 1.5, 0.0], [0.4, 0.0, 1.5]] {
+        let diagnosis = Made::new(&["lift", "tilt"], &truth, motion).diagnosis();
+        assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
+        assert_eq!(diagnosis.effects[0].alike, ["tilt@here"]);
+    }
+}
+
+/// A law and one that has another term of this size beside the same.
+fn with_a_larger_law(term: f64) -> Diagnosis {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + 4.0 * (u[1] + u[2]) * swing(5.0, log, t) + u[3] * swing(11.0, log, t)
+    };
+    let mut made = Made::new(&["plain", "larger", "term"], &[0.4, 0.0, 1.5, term], motion);
+    made.candidates.truncate(2);
+    made.candidates[1].amplitudes.push(3);
+    (made.candidates[0].kin, made.candidates[1].kin) = (vec![1], vec![0]);
+    made.diagnosis()
+}
+
+#[test]
+fn a_larger_law_must_earn_its_numbers() {
+    let diagnosis = with_a_larger_law(0.25);
+    let found = &diagnosis.effects[0];
+    let first = &diagnosis.rounds[0];
+    assert!(first[0].name == "larger@here" && first[0].delta_bic - first[1].delta_bic > 10.0, "{first:?}");
+    assert_eq!((names(&diagnosis), &*found.alike), (vec!["plain"], &["larger@here".to_owned()][..]));
+    assert!(found.probability > 0.99, "{}", found.probability);
+    assert_eq!(names(&with_a_larger_law(0.7)), ["larger"]);
+}
+
+#[test]
+fn nothing_is_called_unexplained_before_everybody_was_tried() {
+    // Everyone else seems to know more of the first two logs than a small lift does, and nothing of the one to judge on.
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let known = if log == 2 { 0.0 } else { 0.8 };
+        let other = |i: usize| known * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
+        u[0] * swing(3.0, log, t) + (1..18).map(|i| u[i] * other(i)).sum::<f64>() + 0.3 * u[18] * swing(5.0, log, t)
+    };
+    let others: Vec<String> = (1..18).map(|i| format!("other{i}")).collect();
+    let effects: Vec<&str> = others.iter().map(String::as_str).chain(["lift"]).collect();
+    let mut truth = vec![0.0; 19];
+    truth[18] = 30.0;
+    let diagnosis = Made::new(&effects, &truth, motion).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
+}
