@@ -44,7 +44,7 @@ def column(path: str, time: str, name: str) -> tuple[list[float], list[float]]:
 def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
     """Mean absolute error of a simulation that is told what the log was told, in rad."""
     simulated = str(folder / "simulated.csv")
-    ask(btr, "simulate", *INDEX, model, "--log", log, "-o", simulated)
+    ask(btr, "simulate", *INDEX, model, "--log", log, "-o", simulated, "--overwrite")
     clock, said = column(simulated, "t", "q_hinge")
     times, measured = column(log, "t_s", "q_rad")
     errors = []

@@ -2,7 +2,7 @@
 
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Evolve robot controllers and their simulator against each other.
 ///
@@ -135,6 +135,9 @@ pub(crate) struct Simulate {
     /// Where to write what the sensors say; .mcap or .csv
     #[arg(short, long, value_name = "LOG")]
     pub(crate) output: PathBuf,
+    /// Write over a log that is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }
 
 #[derive(ClapArgs)]
@@ -177,9 +180,9 @@ pub(crate) struct Beside {
 }
 
 impl Beside {
-    /// Every file that is read.
-    pub(crate) fn inputs(&self) -> impl Iterator<Item = &Path> {
-        std::iter::once(&self.model).chain(&self.logs).chain(&self.held_out).map(PathBuf::as_path)
+    /// Every log that is read.
+    pub(crate) fn all_logs(&self) -> impl Iterator<Item = PathBuf> {
+        self.logs.iter().chain(&self.held_out).cloned()
     }
 }
 

@@ -63,20 +63,33 @@ pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError
     Ok(document.to_string())
 }
 
+/// The files that a model's file names. A text that is not TOML names none; whoever parses it says so.
+pub fn named_files(source: &Source) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    if let Ok(mut document) = source.text.parse::<DocumentMut>() {
+        each_named_file(&mut document, |value| files.extend(value.as_str().map(|path| source.folder().join(path))));
+    }
+    files
+}
+
 /// Makes the paths in a document, relative to `folder`, relative to `into`. Absolute ones stay.
 fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
-    let anchored = |value: &mut Value| {
+    each_named_file(document, |value| {
         let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
         let path = way(into, &folder.join(path));
         let decor = value.decor().clone();
         *value = path.to_string_lossy().into_owned().into();
         *value.decor_mut() = decor;
-    };
+    });
+}
+
+/// Visits the paths in a document.
+fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(&mut Value)) {
     for (section, key) in NAMES_FILES {
         let item = document.get_mut(section).and_then(|section| section.get_mut(key));
         match item.and_then(|item| item.as_value_mut()) {
-            Some(Value::Array(list)) => list.iter_mut().for_each(anchored),
-            Some(one) => anchored(one),
+            Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),
+            Some(one) => visit(one),
             None => {}
         }
     }

@@ -1,9 +1,10 @@
 //! `btr add`: an effect written into a model, free to fit.
 
 use super::ladder;
+use super::output::{Kind, guard};
 use crate::args::{Add, Global};
 use crate::failure::Failure;
-use btr_physics::adapt::moved;
+use btr_physics::adapt::{moved, named_files};
 use btr_physics::experiment;
 use btr_physics::io::{IoError, write_whole};
 use btr_physics::verbs::{AddError, Addition, add};
@@ -13,6 +14,8 @@ use std::process::ExitCode;
 
 pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
     let source = ladder::source(&args.model, global)?;
+    // A model may grow in its place: nothing in it is lost.
+    guard(Kind::Model.at(Some(&args.output)), named_files(&source))?;
     let model = experiment::model(&source)?;
     let additions =
         args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;

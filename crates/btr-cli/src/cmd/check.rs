@@ -1,17 +1,17 @@
 //! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
 
+use super::ladder;
 use crate::args::{Check, Global};
 use crate::failure::{Failure, MISSED};
 use crate::table::{Table, maybe, number};
 use btr_core::check::{self, Severity};
-use btr_physics::experiment::{self, Checked, Source};
+use btr_physics::experiment::{self, Checked};
 use btr_physics::verbs::{self, CheckReport, Told};
 use serde_json::{Value, json};
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Check, global: &Global) -> Result<ExitCode, Failure> {
-    let mut source = Source::read(&args.model)?;
-    source.set(&global.settings)?;
+    let source = ladder::source(&args.model, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
     let warnings = replays.warnings.clone();
     let report = verbs::check(replays);

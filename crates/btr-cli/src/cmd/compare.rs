@@ -1,7 +1,7 @@
 //! `btr compare`: where a model fails.
 
 use super::ladder;
-use super::output::apart;
+use super::output::{Kind, guard, inputs};
 use crate::args::{Compare, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report;
@@ -15,7 +15,6 @@ use btr_physics::verbs;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// A channel that errs by more noise floors is not only noise.
@@ -43,10 +42,8 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
-    let inputs = std::iter::once(&args.model).chain(&args.logs).map(PathBuf::as_path);
-    apart(args.report.as_deref(), inputs)?;
-    let mut source = Source::read(&args.model)?;
-    source.set(&global.settings)?;
+    let source = ladder::source(&args.model, global)?;
+    guard(Kind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let outcome = outcome(&source, args)?;
     if outcome.comparison.channels.is_empty() {
         let help = "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names";

@@ -1,6 +1,6 @@
 //! `btr convert`.
 
-use super::output::apart;
+use super::output::{Kind, guard};
 use crate::args::Global;
 use crate::failure::Failure;
 use btr_physics::io::{self, Mapping, Meta};
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<ExitCode, Failure> {
-    apart([to], [from])?;
+    guard(Kind::Log { over_measurements: false }.at(Some(to)), [from.to_owned()])?;
     let (log, warnings) = io::read_log(from, &Mapping::default())?;
     io::write_log(to, &log, &Meta::default())?;
     if global.json {

@@ -1,7 +1,7 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
-use super::output::apart;
+use super::output::{Kind, guard, inputs};
 use crate::args::{Beside, Diagnose, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report::{self, Asked};
@@ -13,8 +13,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
-    apart(args.beside.report.iter().chain(&args.next).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
+    let commands = Kind::Log { over_measurements: false }.at(args.next.as_deref());
+    let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
+    guard(outputs, inputs(&source, args.beside.all_logs()))?;
     let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
     let problem = Problem::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     let question = Question { max_effects: args.max_effects, ..Question::default() };

@@ -2,7 +2,7 @@
 
 use super::add::write_text;
 use super::ladder;
-use super::output::apart;
+use super::output::{Kind, guard, inputs};
 use crate::args::{Fit, Global};
 use crate::failure::Failure;
 use crate::report::{self, Asked};
@@ -10,12 +10,13 @@ use crate::table::{Table, number};
 use btr_core::family::Step;
 use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::verbs::{self, FitReport, Problem};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
-    apart(args.beside.report.iter().chain(&args.output).map(PathBuf::as_path), args.beside.inputs())?;
     let source = ladder::source(&args.beside.model, global)?;
+    let model = Kind::Model.at(args.output.as_deref());
+    let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
+    guard(outputs, inputs(&source, args.beside.all_logs()))?;
     let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
     let problem = Problem::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
         .map_err(|e| Failure::problem(e, &doubts))?;

@@ -1,20 +1,19 @@
 //! `btr simulate`: one rollout of a model, written as a log.
 
-use super::output::apart;
+use super::ladder;
+use super::output::{Kind, guard, inputs};
 use crate::args::{Global, Simulate};
 use crate::failure::Failure;
 use crate::table::number;
 use btr_core::world::Simulator;
 use btr_physics::experiment::{self, Source};
 use btr_physics::io::{self, Meta};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 pub(crate) fn run(args: &Simulate, global: &Global) -> Result<ExitCode, Failure> {
-    let inputs = std::iter::once(&args.model).chain(&args.log).chain(&args.drive).map(PathBuf::as_path);
-    apart([args.output.as_path()], inputs)?;
-    let mut source = Source::read(&args.model)?;
-    source.set(&global.settings)?;
+    let source = ladder::source(&args.model, global)?;
+    let log = Kind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
+    guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {
         (Some(log), _) => experiment::model_replaying(&source, log)?,
         (None, Some(drive)) => experiment::model_driven_by(&source, &Source::read(drive)?)?,

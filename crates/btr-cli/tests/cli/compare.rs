@@ -132,3 +132,43 @@ fn nothing_is_written_over_what_is_read() {
     }
     assert!(lab.read("swing.toml") == model && lab.read("log.csv") == log);
 }
+
+#[test]
+fn an_output_takes_the_place_of_nothing_but_its_own_kind_and_is_refused_before_anything_is_computed() {
+    let lab = lab(FRICTION);
+    lab.write("other.csv", &lab.read("log.csv"));
+    lab.write("foreign.csv", "t,hinge_position\n0,0\n0.01,0\n");
+    lab.write("told.csv", "t,cmd_hinge\n0,0\n0.01,0\n0.02,0\n");
+    lab.write("index.csv", "file,mass\nlog.csv,1\n");
+    lab.write("arm.html", "<robot/>");
+    let named = "[logs]\nindex = \"index.csv\"\n[drive]\nlog = \"told.csv\"\n";
+    lab.write(
+        "named.toml",
+        &lab.read("swing.toml").replace("[drive]\n", named).replace("[robot]", "[robot]\nurdf = \"arm.html\""),
+    );
+    let before: Vec<String> = ["other.csv", "foreign.csv", "told.csv", "arm.html"].map(|name| lab.read(name)).into();
+    for (arguments, why) in [
+        ("fit swing.toml log.csv -o other.csv", "the name of a model ends in .toml"),
+        ("add swing.toml coulomb_friction -o other.csv", "the name of a model ends in .toml"),
+        ("compare swing.toml log.csv --report other.csv", "the name of a report ends in .html"),
+        ("diagnose swing.toml log.csv --report robot.toml", "the name of a report ends in .html"),
+        ("diagnose swing.toml log.csv --next other.csv", "holds more than commands"),
+        ("diagnose swing.toml log.csv --next foreign.csv", "holds more than commands"),
+        ("diagnose swing.toml log.csv --next drive.txt", "not a log btr knows"),
+        ("convert log.csv other.csv", "holds more than commands"),
+        ("simulate swing.toml -o other.csv", "holds more than commands"),
+        ("compare named.toml log.csv --report arm.html", "is read here"),
+        ("diagnose named.toml log.csv --next told.csv", "is read here"),
+        ("simulate named.toml -o index.csv --overwrite", "is read here"),
+        ("fit swing.toml log.csv -o no/such/folder.toml", "folder.toml: No such file"),
+        ("diagnose swing.toml log.csv --next no/such/drive.csv", "drive.csv: No such file"),
+    ] {
+        let said = lab.complaint(arguments);
+        assert!(said.contains(why) && !said.contains("noise floor"), "{arguments}: {said}");
+    }
+    let after: Vec<String> = ["other.csv", "foreign.csv", "told.csv", "arm.html"].map(|name| lab.read(name)).into();
+    assert_eq!(before, after);
+    lab.ok("simulate swing.toml -q -o other.csv --overwrite");
+    lab.ok("convert other.csv new.mcap -q");
+    assert_ne!(lab.read("other.csv"), before[0]);
+}

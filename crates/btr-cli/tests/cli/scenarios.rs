@@ -240,7 +240,10 @@ fn one_load_does_not_tell_whether_friction_grows_with_it_and_two_do() {
             let loaded = effect("payload", "carriage", &format!("mass = {payload}"));
             lab.write("reality.toml", &format!("{LIFT}\n{hidden}\n{loaded}"));
             commands(&lab, "told.csv", &["slide"], 0.02, episode);
-            lab.ok(&format!("simulate reality.toml -q --log told.csv -o log_{episode}.csv --seed {}", episode + 1));
+            lab.ok(&format!(
+                "simulate reality.toml -q --log told.csv -o log_{episode}.csv --overwrite --seed {}",
+                episode + 1
+            ));
         }
         diagnosis(&lab, "lift.toml")
     };

@@ -12,7 +12,7 @@ mod whole;
 pub use error::{IoError, Warning};
 pub use mcap::Meta;
 pub use names::{Mapping, Topics};
-pub use whole::write_whole;
+pub use whole::{can_write, write_whole};
 
 use btr_core::log::Log;
 use std::fs::File;
@@ -59,6 +59,15 @@ pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), I
 /// See [`read_log`].
 pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
+}
+
+/// Whether a log could be written there.
+///
+/// # Errors
+/// [`IoError::File`], or an unknown extension.
+pub fn can_write_log(path: &Path) -> Result<(), IoError> {
+    format(path)?;
+    can_write(path).map_err(|source| IoError::File { path: path.to_owned(), source })
 }
 
 /// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP only.

@@ -10,11 +10,7 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// What the operating system or `write` reports; a `path` that is no regular file (a device, a folder).
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
-    // Through a link, the file behind it is replaced and not the link.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file, so it cannot be replaced whole"));
-    }
+    let target = target(path)?;
     let (temporary, file) = create_beside(&target)?;
     let written = fill(file, write).and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
@@ -23,6 +19,24 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::
         return written;
     }
     sync_folder(&target)
+}
+
+/// Whether a file could be written there, as [`write_whole`] does it: a new one is made in the folder and taken away again.
+///
+/// # Errors
+/// See [`write_whole`].
+pub fn can_write(path: &Path) -> io::Result<()> {
+    let (temporary, _) = create_beside(&target(path)?)?;
+    fs::remove_file(temporary)
+}
+
+/// The file to be replaced: through a link, the one behind it and not the link.
+fn target(path: &Path) -> io::Result<PathBuf> {
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file, so it cannot be replaced whole"));
+    }
+    Ok(target)
 }
 
 fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
@@ -94,6 +108,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let error = write_whole(folder.path(), |w| w.write_all(b"x")).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
+        assert_eq!(can_write(folder.path()).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+    }
+
+    #[test]
+    fn asking_whether_a_file_could_be_written_leaves_all_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        can_write(&path).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        assert!(can_write(&folder.path().join("no/log.csv")).is_err());
     }
 
     #[cfg(unix)]
