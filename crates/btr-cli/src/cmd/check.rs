@@ -63,6 +63,11 @@ fn identifiability(told: &Told) -> String {
     let (rank, of) = (told.rank, told.parameters.len());
     let condition = told.condition_number.map_or("infinite".to_owned(), number);
     lines.push(format!("rank {rank} of {of}, condition number {condition}"));
+    if rank < of {
+        lines.push(
+            "a rank below full is no defect of the logs: what they cannot tell stays as it is believed".to_owned(),
+        );
+    }
     lines.extend(told.null_directions.iter().map(|direction| direction.sentence.clone()));
     lines.join("\n")
 }

@@ -18,6 +18,8 @@ const CHANNELS: usize = 2;
 const NULL: f64 = 0.2;
 /// Parts of a null direction smaller than this are not named.
 const NAMED: f64 = 0.3;
+/// Growths of which the least is this share of the largest are about the same.
+const SAME: f64 = 0.7;
 
 /// A fitted number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -171,23 +173,71 @@ fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
 /// A direction, given as positions among the free knobs with their shares.
 fn named(knobs: &[Knob], fit: &Fit, direction: &[(usize, f64)]) -> NullDirection {
     let largest = direction.iter().map(|(_, x)| *x).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
-    let mut parts: Vec<(&Knob, f64)> = direction
-        .iter()
-        .map(|&(k, x)| (&knobs[fit.active[k]], x / largest))
-        .filter(|(_, share)| share.abs() >= NAMED)
-        .collect();
-    parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    let names: Vec<&str> = parts.iter().map(|(knob, _)| knob.name.as_str()).collect();
-    let remedy = match parts.iter().any(|(knob, _)| knob.unit == "kg") {
-        true => "add a payload of known mass or a log that separates them",
-        false => "fix one of them or add a log that separates them",
-    };
-    let sentence = match names.as_slice() {
+    let part = |&(k, x): &(usize, f64)| Part::new(&knobs[fit.active[k]], fit.u[fit.active[k]], x / largest);
+    let parts: Vec<Part> = direction.iter().map(part).collect();
+    let sentence = in_words(&parts);
+    let mut shares: Vec<(String, f64)> =
+        parts.iter().filter(|part| part.is_named()).map(|part| (part.knob.name.clone(), part.share)).collect();
+    shares.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    NullDirection { parts: shares, sentence }
+}
+
+/// A knob in a direction.
+struct Part<'a> {
+    knob: &'a Knob,
+    /// How far it moves, in typical deviations; the largest is 1.
+    share: f64,
+    /// By which share of itself its value grows.
+    growth: f64,
+}
+
+impl<'a> Part<'a> {
+    fn new(knob: &'a Knob, u: f64, share: f64) -> Self {
+        Part { knob, share, growth: share * knob.spread * knob.slope(u) / knob.value(u) }
+    }
+
+    fn is_named(&self) -> bool {
+        self.share.abs() >= NAMED
+    }
+}
+
+/// What a direction, in the model's order, means.
+fn in_words(parts: &[Part]) -> String {
+    let named: Vec<&Part> = parts.iter().filter(|part| part.is_named()).collect();
+    let has_mass = named.iter().any(|part| part.knob.unit == "kg");
+    if let Some(growth) = factor(&named) {
+        // What may be of any size moves by a small share of what it may be, though it grows like the others.
+        let scaled: Vec<&Part> =
+            parts.iter().filter(|part| SAME <= part.growth / growth && part.growth / growth <= 1.0 / SAME).collect();
+        let remedy = if has_mass { "weigh one link, say, or add a payload of known mass" } else { "fix one of them" };
+        let all = list(&scaled);
+        return format!(
+            "a common factor of {all} changes nothing in these logs, so only their ratios can be told; {remedy}"
+        );
+    }
+    match named.as_slice() {
         [] => String::new(),
-        [one] => format!("{one} is dead: these logs say next to nothing about it"),
-        [several @ .., last] => format!("only {} and {last} together can be told; {remedy}", several.join(", ")),
-    };
-    NullDirection { parts: parts.iter().map(|(knob, share)| (knob.name.clone(), *share)).collect(), sentence }
+        [one] => format!("{} is dead: these logs say next to nothing about it", one.knob.name),
+        several => {
+            let remedy = if has_mass { "add a payload of known mass" } else { "fix one of them" };
+            format!("only {} together can be told; {remedy} or add a log that separates them", list(several))
+        }
+    }
+}
+
+/// "a, b and c".
+fn list(parts: &[&Part]) -> String {
+    let names: Vec<&str> = parts.iter().map(|part| part.knob.name.as_str()).collect();
+    match names.as_slice() {
+        [several @ .., last] if !several.is_empty() => format!("{} and {last}", several.join(", ")),
+        names => names.concat(),
+    }
+}
+
+/// By which share of themselves the values of several parts grow, where that is about the same for all.
+fn factor(parts: &[&Part]) -> Option<f64> {
+    let growth = parts.iter().map(|part| part.growth).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    (parts.len() > 1 && parts.iter().all(|part| part.growth / growth >= SAME)).then_some(growth)
 }
 
 #[cfg(test)]
