@@ -8,6 +8,12 @@ use toml_edit::{DocumentMut, TomlError, Value};
 /// Sections that steer a run and do not belong to a model.
 const NOT_MODEL: [&str; 5] = ["reality", "coevolve", "drive", "fitness", "distances"];
 
+/// Said above the parameters of an adapted model.
+const WHAT_WINS: &str = "# As fitted: these values win over those under [robot] and [actuators].";
+
+/// How the line that tells editors of the schema begins; only the first line is one.
+const SCHEMA: &str = "#:schema";
+
 /// Where a file names other files, relative to its own folder: one, or a list.
 const NAMES_FILES: [(&str, &str); 6] = [
     ("robot", "urdf"),
@@ -29,11 +35,37 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
     }
     anchor(&mut document, source.folder(), into);
     for (dim, value) in space.dims().iter().zip(s) {
-        if let Some(parameter) = document["parameters"].get_mut(&dim.name).and_then(|item| item.as_table_like_mut()) {
+        let Some(parameter) = document["parameters"].get_mut(&dim.name) else { continue };
+        if let Some(parameter) = parameter.as_table_like_mut() {
             parameter.insert("value", toml_edit::value(*value));
         }
+        if let Some(inline) = parameter.as_inline_table_mut() {
+            inline.fmt();
+        }
     }
-    Ok(document.to_string())
+    say_what_wins(&mut document);
+    Ok(with_schema(&document.to_string(), source.folder(), into))
+}
+
+/// Whoever reads an actuator's gain in an adapted model must know that another one holds.
+fn say_what_wins(document: &mut DocumentMut) {
+    let Some(parameters) = document.get_mut("parameters").and_then(|item| item.as_table_mut()) else { return };
+    let before = parameters.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or("\n").to_owned();
+    if !before.contains(WHAT_WINS) {
+        parameters.decor_mut().set_prefix(format!("{before}{WHAT_WINS}\n"));
+    }
+}
+
+/// The text with its line for editors, which names the schema relative to `folder`, relative to `into`; without it where the
+/// schema is not there.
+fn with_schema(text: &str, folder: &Path, into: &Path) -> String {
+    let Some((line, rest)) = text.split_once('\n') else { return text.to_owned() };
+    let Some(schema) = line.strip_prefix(SCHEMA).map(str::trim) else { return text.to_owned() };
+    match folder.join(schema) {
+        _ if schema.contains("://") => text.to_owned(),
+        file if file.is_file() => format!("{SCHEMA} {}\n{rest}", way(into, &file).display()),
+        _ => rest.to_owned(),
+    }
 }
 
 /// The text of a model file with a finer time step: so many where there was one, sampled as before.
@@ -60,7 +92,7 @@ pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
 pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
     anchor(&mut document, folder, into);
-    Ok(document.to_string())
+    Ok(with_schema(&document.to_string(), folder, into))
 }
 
 /// The files that a model's file names. A text that is not TOML names none; whoever parses it says so.
@@ -118,6 +150,21 @@ fn real(folder: &Path) -> PathBuf {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn the_line_for_editors_moves_along_or_goes() {
+        let lab = tempfile::tempdir().unwrap();
+        let (from, into) = (lab.path().join("robots"), lab.path().join("runs/monday"));
+        std::fs::create_dir_all(&from).unwrap();
+        let text = "#:schema ../btr.schema.json\nname = \"arm\"\n";
+        let moved = |text: &str| moved(text, &from, &into).unwrap();
+        assert_eq!(moved(text), "name = \"arm\"\n");
+        std::fs::write(lab.path().join("btr.schema.json"), "{}").unwrap();
+        std::fs::create_dir_all(&into).unwrap();
+        assert_eq!(moved(text), "#:schema ../../btr.schema.json\nname = \"arm\"\n");
+        let elsewhere = "#:schema https://example.org/btr.json\nname = \"arm\"\n";
+        assert_eq!(moved(elsewhere), elsewhere);
+    }
 
     #[test]
     fn finer_steps_are_sampled_at_the_same_times() {
