@@ -4,7 +4,7 @@ use crate::experiment::nearest;
 use crate::robot::{Actuator, Joint, JointKind, Robot};
 use crate::sensor::Noise;
 use btr_core::check::{Finding, Quality, Severity, Topic, check};
-use btr_core::log::{Channel, Log};
+use btr_core::log::{Channel, Log, Role};
 
 /// A joint that goes beyond its limits by so many times its range is not in these units.
 const FAR: f64 = 1.0;
@@ -72,12 +72,33 @@ fn unmeasured(log: &Log, joint: &Joint, robot: &Robot) -> Option<Finding> {
     if log.channel(&name).is_some() {
         return None;
     }
-    let known = |joint: &str| robot.movable().any(|(_, link)| link.joint.name == joint);
-    let strange = |other: &&str| other.strip_prefix("q_").is_some_and(|joint| !known(joint));
-    let like = nearest(&name, log.channels().map(|(name, _)| name).filter(strange));
-    let help = like.map_or(String::new(), |like| format!("; is it `{like}`? [channels.channels] maps names"));
+    let help = match strange(log, joint, robot).as_slice() {
+        [] => String::new(),
+        all @ [first, ..] => format!(
+            "; is it `{}`? Say so in the model file: [channels.channels] {name} = \"{first}\"",
+            all.join("` or `")
+        ),
+    };
     let sentence = format!("{name} is not in the log: {} cannot be judged{help}", joint.name);
     Some(Finding::new(Topic::Missing, Severity::Doubtful, &name, sentence))
+}
+
+/// Columns that nobody uses and that may be a joint's position: one that is called almost as it should be, or else those that the
+/// joint's name is in.
+fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
+    let known = |joint: &str| robot.movable().any(|(_, link)| link.joint.name == joint);
+    let unknown = |other: &&str| other.strip_prefix("q_").is_some_and(|joint| !known(joint));
+    let names = || log.channels().map(|(name, _)| name);
+    if let Some(like) = nearest(&format!("q_{}", joint.name), names().filter(unknown)) {
+        return vec![like];
+    }
+    // A column of `left_knee` is none of `knee`.
+    let longest = |column: &str| {
+        let inside = robot.movable().map(|(_, link)| &link.joint.name).filter(|name| column.contains(name.as_str()));
+        inside.max_by_key(|name| name.len()).cloned()
+    };
+    let unused = log.channels().filter(|(_, channel)| channel.role == Role::Truth).map(|(name, _)| name);
+    unused.filter(|column| longest(column).as_ref() == Some(&joint.name)).collect()
 }
 
 /// Readings without any noise, as simulations make them.

@@ -1,7 +1,7 @@
 //! `btr compare`: where a model fails.
 
 use super::ladder;
-use super::output::{Kind, guard, inputs};
+use super::output::{Kind, announce, guard, inputs};
 use crate::args::{Compare, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report;
@@ -10,8 +10,8 @@ use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
 use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
-use btr_physics::experiment::{self, Replays, Source};
-use btr_physics::verbs;
+use btr_physics::experiment::Replays;
+use btr_physics::verbs::Doubt;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -44,7 +44,8 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
     }
     let source = ladder::source(&args.model, global)?;
     guard(Kind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
-    let outcome = outcome(&source, args)?;
+    let (replays, doubts) = ladder::replays(&source, &args.logs, &[], global)?;
+    let outcome = outcome(replays, &doubts, args)?;
     if outcome.comparison.channels.is_empty() {
         let help = "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names";
         return Err(Failure::new("log", "no channel is both measured and simulated", Some(help.to_owned())));
@@ -55,24 +56,23 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
     if global.json {
         println!("{}", document(&outcome));
     } else {
-        outcome.replays.warnings.iter().filter(|_| !global.quiet).for_each(|w| eprintln!("warning: {w}"));
         println!("{}", text(&outcome, if global.verbose { usize::MAX } else { SHOWN }));
     }
+    announce(args.report.as_deref(), "the report", global);
     let worst = outcome.comparison.worst().map_or(0.0, |channel| channel.chi);
     let missed = args.max_chi.is_some_and(|gate| worst > gate);
     Ok(if missed { ExitCode::from(MISSED) } else { ExitCode::SUCCESS })
 }
 
 /// Simulates every log twice, once with half the time step, and compares.
-fn outcome(source: &Source, args: &Compare) -> Result<Outcome, Failure> {
-    let replays = experiment::replays(source, &args.logs, &[])?;
+fn outcome(replays: Replays, doubts: &[Doubt], args: &Compare) -> Result<Outcome, Failure> {
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |k: usize| -> Result<(Log, Log), WorldError> {
         let run = |step| model.simulate_in_steps(&s, &c, k, None, step);
         Ok((run(Step::USUAL)?, run(Step::USUAL.halved())?))
     };
-    let blown = |e: WorldError| Failure::simulation(&e, &verbs::doubts(&replays));
+    let blown = |e: WorldError| Failure::simulation(&e, doubts);
     let simulated: Vec<(Log, Log)> =
         (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>().map_err(blown)?;
     let names: Vec<String> = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
@@ -104,7 +104,14 @@ fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[(Log, Log)
 }
 
 pub(crate) const CHANNEL_HEADER: [&str; 10] =
-    ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "chi", "white", "step error"];
+    ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "x noise floor", "white", "step error"];
+
+/// What its columns mean.
+pub(crate) const LEGEND: [&str; 3] = [
+    "x noise floor: the error in multiples of what the sensor alone would leave (chi in --json); 1 is as good as any model can be",
+    "white: whether what is left looks like noise; fit %: the share of the motion that is right; lag: how late it was measured",
+    "step error: what the simulation's time step alone does, in noise floors",
+];
 
 /// One row per channel, under [`CHANNEL_HEADER`].
 pub(crate) fn channel_rows(outcome: &Outcome) -> Vec<Vec<String>> {
@@ -132,9 +139,18 @@ fn text(outcome: &Outcome, most: usize) -> String {
     let failures = outcome.comparison.failures();
     // Regimes are told apart by positions; a torque can be wrong where no position is.
     let loud = outcome.comparison.worst().filter(|channel| channel.chi > LOUD).map(|channel| {
-        format!("No joint's position fails in any regime, but {} errs by {:.1} sigma.", channel.name, channel.chi)
+        format!(
+            "No joint's position fails in any regime, but {} errs by {:.1} noise floors.",
+            channel.name, channel.chi
+        )
     });
     let mut lines = vec![channels.render(), String::new()];
+    lines.extend(LEGEND.map(str::to_owned));
+    let not_judged = outcome.replays.not_judged();
+    if !not_judged.is_empty() {
+        lines.push(ladder::unmeasured(&not_judged));
+    }
+    lines.push(String::new());
     match failures.len() {
         0 if loud.is_some() => lines.extend(loud),
         0 => lines.push("No joint fails in any regime: what is left is noise.".to_owned()),
@@ -145,10 +161,6 @@ fn text(outcome: &Outcome, most: usize) -> String {
         let share = format!("{:.0} % of the squared error", 100.0 * cell.share);
         lines.push(format!("  {}", cell.hint));
         lines.push(format!("    {share}; most of it in {}, at {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
-    }
-    let not_judged = outcome.replays.not_judged();
-    if !not_judged.is_empty() {
-        lines.push(ladder::unmeasured(&not_judged));
     }
     if outcome.integrator_error() > 0.5 {
         let error = number(outcome.integrator_error());

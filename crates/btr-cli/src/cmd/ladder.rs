@@ -1,6 +1,5 @@
 //! The error's fall, as `diagnose` and `fit` show it while it happens.
 
-use crate::args::Beside;
 use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
@@ -8,7 +7,7 @@ use btr_core::check::Severity;
 use btr_core::fit::Estimate;
 use btr_physics::experiment::{self, Replays, Source};
 use btr_physics::verbs::{self, Doubt, Floor, LadderStep};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The model's text with the settings of the command line.
 pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
@@ -18,8 +17,13 @@ pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
 }
 
 /// Reads the logs and tells on stderr what is odd about them, before anything is made of them.
-pub(crate) fn replays(source: &Source, beside: &Beside, global: &Global) -> Result<(Replays, Vec<Doubt>), Failure> {
-    let replays = experiment::replays(source, &beside.logs, &beside.held_out)?;
+pub(crate) fn replays(
+    source: &Source,
+    learn: &[PathBuf],
+    held_out: &[PathBuf],
+    global: &Global,
+) -> Result<(Replays, Vec<Doubt>), Failure> {
+    let replays = experiment::replays(source, learn, held_out)?;
     let doubts = verbs::doubts(&replays);
     if !global.quiet {
         replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));

@@ -2,7 +2,7 @@
 
 use super::joints::{Beside, LOGS_SHOWN, joints};
 use super::{Block, Report, Section};
-use crate::cmd::compare::{CHANNEL_HEADER, Outcome, channel_rows};
+use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, Outcome, channel_rows};
 use crate::plot::heat::{Heat, heat};
 use btr_core::compare::{Cell, Regime, Track};
 
@@ -26,12 +26,8 @@ fn summary(outcome: &Outcome) -> Section {
             header: CHANNEL_HEADER.iter().map(|&cell| cell.to_owned()).collect(),
             rows: channel_rows(outcome),
         },
-        Block::Text(
-            "Errors are measured minus simulated. chi is the error in multiples of what the sensor alone would leave (its \
-             noise floor); 1 is perfect. lag: how much later than simulated it was measured. step error: what the \
-             simulation's time step alone does, in noise floors."
-                .to_owned(),
-        ),
+        Block::Text("Errors are measured minus simulated.".to_owned()),
+        Block::List(LEGEND.map(str::to_owned).into()),
     ];
     if !outcome.replays.warnings.is_empty() {
         blocks.push(Block::List(outcome.replays.warnings.clone()));

@@ -225,6 +225,29 @@ fn no_verdict_covers_a_joint_that_is_not_measured() {
 }
 
 #[test]
+fn a_joint_under_another_name_is_told_with_what_to_write() {
+    let lab = lab();
+    let renamed = |k: usize, cells: &mut Vec<String>| {
+        if k == 0 {
+            cells[Q_KNEE] = "knee_position".to_owned();
+        }
+        true
+    };
+    lab.edit("log.csv", "foreign.csv", renamed);
+    let output = lab.run("compare leg.toml foreign.csv");
+    let (told, said) = (text(&output.stdout), text(&output.stderr));
+    let above = told.split("\n\n").nth(1).unwrap();
+    assert!(above.ends_with("knee was not measured, and so not judged"), "{told}");
+    let channel = "q_knee = \"knee_position\"";
+    assert!(
+        said.contains("is it `knee_position`?") && said.contains(&format!("[channels.channels] {channel}")),
+        "{said}"
+    );
+    lab.write("leg.toml", &format!("{MODEL}\n[channels.channels]\n{channel}\n"));
+    assert_eq!(lab.json("compare leg.toml foreign.csv")["not_judged"], serde_json::json!([]));
+}
+
+#[test]
 fn where_nothing_moves_or_is_measured_there_is_no_verdict() {
     let lab = lab();
     let first: Vec<String> = lab.read("log.csv").lines().nth(1).unwrap().split(',').map(str::to_owned).collect();

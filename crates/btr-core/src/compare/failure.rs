@@ -177,17 +177,17 @@ fn gather<'a>(parts: &'a [Part], series: impl Fn(&'a Track) -> Option<&'a Vec<f6
     parts.iter().flat_map(values).collect()
 }
 
-/// "knee, after reversals: 3.1 sigma; the residual follows the sign of the velocity".
+/// "knee, after reversals: 3.1 noise floors; the residual follows the sign of the velocity".
 fn hint(cell: &Cell) -> String {
     let told = match cell.clue {
         _ if cell.chi <= ABOVE_NOISE => "nothing but noise".to_owned(),
         Some(Found { clue: Clue::Constant, .. }) => {
-            format!("the residual is an offset of {:+.2} sigma", cell.chi * cell.bias / cell.rmse)
+            format!("the residual is an offset of {:+.2} noise floors", cell.chi * cell.bias / cell.rmse)
         }
         Some(Found { clue, correlation }) => {
             format!("the residual follows {} (correlation {correlation:+.2})", clue.words())
         }
         None => "the residual follows no single quantity".to_owned(),
     };
-    format!("{}, {}: {:.1} sigma; {told}", cell.joint, cell.regime.words(), cell.chi)
+    format!("{}, {}: {:.1} noise floors; {told}", cell.joint, cell.regime.words(), cell.chi)
 }
