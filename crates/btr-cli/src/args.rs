@@ -1,20 +1,65 @@
 //! The command line as it is typed.
 
-use clap::{Args as ClapArgs, Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
 use clap_complete::Shell;
 use std::path::PathBuf;
+
+/// What people come for.
+const JOURNEYS: &str = "A model and logs of the robot: where is it wrong, what is missing, does the error fall?
+  btr check    robots/arm.toml robots/arm/learn_*.csv
+  btr compare  robots/arm.toml robots/arm/learn_*.csv --report where.html
+  btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv
+  btr fit      robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv \\
+               --add coulomb_friction@yaw -o fitted.toml
+
+A controller to be found, and a simulation with it:
+  btr coevolve robots/nao.toml --out runs/nao";
+
+/// How logs are given to a verb that learns from some and judges on others.
+macro_rules! beside_usage {
+    ($verb:literal) => {
+        concat!("btr ", $verb, " [OPTIONS] <MODEL> <LOG>... [--held-out <LOG>...]")
+    };
+}
 
 /// Evolve robot controllers and their simulator against each other.
 ///
 /// Controllers are found in simulation, a few are tried in reality, and what they really did is used to find a better
 /// simulation, again and again.
 #[derive(Parser)]
-#[command(name = "btr", version, after_help = "Example:\n  btr coevolve robots/nao.toml --out runs/nao")]
+#[command(name = "btr", version, after_help = JOURNEYS)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) global: Global,
     #[command(subcommand)]
     pub(crate) verb: Verb,
+}
+
+impl Args {
+    /// What was typed; a mistake is told as clap tells it, with what clap cannot know.
+    pub(crate) fn typed() -> Result<Self, Error> {
+        Args::try_parse().map_err(|mut error| {
+            let held_out = || std::env::args_os().any(|argument| argument == "--held-out");
+            let tip = match error.kind() {
+                ErrorKind::MissingRequiredArgument if held_out() => {
+                    Some("put the logs before --held-out, which takes whatever follows".to_owned())
+                }
+                ErrorKind::InvalidSubcommand => Some(format!("verbs: {}", verbs().join(", "))),
+                _ => None,
+            };
+            if let Some(tip) = tip {
+                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            }
+            error
+        })
+    }
+}
+
+/// The verbs that are not hidden.
+fn verbs() -> Vec<String> {
+    let command = Args::command();
+    command.get_subcommands().filter(|verb| !verb.is_hide_set()).map(|verb| verb.get_name().to_owned()).collect()
 }
 
 /// Options of every verb.
@@ -61,7 +106,9 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Find out which physical effect the model lacks
     #[command(
-        after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/*.csv\n  btr diagnose arm.toml monday.mcap --held-out tuesday.mcap --report why.html\n\n\
+        override_usage = beside_usage!("diagnose"),
+        after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n  \
+        btr diagnose arm.toml monday.mcap --report why.html\n\n\
         Without --held-out the last three tenths of each log are held out."
     )]
     Diagnose(Diagnose),
@@ -70,6 +117,7 @@ pub(crate) enum Verb {
     Add(Add),
     /// Fit what is in doubt to logs, and see the error fall
     #[command(
+        override_usage = beside_usage!("fit"),
         after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
     )]
     Fit(Fit),

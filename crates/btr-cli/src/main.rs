@@ -11,13 +11,15 @@ mod report;
 mod table;
 
 use args::{Args, Verb};
-use clap::Parser;
 use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     end_quietly_on_a_closed_pipe();
-    let args = Args::parse();
+    let args = match Args::typed() {
+        Ok(args) => args,
+        Err(error) => error.exit(),
+    };
     match run(&args) {
         Ok(code) => code,
         Err(failure) => failure.report(args.global.json),

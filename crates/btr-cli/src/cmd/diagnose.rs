@@ -1,7 +1,7 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
-use super::output::{Kind, guard, inputs};
+use super::output::{Kind, announce, guard, inputs};
 use crate::args::{Beside, Diagnose, Global};
 use crate::failure::{Failure, MISSED};
 use crate::report::{self, Asked};
@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     let commands = Kind::Log { over_measurements: false }.at(args.next.as_deref());
     let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
+    let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
     let problem = Problem::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
@@ -37,6 +37,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     } else {
         show(&report, args);
     }
+    announce(args.beside.report.as_deref(), "the report", global);
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(MISSED) })
 }

@@ -4,7 +4,7 @@ use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
 use btr_physics::effect::{Card, EFFECTS, FORMULA, Param, SiteKind};
-use btr_physics::experiment::nearest;
+use btr_physics::experiment::suggestion;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 
@@ -31,10 +31,8 @@ pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<ExitCode, Failu
 
 fn unknown(name: &str) -> Failure {
     let known = || all().map(|card| card.name);
-    let help = match nearest(name, known()) {
-        Some(name) => format!("did you mean `{name}`?"),
-        None => format!("known: {}", known().collect::<Vec<_>>().join(", ")),
-    };
+    let all = || format!("known: {}", known().collect::<Vec<_>>().join(", "));
+    let help = suggestion(name, known()).unwrap_or_else(all);
     Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
 }
 

@@ -2,7 +2,7 @@
 
 use super::add::write_text;
 use super::ladder;
-use super::output::{Kind, guard, inputs};
+use super::output::{Kind, announce, guard, inputs};
 use crate::args::{Fit, Global};
 use crate::failure::Failure;
 use crate::report::{self, Asked};
@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
     let model = Kind::Model.at(args.output.as_deref());
     let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = ladder::replays(&source, &args.beside, global)?;
+    let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
     let problem = Problem::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
         .map_err(|e| Failure::problem(e, &doubts))?;
     let space = &problem.beside.model().simulations;
@@ -47,10 +47,12 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
         println!("{}", serde_json::json!(report));
     } else {
         show(&report);
-        if let Some(output) = &args.output {
-            println!("\n{}: the fitted model", output.display());
+        if args.output.is_none() {
+            println!("not saved: give -o FILE");
         }
     }
+    announce(args.output.as_deref(), "the fitted model", global);
+    announce(args.beside.report.as_deref(), "the report", global);
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,6 +1,7 @@
 //! What a verb may write, asked before it computes anything: a file in a folder that is there, over nothing but an earlier output
 //! of its own kind. A recording exists once.
 
+use crate::args::Global;
 use crate::failure::Failure;
 use btr_core::log::Role;
 use btr_physics::adapt::named_files;
@@ -51,6 +52,13 @@ pub(crate) fn guard<'a>(
 ) -> Result<(), Failure> {
     let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
     outputs.into_iter().try_for_each(|output| output.check(&inputs))
+}
+
+/// Says where a file is now, beside the result.
+pub(crate) fn announce(path: Option<&Path>, what: &str, global: &Global) {
+    if let Some(path) = path.filter(|_| !global.quiet && !global.json) {
+        println!("\n{}: {what}", path.display());
+    }
 }
 
 impl Output<'_> {

@@ -132,6 +132,7 @@ fn effects() {
     let hidden = "kind = \"twin\"\neffects = [{ effect = \"payloud\" }]";
     insta::assert_snapshot!("hidden_effect", with("kind = \"twin\"", hidden));
     insta::assert_snapshot!("effects_verb", Lab::new().complaint("effects armatur"));
+    insta::assert_snapshot!("effects_by_a_word", Lab::new().complaint("effects frction"));
 }
 
 #[test]
@@ -311,6 +312,14 @@ fn files_that_are_not_there() {
         ]
         .join("\n")
     );
+}
+
+#[test]
+fn command_lines_that_make_no_sense() {
+    let lab = Lab::new();
+    let told = ["nosuch", "diagnose small.toml --held-out a.csv b.csv log.csv", "fit small.toml --held-out a.csv"]
+        .map(|arguments| lab.complaint(arguments));
+    insta::assert_snapshot!("command_lines", told.join("\n"));
 }
 
 #[test]

@@ -102,6 +102,22 @@ fn fit_shows_each_value_between_its_bounds_or_why_there_is_no_interval() {
 }
 
 #[test]
+fn a_run_ends_with_where_its_files_are_and_a_fitted_model_says_what_holds_in_it() {
+    let lab = lab(FRICTION);
+    assert!(lab.ok("compare swing.toml log.csv --report where.html").ends_with("\nwhere.html: the report\n"));
+    let fit = "fit swing.toml log.csv --add coulomb_friction@hinge";
+    assert!(lab.ok(fit).ends_with("not saved: give -o FILE\n"));
+    lab.write("swing.toml", &format!("#:schema no.schema.json\n{}", lab.read("swing.toml")));
+    let told = lab.ok(&format!("{fit} -o fitted.toml --report fit.html"));
+    assert!(told.ends_with("\nfitted.toml: the fitted model\n\nfit.html: the report\n"), "{told}");
+    let fitted = lab.read("fitted.toml");
+    let wins = "# As fitted: these values win over those under [robot] and [actuators].\n[parameters]\n";
+    assert!(fitted.starts_with("name = \"swing\"\n") && fitted.contains(wins), "{fitted}");
+    lab.ok("fit fitted.toml log.csv -o again.toml");
+    assert_eq!(lab.read("again.toml").matches("As fitted").count(), 1);
+}
+
+#[test]
 fn a_report_that_cannot_be_written_is_an_error() {
     let lab = lab(NONE);
     assert!(

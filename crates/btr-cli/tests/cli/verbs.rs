@@ -154,7 +154,25 @@ fn completions_and_the_manual_name_every_verb() {
 #[test]
 fn every_verb_has_help_with_an_example() {
     let lab = Lab::new();
-    for verb in ["coevolve", "simulate", "check", "compare", "effects", "info", "convert", "schema", "completions"] {
+    let journey = lab.ok("--help");
+    for verb in ["check", "compare", "diagnose", "fit", "coevolve"] {
+        assert!(journey.contains(&format!("btr {verb} ")), "{journey}");
+    }
+    assert!(lab.ok("diagnose --help").contains("learn_*.csv --held-out robots/arm/held_out_*.csv"));
+    for verb in [
+        "coevolve",
+        "simulate",
+        "check",
+        "compare",
+        "diagnose",
+        "add",
+        "fit",
+        "effects",
+        "info",
+        "convert",
+        "schema",
+        "completions",
+    ] {
         let help = lab.ok(&format!("{verb} --help"));
         assert!(help.contains("Example") && help.contains(&format!("btr {verb}")), "{help}");
     }

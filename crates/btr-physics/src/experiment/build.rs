@@ -1,7 +1,7 @@
 //! From what is written to what can be run.
 
 use super::file::{File, RealitySection};
-use super::parse::{FileError, Source, nearest};
+use super::parse::{FileError, Source, suggestion};
 use super::scenarios::{self, Situations};
 use crate::drive::Replay;
 use crate::model::{Model, Scenario};
@@ -265,10 +265,8 @@ impl Builder<'_> {
         known: impl IntoIterator<Item = &'b str>,
     ) -> FileError {
         let known: Vec<&str> = known.into_iter().collect();
-        let help = match nearest(wrong, known.iter().copied()) {
-            Some(name) => format!("did you mean `{name}`?"),
-            None => format!("known: {}", known.join(", ")),
-        };
+        let near = suggestion(wrong, known.iter().copied());
+        let help = near.unwrap_or_else(|| format!("known: {}", known.join(", ")));
         self.error(keys, format!("there is no {what} `{wrong}`"), Some(help))
     }
 }

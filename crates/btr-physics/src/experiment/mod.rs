@@ -15,6 +15,6 @@ mod single;
 pub use build::Experiment;
 pub use enlarged::enlarges;
 pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
-pub use parse::{FileError, Source, nearest};
+pub use parse::{FileError, Source, nearest, suggestion};
 pub use replays::{Checked, Replays, replays};
 pub use single::{model, model_driven_by, model_replaying};

@@ -1,7 +1,7 @@
 //! `add`: writes effects into a model file, free to fit.
 
 use crate::effect::{self, EFFECTS, Effect, Param, Placed, SiteKind};
-use crate::experiment::{Source, nearest};
+use crate::experiment::{Source, suggestion};
 use crate::robot::Robot;
 use crate::scales::Scales;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
@@ -21,7 +21,7 @@ pub enum AddError {
     Unknown {
         /// What was asked for.
         name: String,
-        /// A similar name.
+        /// Which ones are similar, as a question.
         near: Option<String>,
     },
     /// Nothing there.
@@ -49,8 +49,9 @@ impl AddError {
     /// What to do about it.
     pub fn help(&self) -> Option<String> {
         match self {
-            AddError::Unknown { near: Some(name), .. } => Some(format!("did you mean `{name}`?")),
-            AddError::Unknown { near: None, .. } => Some("`btr effects` lists them".to_owned()),
+            AddError::Unknown { near, .. } => {
+                Some(near.clone().unwrap_or_else(|| "`btr effects` lists them".to_owned()))
+            }
             AddError::Site { known, .. } => Some(format!("it can sit on: {}", known.join(", "))),
             AddError::Twice { .. } => Some("it is fitted as it stands: `btr fit`".to_owned()),
             AddError::Toml(_) => None,
@@ -67,7 +68,7 @@ impl Addition {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
         let effect = effect::find(name).ok_or_else(|| AddError::Unknown {
             name: name.to_owned(),
-            near: nearest(name, EFFECTS.iter().map(|e| e.card().name)).map(str::to_owned),
+            near: suggestion(name, EFFECTS.iter().map(|e| e.card().name)),
         })?;
         let placed = Placed::off(effect, site);
         if placed.check_site(robot).is_err() {
