@@ -22,11 +22,8 @@ pub(crate) fn run(args: &Simulate, global: &Global) -> Result<ExitCode, Failure>
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let log = model.simulate(&s, &c, 0, global.seed)?;
     let (robot, ..) = model.at(&s, 0);
-    let meta = Meta {
-        model_toml: Some(source.text.clone()),
-        urdf: Some(btr_physics::urdf::to_urdf(&robot)),
-        ..Meta::default()
-    };
+    let meta =
+        Meta { model_toml: Some(source.text), urdf: Some(btr_physics::urdf::to_urdf(&robot)), ..Meta::default() };
     io::write_log(&args.output, &log, &meta)?;
     let terms = model.fitness.terms(&log).map_err(btr_core::world::WorldError::from)?;
     if global.json {

@@ -70,7 +70,10 @@ fn what_is_only_a_scale_is_named_and_what_does_nothing_is_dead() {
 #[test]
 fn friction_that_may_be_of_any_size_is_part_of_the_scale() {
     let lab = lab();
-    lab.write("rubs.toml", &format!("{MODEL}\n[[effects]]\neffect = \"coulomb_friction\"\nsite = \"hinge\"\ntorque = 0.3\n"));
+    lab.write(
+        "rubs.toml",
+        &format!("{MODEL}\n[[effects]]\neffect = \"coulomb_friction\"\nsite = \"hinge\"\ntorque = 0.3\n"),
+    );
     lab.ok("simulate rubs.toml -q -o rubs.csv");
     let told = lab.ok("fit scale.toml rubs.csv --add coulomb_friction@hinge");
     let factor = "a common factor of mass@bob, kp@hinge, kd@hinge and coulomb_friction.torque@hinge changes nothing";
