@@ -97,6 +97,8 @@ pub struct Candidate {
     pub starts: Vec<Vec<f64>>,
     /// Candidates at the same place that look alike, as indices.
     pub kin: Vec<usize>,
+    /// Those of them that it becomes for some values of its numbers.
+    pub contains: Vec<usize>,
 }
 
 impl Candidate {
@@ -202,6 +204,14 @@ pub trait Family: Sync {
     /// # Errors
     /// A simulation that blew up.
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError>;
+    /// How many points are best asked for at once.
+    fn side_by_side(&self) -> usize {
+        1
+    }
+    /// What [`residual`](Self::residual) gives at each point, bit by bit; they may be simulated side by side.
+    fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+        points.iter().map(|u| self.residual(u, log, step)).collect()
+    }
     /// With which power of the step its error falls.
     fn order(&self) -> i32 {
         1

@@ -59,6 +59,26 @@ pub trait Simulator: Sync {
     /// # Errors
     /// A point outside its space, or a simulation that blew up.
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError>;
+    /// How many runs are best asked for at once.
+    fn side_by_side(&self) -> usize {
+        1
+    }
+    /// What [`run`](Self::run) gives for each job, bit by bit, in the order of the jobs. Those that follow each other in one
+    /// scenario may be simulated side by side.
+    fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
+        jobs.iter().map(|job| self.run(job.s, job.c, job.scenario)).collect()
+    }
+}
+
+/// A simulation, a controller and a situation.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// A point of S.
+    pub s: &'a [f64],
+    /// A point of C.
+    pub c: &'a [f64],
+    /// Number of the situation.
+    pub scenario: usize,
 }
 
 /// One real test that somebody asks for.

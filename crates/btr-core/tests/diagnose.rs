@@ -40,6 +40,7 @@ impl Made {
             shapes: Vec::new(),
             starts: vec![Vec::new()],
             kin: Vec::new(),
+            contains: Vec::new(),
         };
         let log = |i: usize| Recorded {
             name: format!("log {i}"),
@@ -218,6 +219,7 @@ fn with_a_larger_law(term: f64) -> Diagnosis {
     made.candidates.truncate(2);
     made.candidates[1].amplitudes.push(3);
     (made.candidates[0].kin, made.candidates[1].kin) = (vec![1], vec![0]);
+    made.candidates[1].contains = vec![0];
     made.diagnosis()
 }
 

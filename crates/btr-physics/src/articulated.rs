@@ -1,4 +1,5 @@
-//! Robots in minimal coordinates, on the ground, in the air or bolted down.
+//! Robots in minimal coordinates, on the ground, in the air or bolted down: one, or several candidates for the same robot side by
+//! side, each in a lane of the vector registers.
 //!
 //! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm, factorised along the tree
 //! (R. Featherstone, "Rigid Body Dynamics Algorithms", Springer 2008, chapters 5, 6 and 8), with all spatial quantities in the
@@ -12,13 +13,20 @@
 mod build;
 mod course;
 mod impulses;
+mod lanes;
 mod spatial;
 mod touch;
 mod tree;
 
-use crate::engine::{BaseState, Dof, Dynamics, State};
+#[cfg(test)]
+pub(crate) use build::engines_of_several;
+pub(crate) use build::{WORTH_WHILE, engine, engine_of_several, lanes};
+
+use crate::engine::{BaseState, Course, Dof, Dynamics, State};
 use impulses::{Impulses, Law, separation};
+use lanes::{Lanes, Mask, V3};
 use nalgebra::{Isometry3, Point3, Vector3};
+use pulp::{Arch, NullaryFnOnce, Simd};
 use spatial::{factorise, solve};
 use touch::{Hull, Reach, Round, Touch};
 use tree::{Posture, Tree};
@@ -31,80 +39,133 @@ const PUSHED: f64 = 0.5;
 /// Nothing is looked at that would have to be faster than this (m/s) to touch within a step.
 const FASTEST: f64 = 20.0;
 
-/// A robot in its world.
-pub(crate) struct Articulated {
-    tree: Tree,
-    now: Posture,
+/// Robots of one kind, each in a world of its own.
+pub(crate) struct Articulated<S: Simd> {
+    simd: S,
+    /// What it is compiled for: as wide registers as there are, also for a single candidate.
+    arch: Arch,
+    /// The candidate that is spoken of.
+    lane: usize,
+    /// What every candidate's joints do.
+    seen: Vec<Seen>,
+    tree: Tree<S>,
+    now: Posture<S>,
     /// Velocities one step ago.
-    before: Vec<f64>,
+    before: Vec<Lanes<S>>,
     /// Degrees of freedom of the root, which come first: 6 or none.
     root: usize,
-    fixed: Isometry3<f64>,
-    dofs: Vec<Dof>,
-    limits: Vec<(f64, f64)>,
+    fixed: Vec<Isometry3<f64>>,
+    inner: Vec<Inner<S>>,
+    /// Joints whose motion is prescribed; only where there is a single candidate.
+    courses: Vec<Option<Course>>,
+    limits: Vec<(Lanes<S>, Lanes<S>)>,
     names: Vec<String>,
-    gravity: Vector3<f64>,
+    gravity: V3<S>,
     dt_s: f64,
     substeps: usize,
-    floor: Option<Floor>,
-    hulls: Vec<Hull>,
-    ball: Option<Round>,
+    floor: Option<Floor<S>>,
+    hulls: Vec<Hull<S>>,
+    ball: Option<Round<S>>,
     /// Rate at which the ball's spin decays, in 1/s.
-    rolling_damping: f64,
-    impulses: Impulses,
-    foot_impulses: Vec<f64>,
-    scratch: Scratch,
+    rolling_damping: Lanes<S>,
+    impulses: Impulses<S>,
+    foot_impulses: Vec<Lanes<S>>,
+    /// Whose velocities are absurd.
+    wild: Mask<S>,
+    scratch: Scratch<S>,
+}
+
+/// Positions and velocities of a candidate's joints.
+struct Seen {
+    q: Vec<f64>,
+    dq: Vec<f64>,
+}
+
+/// Everything that acts on a joint from the inside: [`Dof`] of every candidate.
+#[derive(Clone, Copy)]
+struct Inner<S: Simd> {
+    constant: Lanes<S>,
+    stiffness: Lanes<S>,
+    damping: Lanes<S>,
+    dry_friction: Lanes<S>,
+    armature: Lanes<S>,
 }
 
 /// What the floor and the ball do to whatever touches them.
-struct Floor {
+struct Floor<S: Simd> {
     /// None where there is only a ball.
-    friction: Option<f64>,
+    friction: Option<Lanes<S>>,
     /// Of every point of contact, in N/m and N·s/m.
-    stiffness: f64,
-    damping: f64,
+    stiffness: Lanes<S>,
+    damping: Lanes<S>,
 }
 
 /// Memory for a step, allocated once.
-struct Scratch {
+struct Scratch<S: Simd> {
     /// The middle of the step.
-    middle: Posture,
+    middle: Posture<S>,
     /// Row by row: first the inertia matrix, then its factor.
-    matrix: Vec<f64>,
-    /// What all do at the step's end.
-    next: Vec<f64>,
+    matrix: Vec<Lanes<S>>,
+    /// What every degree of freedom has to carry.
+    carried: Vec<Lanes<S>>,
+    /// What all do at the step's end, and in the mean.
+    next: Vec<Lanes<S>>,
+    mean: Vec<Lanes<S>>,
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
-    share: Vec<f64>,
-    touches: Vec<Touch>,
+    share: Vec<Lanes<S>>,
+    touches: Vec<Touch<S>>,
     /// Accelerations of the joints where they are known.
-    known: Vec<f64>,
+    known: Vec<Lanes<S>>,
 }
 
-impl Articulated {
+/// The steps of the engine, compiled for the registers that there are.
+struct Steps<'a, S: Simd>(&'a mut Articulated<S>);
+
+impl<S: Simd> NullaryFnOnce for Steps<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let engine = self.0;
+        let zero = Lanes::zero(engine.simd);
+        engine.foot_impulses.fill(zero);
+        for _ in 0..engine.substeps {
+            engine.advance();
+            engine.feel();
+        }
+        engine.look();
+    }
+}
+
+impl<S: Simd> Articulated<S> {
     /// Where everything will be in the middle of the step if it goes on as it did.
+    #[inline(always)]
     fn predict(&mut self) {
-        let (now, middle) = (&self.now, &mut self.scratch.middle);
-        now.fly(&self.tree.bodies, &self.tree.first, 0.5 * self.dt_s, |d| now.u[d], middle);
-        for ((middle, now), before) in middle.u.iter_mut().zip(&now.u).zip(&self.before) {
-            *middle = 1.5 * now - 0.5 * before;
+        let (now, s) = (&self.now, &mut self.scratch);
+        now.fly(&self.tree, 0.5 * self.dt_s, &now.u, &mut s.middle);
+        for ((middle, now), before) in s.middle.u.iter_mut().zip(&now.u).zip(&self.before) {
+            *middle = *now * 1.5 - *before * 0.5;
         }
     }
 
     /// One step of `dt_s`: implicit in everything that acts inside the joints and at contacts.
+    #[inline(always)]
     fn advance(&mut self) {
         self.predict();
         self.foresee();
-        self.tree.place(&self.scratch.middle);
-        self.tree.carry(&self.scratch.middle.u, &self.gravity, None);
+        self.tree.place(self.simd, &self.scratch.middle);
+        self.tree.carry(self.simd, &self.scratch.middle.u, &self.gravity, None, &mut self.scratch.carried);
         self.tree.fill_matrix(&mut self.scratch.matrix);
         self.balance();
         self.lead();
-        factorise(&mut self.scratch.matrix, &self.tree.above);
-        solve(&self.scratch.matrix, &self.tree.above, &mut self.scratch.next);
+        factorise(&mut self.scratch.matrix, &self.tree.ways);
+        solve(&self.scratch.matrix, &self.tree.ways, &mut self.scratch.next);
         self.stop();
         let (now, s) = (&self.now, &mut self.scratch);
-        let mean = |d: usize| (1.0 - s.share[d]) * now.u[d] + s.share[d] * s.next[d];
-        now.fly(&self.tree.bodies, &self.tree.first, self.dt_s, mean, &mut s.middle);
+        for d in 0..s.next.len() {
+            let share = s.share[d];
+            s.mean[d] = (share.like(1.0) - share) * now.u[d] + share * s.next[d];
+        }
+        now.fly(&self.tree, self.dt_s, &s.mean, &mut s.middle);
         std::mem::swap(&mut self.now.q, &mut s.middle.q);
         std::mem::swap(&mut self.now.poses, &mut s.middle.poses);
         self.before.copy_from_slice(&self.now.u);
@@ -116,45 +177,50 @@ impl Articulated {
     ///
     /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean velocity
     /// v = (1 − h)·u + h·u'.
+    #[inline(always)]
     fn balance(&mut self) {
         let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
-        for (next, carried) in s.next.iter_mut().zip(self.tree.carried()) {
-            *next = -dt * carried;
+        let (half, whole) = (Lanes::all(self.simd, 0.5), Lanes::all(self.simd, 1.0));
+        for (next, carried) in s.next.iter_mut().zip(&s.carried) {
+            *next = *carried * -dt;
         }
-        s.share.fill(0.5);
-        for (i, dof) in self.dofs.iter().enumerate() {
+        s.share.fill(half);
+        for (i, joint) in self.inner.iter().enumerate() {
             let d = self.root + i;
-            s.matrix[d * n + d] += dof.armature;
-            s.next[d] += dt * (dof.torque.constant - dof.torque.stiffness * self.now.q[i]);
+            s.matrix[d * n + d] += joint.armature;
+            s.next[d] += (joint.constant - joint.stiffness * self.now.q[i]) * dt;
         }
         for d in 0..n {
             let u = self.now.u[d];
-            s.next[d] += s.matrix[d * n + d] * u;
-            let mut at = self.tree.above[d];
-            while let Some(e) = at {
-                s.next[d] += s.matrix[d * n + e] * self.now.u[e];
-                s.next[e] += s.matrix[d * n + e] * u;
-                at = self.tree.above[e];
+            let mut own = s.next[d] + s.matrix[d * n + d] * u;
+            let way = &self.tree.ways[d];
+            for &e in &way[..way.len() - 1] {
+                let inertia = s.matrix[d * n + e];
+                own += inertia * self.now.u[e];
+                s.next[e] += inertia * u;
             }
+            s.next[d] = own;
         }
-        for (i, dof) in self.dofs.iter().enumerate() {
-            let (d, torque) = (self.root + i, &dof.torque);
-            let implicit = dt * torque.damping + dt * dt * torque.stiffness;
-            let rings = implicit >= s.matrix[d * n + d];
-            s.share[d] = if rings { 1.0 } else { 0.5 };
-            let resistance = dt * torque.damping + dt * dt * s.share[d] * torque.stiffness;
-            s.next[d] -= (1.0 - s.share[d]) * resistance * self.now.u[d];
-            s.matrix[d * n + d] += s.share[d] * resistance;
+        for (i, joint) in self.inner.iter().enumerate() {
+            let d = self.root + i;
+            let inertia = s.matrix[d * n + d];
+            let rings = inertia.at_most(joint.damping * dt + joint.stiffness * (dt * dt));
+            let share = rings.select(whole, half);
+            let resistance = joint.damping * dt + share * joint.stiffness * (dt * dt);
+            s.share[d] = share;
+            s.next[d] -= (whole - share) * resistance * self.now.u[d];
+            s.matrix[d * n + d] = inertia + share * resistance;
         }
         if let Some(ball) = &self.ball {
             let first = self.tree.first[ball.body];
             for d in first..first + 3 {
-                s.matrix[d * n + d] *= 1.0 + dt * self.rolling_damping;
+                s.matrix[d * n + d] = s.matrix[d * n + d] * (whole + self.rolling_damping * dt);
             }
         }
     }
 
     /// Dry friction, joint limits and contacts: impulses within their bounds.
+    #[inline(always)]
     fn stop(&mut self) {
         self.impulses.clear();
         self.rub();
@@ -163,100 +229,160 @@ impl Articulated {
     }
 
     /// Dry friction and joint limits stop joints as far as they can.
+    #[inline(always)]
     fn rub(&mut self) {
         let (dt, s) = (self.dt_s, &mut self.scratch);
-        let mut hold = |dof, bounds| self.impulses.hold(dof, bounds, &self.tree, &s.matrix, &s.next);
-        for (i, dof) in self.dofs.iter().enumerate().filter(|(_, dof)| dof.course.is_none()) {
+        let zero = Lanes::zero(self.simd);
+        let (one, endless, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
+        for i in 0..self.inner.len() {
+            if self.courses[i].is_some() {
+                continue;
+            }
             let (d, q) = (self.root + i, self.now.q[i]);
-            let (lower, upper) = ((self.limits[i].0 - q) / dt, (self.limits[i].1 - q) / dt);
-            if dof.dry_friction > 0.0 {
-                let most = dt * dof.dry_friction;
-                hold(d, [0.0, -most, most]);
+            let (lower, upper) = ((self.limits[i].0 - q) * per_s, (self.limits[i].1 - q) * per_s);
+            let most = self.inner[i].dry_friction * dt;
+            if zero.less(most).any() {
+                self.impulses.hold(d, [zero, -most, most], &self.tree, &s.matrix, &s.next);
             }
-            if s.next[d] < lower || s.next[d] > upper {
-                // It must end the step at the limit, not halfway beyond.
-                s.share[d] = 1.0;
+            let (below, above) = (s.next[d].less(lower), upper.less(s.next[d]));
+            // It must end the step at the limit, not halfway beyond.
+            s.share[d] = below.or(above).select(one, s.share[d]);
+            if below.any() {
+                let bounds = [below.select(lower, zero), zero, below.select(endless, zero)];
+                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
             }
-            if s.next[d] < lower {
-                hold(d, [lower, 0.0, f64::INFINITY]);
-            }
-            if s.next[d] > upper {
-                hold(d, [upper, f64::NEG_INFINITY, 0.0]);
+            if above.any() {
+                let bounds = [above.select(upper, zero), above.select(-endless, zero), zero];
+                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
             }
         }
     }
 
     /// Contacts with the floor and the ball.
+    #[inline(always)]
     fn touch(&mut self) {
         let Some(floor) = &self.floor else { return };
-        let (dt, s) = (self.dt_s, &mut self.scratch);
-        let height = floor.friction.map(|_| -self.tree.origin.z);
-        let reach = Reach { floor: height, gap: dt * FASTEST };
-        touch::find(&self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
+        let (dt, s, simd) = (self.dt_s, &mut self.scratch, self.simd);
+        let zero = Lanes::zero(simd);
+        let height = floor.friction.map(|_| -self.tree.origin.0[2]);
+        let reach = Reach { floor: height, gap: zero.like(dt * FASTEST) };
+        touch::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
         for touch in &s.touches {
             let free = separation(touch, &self.tree, &s.next);
-            let arrives = touch.depth > 0.5 * dt * (free - PUSHED);
+            let mut there = touch.there.and(((free - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
             let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
-            let bounces = ball.filter(|ball| ball.restitution > 0.0);
-            // What shall bounce has to arrive at its full speed first.
-            if !arrives || (bounces.is_some() && touch.depth < 0.0) {
+            let apart = touch.depth.less(zero);
+            if let Some(ball) = ball {
+                // What shall bounce has to arrive at its full speed first.
+                there = there.and(apart.and(zero.less(ball.restitution)).not());
+            }
+            let (mut law, gives) = floor.law(touch.depth, dt);
+            there = there.and(gives);
+            if !there.any() {
                 continue;
             }
-            let Some(mut law) = floor.law(touch.depth, dt) else { continue };
-            law.friction = ball.map_or(floor.friction.unwrap_or(0.0), |ball| ball.friction);
-            if let Some(ball) = bounces {
-                let kept = -ball.restitution * separation(touch, &self.tree, &self.now.u);
-                if kept > law.wanted {
-                    // An impact is over within the step: nothing of what is kept goes into a spring.
-                    (law.wanted, law.softness) = (kept, 0.0);
-                }
+            law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
+            if let Some(ball) = ball {
+                let kept = -(ball.restitution * separation(touch, &self.tree, &self.now.u));
+                // An impact is over within the step: nothing of what is kept goes into a spring.
+                let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
+                law.wanted = bounces.select(kept, law.wanted);
+                law.softness = bounces.select(zero, law.softness);
             }
-            self.impulses.touch(touch, law, &self.tree, &s.matrix, &s.next);
+            self.impulses.touch(touch, law, there, &self.tree, &s.matrix, &s.next);
+        }
+    }
+
+    /// What the feet felt during the last step.
+    #[inline(always)]
+    fn feel(&mut self) {
+        for touch in &self.scratch.touches {
+            let hull = touch.hull.filter(|_| touch.other.is_none());
+            if let Some(foot) = hull.and_then(|hull| self.hulls[hull].foot) {
+                self.foot_impulses[foot] += self.impulses.normal(touch.slot);
+            }
+        }
+    }
+
+    /// What can be seen of every candidate after a step.
+    #[inline(always)]
+    fn look(&mut self) {
+        let (none, absurd) = (Lanes::zero(self.simd), Lanes::all(self.simd, ABSURD_SPEED));
+        self.wild = absurd.less(none);
+        for u in &self.now.u {
+            self.wild = self.wild.or(u.abs().at_most(absurd).not());
+        }
+        for (lane, seen) in self.seen.iter_mut().enumerate() {
+            for i in 0..seen.q.len() {
+                seen.q[i] = self.now.q[i].lane(lane);
+                seen.dq[i] = self.now.u[self.root + i].lane(lane);
+            }
         }
     }
 }
 
-impl Floor {
-    /// A spring and a damper over a step, at a depth in its middle. None if there is neither.
+impl<S: Simd> Floor<S> {
+    /// A spring and a damper over a step, at a depth in its middle; and for whom there are any.
     ///
     /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap, it only has
     /// to close.
-    fn law(&self, depth: f64, dt_s: f64) -> Option<Law> {
-        let resistance = self.damping + 0.5 * dt_s * self.stiffness;
-        let softness = 1.0 / (dt_s * resistance);
-        let wanted = if depth > 0.0 { self.stiffness * depth / resistance } else { 2.0 * depth / dt_s };
-        (resistance > 0.0).then_some(Law { wanted, softness, friction: 0.0 })
+    #[inline(always)]
+    fn law(&self, depth: Lanes<S>, dt_s: f64) -> (Law<S>, Mask<S>) {
+        let (zero, one) = (depth.like(0.0), depth.like(1.0));
+        let resistance = self.damping + self.stiffness * (0.5 * dt_s);
+        let gives = zero.less(resistance);
+        let resistance = gives.select(resistance, one);
+        let softness = (resistance * dt_s).recip();
+        let pushed = self.stiffness * depth / resistance;
+        let wanted = zero.less(depth).select(pushed, depth * (2.0 / dt_s));
+        (Law { wanted, softness, friction: zero }, gives)
     }
 }
 
-impl Dynamics for Articulated {
+impl<S: Simd> Dynamics for Articulated<S> {
+    fn lanes(&self) -> usize {
+        self.seen.len()
+    }
+
+    fn turn_to(&mut self, lane: usize) {
+        self.lane = lane;
+    }
+
     fn positions(&self) -> &[f64] {
-        &self.now.q
+        &self.seen[self.lane].q
     }
 
     fn velocities(&self) -> &[f64] {
-        &self.now.u[self.root..self.root + self.dofs.len()]
+        &self.seen[self.lane].dq
     }
 
     fn place(&mut self, state: &State) {
+        let lane = self.lane;
         let root = [state.base.angular_rad_s, state.base.velocity_m_s];
         let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
         let wanted = root.chain(state.joints.iter().map(|&(_, dq)| dq));
         for ((now, before), wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(wanted) {
             // Where nothing jumps, what the velocity was before goes on counting.
-            *before += wanted - *now;
-            *now = wanted;
+            before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
+            now.set(lane, wanted);
         }
         for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
-            *now = q;
+            now.set(lane, q);
         }
         if self.root > 0 {
-            self.now.poses[0] = state.base.pose;
+            self.now.poses[0].set(lane, &state.base.pose);
         }
+        self.look();
     }
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
-        self.dofs[joint] = *dof;
+        let (lane, inner) = (self.lane, &mut self.inner[joint]);
+        inner.constant.set(lane, dof.torque.constant);
+        inner.stiffness.set(lane, dof.torque.stiffness);
+        inner.damping.set(lane, dof.torque.damping);
+        inner.dry_friction.set(lane, dof.dry_friction);
+        inner.armature.set(lane, dof.armature);
+        self.courses[joint] = dof.course;
     }
 
     fn midway(&self) -> bool {
@@ -265,7 +391,7 @@ impl Dynamics for Articulated {
 
     fn leads(&self) -> bool {
         // Substeps would have to share a course, and what the floor pushes would have to be known beforehand.
-        self.substeps == 1 && self.root == 0 && self.ball.is_none()
+        self.seen.len() == 1 && self.substeps == 1 && self.root == 0 && self.ball.is_none()
     }
 
     fn needed(&mut self, torques: &mut [f64]) {
@@ -273,42 +399,36 @@ impl Dynamics for Articulated {
     }
 
     fn step(&mut self) {
-        self.foot_impulses.fill(0.0);
-        for _ in 0..self.substeps {
-            self.advance();
-            for touch in &self.scratch.touches {
-                if let Some(foot) = touch.hull.filter(|_| touch.other.is_none()).and_then(|hull| self.hulls[hull].foot)
-                {
-                    self.foot_impulses[foot] += self.impulses.normal(touch.slot);
-                }
-            }
-        }
+        if S::IS_SCALAR { self.arch.dispatch(Steps(self)) } else { self.simd.vectorize(Steps(self)) }
     }
 
     fn base(&self) -> BaseState {
         if self.root == 0 {
-            return BaseState { pose: self.fixed, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+            let pose = self.fixed[self.lane];
+            return BaseState { pose, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
         }
-        let part = |first: usize| Vector3::from_column_slice(&self.now.u[first..first + 3]);
-        BaseState { pose: self.now.poses[0], velocity_m_s: part(3), angular_rad_s: part(0) }
+        let part = |first: usize| Vector3::from_fn(|k, _| self.now.u[first + k].lane(self.lane));
+        BaseState { pose: self.now.poses[0].lane(self.lane), velocity_m_s: part(3), angular_rad_s: part(0) }
     }
 
     fn foot_force_n(&self, foot: usize) -> f64 {
-        self.foot_impulses[foot] / (self.dt_s * self.substeps as f64)
+        self.foot_impulses[foot].lane(self.lane) / (self.dt_s * self.substeps as f64)
     }
 
     fn ball(&self) -> Option<Point3<f64>> {
-        self.ball.as_ref().and_then(|_| self.now.poses.last()).map(|pose| Point3::from(pose.translation.vector))
+        self.ball.as_ref().and_then(|_| self.now.poses.last()).map(|pose| Point3::from(pose.place.lane(self.lane)))
     }
 
     fn trouble(&self) -> Option<String> {
+        if !self.wild.lane(self.lane) {
+            return None;
+        }
         let wild = |x: f64| !x.is_finite() || x.abs() > ABSURD_SPEED;
-        let mut joints = self.now.q.iter().zip(self.velocities()).enumerate();
-        if let Some((joint, (_, dq))) = joints.find(|(_, (q, dq))| wild(**dq) || !q.is_finite()) {
+        let mut joints = self.velocities().iter().enumerate();
+        if let Some((joint, dq)) = joints.find(|(_, dq)| wild(**dq)) {
             return Some(format!("joint `{}` moves at {dq:.1e} per second", self.names[joint]));
         }
         let BaseState { velocity_m_s: velocity, angular_rad_s: angular, .. } = self.base();
-        (wild(velocity.norm()) || wild(angular.norm()))
-            .then(|| format!("the base moves at {} m/s and turns at {} rad/s", velocity.norm(), angular.norm()))
+        Some(format!("the base moves at {} m/s and turns at {} rad/s", velocity.norm(), angular.norm()))
     }
 }

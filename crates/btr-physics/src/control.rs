@@ -155,6 +155,11 @@ impl<'a> Control<'a> {
         }
     }
 
+    /// Whether any joint's motion is prescribed.
+    pub(crate) fn follows(&self) -> bool {
+        !self.needed.is_empty()
+    }
+
     /// Whether any motor's torque is known at the beginning of a step.
     pub(crate) fn tells(&self) -> bool {
         self.joints.iter().any(|joint| joint.told.is_some())

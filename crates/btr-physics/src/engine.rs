@@ -93,9 +93,17 @@ impl State {
     }
 }
 
-/// A robot in its world, advanced step by step. Joints are counted in the order of
-/// [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
+/// A robot in its world, advanced step by step; or several candidates for it side by side, each in a world of its own. Joints are
+/// counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
 pub trait Dynamics {
+    /// How many candidates there are.
+    fn lanes(&self) -> usize {
+        1
+    }
+    /// From now on everything but [`step`](Self::step) is about this candidate; the first one until then.
+    fn turn_to(&mut self, lane: usize) {
+        let _ = lane;
+    }
     /// Joint positions in rad (m).
     fn positions(&self) -> &[f64];
     /// Joint velocities in rad/s (m/s).
@@ -116,7 +124,7 @@ pub trait Dynamics {
     fn needed(&mut self, torques: &mut [f64]) {
         let _ = torques;
     }
-    /// Advances by the setup's `dt_s`.
+    /// Advances all candidates by the setup's `dt_s`.
     fn step(&mut self);
     /// The root.
     fn base(&self) -> BaseState;

@@ -1,6 +1,7 @@
 //! What btr simulates: robots, their motors and sensors, physical effects, drives and tasks, on an engine of its own
 //! or on Rapier; and what a run of it needs around it: experiment files, realities, logs on disk.
 
+mod abreast;
 pub mod adapt;
 pub mod ant;
 mod articulated;

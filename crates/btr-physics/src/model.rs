@@ -1,6 +1,7 @@
 //! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
 //! simulations that everything else searches.
 
+use crate::abreast::{self, Run};
 use crate::drive::{Drive, DrivePlan};
 use crate::effect::Placed;
 use crate::engine::Dynamics;
@@ -13,7 +14,7 @@ use btr_core::family::Step;
 use btr_core::log::{Log, Role};
 use btr_core::smooth;
 use btr_core::space::Space;
-use btr_core::world::{Behaviour, Simulator, WorldError};
+use btr_core::world::{Behaviour, Job, Simulator, WorldError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -85,7 +86,7 @@ impl Model {
         noise: Option<u64>,
         step: Step,
     ) -> Result<Log, WorldError> {
-        self.run_once(s, c, &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
+        self.run_once((s, c), &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
     }
 
     /// The same model in other situations, all to learn from.
@@ -134,7 +135,7 @@ impl Model {
         further: &[Placed],
         step: Step,
     ) -> Result<Log, WorldError> {
-        self.run_once(s, &self.drive.space().nominal(), situation, further, step, None, &mut |_, _| {})
+        self.run_once((s, &self.drive.space().nominal()), situation, further, step, None, &mut |_, _| {})
     }
 
     /// The same with a step so fine that its error is as good as none, and noisy sensors.
@@ -146,7 +147,14 @@ impl Model {
         noise: u64,
     ) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
-        self.run_once(s, &own, situation, further, Step::USUAL.halved().halved().halved(), Some(noise), &mut |_, _| {})
+        self.run_once(
+            (s, &own),
+            situation,
+            further,
+            Step::USUAL.halved().halved().halved(),
+            Some(noise),
+            &mut |_, _| {},
+        )
     }
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with
@@ -158,20 +166,62 @@ impl Model {
         further: &[Placed],
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
-        self.run_once(s, &self.drive.space().nominal(), situation, further, Step::USUAL, None, lead)
+        self.run_once((s, &self.drive.space().nominal()), situation, further, Step::USUAL, None, lead)
     }
 
-    #[allow(clippy::too_many_arguments)]
+    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many in one
+    /// situation.
+    pub(crate) fn rollouts_in(
+        &self,
+        points: &[(Vec<f64>, Vec<Placed>)],
+        situation: &Scenario,
+        step: Step,
+    ) -> Vec<Result<Log, WorldError>> {
+        let own = self.drive.space().nominal();
+        let job = |(s, further): &'_ (Vec<f64>, Vec<Placed>)| self.prepare(s, &own, situation, further, step);
+        self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
+    }
+
     fn run_once(
         &self,
-        s: &[f64],
-        c: &[f64],
+        (s, c): (&[f64], &[f64]),
         situation: &Scenario,
         further: &[Placed],
         step: Step,
         noise: Option<u64>,
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
+        let ready = self.prepare(s, c, situation, further, step)?;
+        let mut restarted = restart::lead(&ready.restarts, ready.setup.dt_s);
+        let lead = Box::new(|time_s: f64, engine: &mut dyn Dynamics| {
+            restarted(time_s, engine);
+            lead(time_s, engine);
+        });
+        let Ready { robot, effects, setup, drive, .. } = &ready;
+        let mut log = sim::simulate_led(robot, effects, setup, drive.as_ref(), noise, lead)?;
+        self.smooth_needed(&mut log, situation);
+        Ok(log)
+    }
+
+    fn run_ready(&self, jobs: &[Result<Ready, WorldError>]) -> Vec<Result<Log, WorldError>> {
+        let mut logs = abreast::simulate_all(jobs.iter().map(Ready::run).collect());
+        for (log, job) in logs.iter_mut().zip(jobs) {
+            if let (Ok(log), Ok(ready)) = (log, job) {
+                self.smooth_needed(log, ready.situation);
+            }
+        }
+        logs
+    }
+
+    /// All that a run needs.
+    fn prepare<'a>(
+        &self,
+        s: &[f64],
+        c: &[f64],
+        situation: &'a Scenario,
+        further: &[Placed],
+        step: Step,
+    ) -> Result<Ready<'a>, WorldError> {
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
@@ -187,14 +237,7 @@ impl Model {
         let drive = self.drive_at(c, situation)?;
         drive.place(&mut robot);
         let restarts = restart::read_back(&situation.restarts, &robot, &effects)?;
-        let mut restarted = restart::lead(&restarts, setup.dt_s);
-        let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
-            restarted(time_s, engine);
-            lead(time_s, engine);
-        };
-        let mut log = sim::simulate_led(&robot, &effects, &setup, drive.as_ref(), noise, &mut lead)?;
-        self.smooth_needed(&mut log, situation);
-        Ok(log)
+        Ok(Ready { robot, effects, setup, drive, restarts, situation })
     }
 
     /// The torques that measured motions need are as rough as these: smoothed, as the measured torques are.
@@ -261,6 +304,25 @@ impl Model {
     }
 }
 
+/// A run of a model, before anything is allocated for it.
+struct Ready<'a> {
+    robot: Robot,
+    effects: Vec<Placed>,
+    setup: Setup,
+    drive: Box<dyn Drive>,
+    restarts: Vec<Restart>,
+    situation: &'a Scenario,
+}
+
+impl Ready<'_> {
+    /// The run itself, without noise.
+    fn run<'a>(job: &'a Result<Ready, WorldError>) -> Result<Run<'a>, WorldError> {
+        let ready = job.as_ref().map_err(Clone::clone)?;
+        let lead = Box::new(restart::lead(&ready.restarts, ready.setup.dt_s));
+        Run::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
+    }
+}
+
 /// Joint positions at the start, in the order of the movable joints.
 fn place(robot: &mut Robot, start: &[(f64, f64)]) {
     let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
@@ -282,6 +344,21 @@ fn read_back(robot: &mut Robot, effects: &[Placed], recorded: usize) -> Result<(
 }
 
 impl Simulator for Model {
+    fn side_by_side(&self) -> usize {
+        abreast::at_most()
+    }
+
+    fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
+        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], Step::USUAL);
+        let ready: Vec<Result<Ready, WorldError>> = jobs.iter().map(ready).collect();
+        let behaviour = |log: Result<Log, WorldError>| {
+            let log = log?;
+            let fitness = self.fitness.of(&log)?;
+            Ok(Behaviour { log, fitness })
+        };
+        self.run_ready(&ready).into_iter().map(behaviour).collect()
+    }
+
     fn simulations(&self) -> &Space {
         &self.simulations
     }

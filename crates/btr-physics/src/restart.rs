@@ -77,7 +77,7 @@ mod tests {
             restarted(time_s, engine);
         };
         let setup = Setup { engine, ..setup(robot) };
-        let log = simulate_led(robot, &[], &setup, drive, None, &mut lead).unwrap();
+        let log = simulate_led(robot, &[], &setup, drive, None, Box::new(&mut lead)).unwrap();
         (log, there.unwrap())
     }
 

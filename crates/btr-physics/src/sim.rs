@@ -1,12 +1,9 @@
 //! The simulation loop: a robot, what is put into its world, a drive; out comes a log.
 
-use crate::articulated::Articulated;
-use crate::control::Control;
+use crate::abreast::{self, Lead, Run, unled};
 use crate::drive::Drive;
-use crate::effect::{self, Placed, SiteKind};
+use crate::effect::{Placed, SiteKind};
 use crate::engine::Dynamics;
-use crate::rapier::Rapier;
-use crate::record::Recorder;
 use crate::robot::Robot;
 use crate::sensor::Noise;
 use btr_core::log::Log;
@@ -141,7 +138,7 @@ impl Default for Setup {
 
 impl Setup {
     /// Samples of the log and physics steps from one to the next.
-    fn samples(&self) -> Result<(usize, usize), WorldError> {
+    pub(crate) fn samples(&self) -> Result<(usize, usize), WorldError> {
         let positive = [self.dt_s, self.duration_s, self.control_s].iter().all(|&t| t > 0.0 && t.is_finite());
         if !positive || self.substeps == 0 {
             return Err(setup_error(format!(
@@ -181,7 +178,7 @@ pub fn simulate(
     drive: &dyn Drive,
     noise_seed: Option<u64>,
 ) -> Result<Log, WorldError> {
-    simulate_led(robot, effects, setup, drive, noise_seed, &mut |_, _| {})
+    simulate_led(robot, effects, setup, drive, noise_seed, unled())
 }
 
 /// The same where somebody may move the robot to another state: `lead` is called after every step with the time in s, once the
@@ -192,62 +189,17 @@ pub(crate) fn simulate_led(
     setup: &Setup,
     drive: &dyn Drive,
     noise_seed: Option<u64>,
-    lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
+    lead: Lead,
 ) -> Result<Log, WorldError> {
-    let (samples, every) = setup.samples()?;
-    let effects = &effect::in_force(effects)?;
-    let (robot, setup) = planted(robot, effects, setup)?;
-    let mut engine = engine_for(&robot, &setup);
-    let engine = engine.as_mut();
-    let mut control = Control::new(&robot, effects, &setup, drive)?;
-    check_sampling(&robot, &setup)?;
-    let mut recorder = Recorder::new(&robot, &setup, samples);
-    rest(&mut control, engine, &setup)?;
-    for step in 0..=(samples - 1) * every {
-        let time_s = step as f64 * setup.dt_s;
-        if step > 0 {
-            control.act(time_s - setup.dt_s, engine);
-            if (step - 1) % every == 0 {
-                recorder.told(&control);
-            }
-            recorder.before_step(engine);
-            engine.step();
-            check(engine, time_s)?;
-        }
-        control.listen(time_s);
-        if step == 1 {
-            recorder.forces(engine, &control);
-        }
-        if step % every == 0 {
-            recorder.state(engine, &control);
-            if step > 0 {
-                recorder.forces(engine, &control);
-            }
-        }
-        lead(time_s, engine);
-    }
-    if control.tells() {
-        control.act((samples - 1) as f64 * every as f64 * setup.dt_s, engine);
-        recorder.told(&control);
-    }
-    recorder.finish(setup.dt_s * every as f64, noise_seed, |log| sense(&robot, effects, log))
-}
-
-/// Lets servos, friction and the floor come to terms before anything is told.
-fn rest(control: &mut Control, engine: &mut dyn Dynamics, setup: &Setup) -> Result<(), WorldError> {
-    let steps = (setup.rest_s / setup.dt_s).round() as usize;
-    for left in (1..=steps).rev() {
-        let time_s = -(left as f64) * setup.dt_s;
-        control.listen(time_s);
-        control.act(time_s, engine);
-        engine.step();
-        check(engine, time_s)?;
-    }
-    Ok(())
+    let run = Run::new(robot, effects, setup, drive, noise_seed, lead)?;
+    let mut engine = run.engine();
+    abreast::together(engine.as_mut(), vec![run])
+        .pop()
+        .unwrap_or_else(|| Err(setup_error("nothing was simulated".to_owned())))
 }
 
 /// Servos act between two steps, never within one.
-fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     for joint in robot.movable().map(|(_, link)| &link.joint) {
         let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
         if !(steps.round() >= 1.0 && (steps - steps.round()).abs() < 1e-6 * steps) {
@@ -260,16 +212,8 @@ fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// The physics engine for a run.
-fn engine_for(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
-    match setup.engine {
-        EngineName::Auto => Box::new(Articulated::new(robot, setup)),
-        EngineName::Rapier => Box::new(Rapier::new(robot, setup)),
-    }
-}
-
 /// Lets the effects that sit on sensors change what those say.
-fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
+pub(crate) fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {
         match placed.effect.card().site {
             SiteKind::Joint => {
@@ -285,7 +229,7 @@ fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldEr
 }
 
 /// The robot and the setup after the effects that act on them before the run.
-fn planted<'a>(
+pub(crate) fn planted<'a>(
     robot: &'a Robot,
     effects: &[Placed],
     setup: &'a Setup,
@@ -310,6 +254,6 @@ fn planted<'a>(
     Ok((robot, setup))
 }
 
-fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
+pub(crate) fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
     engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
 }

@@ -2,8 +2,9 @@
 
 use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};
+use crate::parallel::side_by_side;
 use crate::search::{Residuals, Unit};
-use crate::world::{Behaviour, Simulator, WorldError};
+use crate::world::{Behaviour, Job, Simulator, WorldError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -27,12 +28,30 @@ impl Cost {
 pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit], cost: &mut Cost) -> Vec<f64> {
     let scenarios = simulator.scenarios();
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
-    let results: Vec<Result<f64, WorldError>> = (0..points.len() * scenarios)
-        .into_par_iter()
-        .map(|k| simulator.run(s, &points[k / scenarios], k % scenarios).map(|b| b.fitness))
-        .collect();
+    let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
+    let jobs: Vec<Job> = (0..points.len() * scenarios).map(job).collect();
+    let results = run_all(simulator, &jobs, |_, behaviour| behaviour.fitness);
     cost.count(&results);
     results.chunks(scenarios).map(mean_fitness).collect()
+}
+
+/// Runs all jobs, those of each scenario side by side, and makes something of what comes of each (by its number), in their order.
+fn run_all<T: Send>(
+    simulator: &dyn Simulator,
+    jobs: &[Job],
+    make: impl Fn(usize, Behaviour) -> T + Sync,
+) -> Vec<Result<T, WorldError>> {
+    let mut order: Vec<usize> = (0..jobs.len()).collect();
+    order.sort_by_key(|&k| jobs[k].scenario);
+    let few = |ks: &[usize]| {
+        let these: Vec<Job> = ks.iter().map(|&k| jobs[k]).collect();
+        let made = simulator.run_all(&these).into_iter().zip(ks);
+        made.map(|(behaviour, &k)| (k, behaviour.map(|behaviour| make(k, behaviour)))).collect::<Vec<_>>()
+    };
+    let at_once = side_by_side(simulator.side_by_side(), jobs.len());
+    let mut results: Vec<_> = order.par_chunks(at_once).flat_map_iter(few).collect();
+    results.sort_by_key(|(k, _)| *k);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
 fn mean_fitness(results: &[Result<f64, WorldError>]) -> f64 {
@@ -52,10 +71,10 @@ pub(super) fn distances(
     if tests.is_empty() {
         return vec![Vec::new(); simulations.len()];
     }
-    let results: Vec<Result<f64, WorldError>> = (0..simulations.len() * tests.len())
-        .into_par_iter()
-        .map(|k| distance_to(simulator, distance, &simulations[k / tests.len()], tests[k % tests.len()]))
-        .collect();
+    let results = beside(simulator, simulations, tests, |real, simulated| distance.distance(real, simulated));
+    let failed = || f64::INFINITY;
+    let results: Vec<Result<f64, WorldError>> =
+        results.into_iter().map(|r| r.map(|d| d.unwrap_or_else(failed))).collect();
     cost.count(&results);
     results
         .chunks(tests.len())
@@ -71,15 +90,12 @@ pub(super) fn residuals(
     tests: &[&Entry],
     cost: &mut Cost,
 ) -> Vec<(f64, Option<Residuals>)> {
-    let one = |s: &[f64], test: &Entry| {
-        let Some(real) = test.behaviour() else { return Ok((f64::INFINITY, None)) };
-        let simulated = simulator.run(s, &test.trial.controller, test.trial.scenario)?;
-        Ok((distance.distance(real, &simulated), Some(squares.residuals(real, &simulated))))
+    let both = |real: &Behaviour, simulated: &Behaviour| {
+        (distance.distance(real, simulated), Some(squares.residuals(real, simulated)))
     };
-    let results: Vec<Result<(f64, Option<Residuals>), WorldError>> = (0..simulations.len() * tests.len())
-        .into_par_iter()
-        .map(|k| one(&simulations[k / tests.len()], tests[k % tests.len()]))
-        .collect();
+    let results = beside(simulator, simulations, tests, both);
+    let results: Vec<Result<(f64, Option<Residuals>), WorldError>> =
+        results.into_iter().map(|r| r.map(|both| both.unwrap_or((f64::INFINITY, None)))).collect();
     cost.count(&results);
     let mut results = results.into_iter().map(|r| r.unwrap_or((f64::INFINITY, None)));
     let one_simulation = |_: &Vec<f64>| {
@@ -89,10 +105,28 @@ pub(super) fn residuals(
     simulations.iter().map(one_simulation).collect()
 }
 
-fn distance_to(sim: &dyn Simulator, distance: &dyn Distance, s: &[f64], test: &Entry) -> Result<f64, WorldError> {
-    let Some(real) = test.behaviour() else { return Ok(f64::INFINITY) };
-    let simulated = sim.run(s, &test.trial.controller, test.trial.scenario)?;
-    Ok(distance.distance(real, &simulated))
+/// Compares every simulation with every real test: a row per simulation. Nothing comes of tests that gave no behaviour.
+fn beside<T: Send>(
+    simulator: &dyn Simulator,
+    simulations: &[Vec<f64>],
+    tests: &[&Entry],
+    compare: impl Fn(&Behaviour, &Behaviour) -> T + Sync,
+) -> Vec<Result<Option<T>, WorldError>> {
+    let all = (0..simulations.len() * tests.len()).map(|k| (k, &simulations[k / tests.len()], tests[k % tests.len()]));
+    let done: Vec<(usize, &Behaviour, Job)> = all
+        .filter_map(|(k, s, test)| {
+            let job = Job { s, c: &test.trial.controller, scenario: test.trial.scenario };
+            Some((k, test.behaviour()?, job))
+        })
+        .collect();
+    let jobs: Vec<Job> = done.iter().map(|(_, _, job)| *job).collect();
+    let compared = run_all(simulator, &jobs, |k, simulated| compare(done[k].1, &simulated));
+    let mut results: Vec<Result<Option<T>, WorldError>> =
+        (0..simulations.len() * tests.len()).map(|_| Ok(None)).collect();
+    for ((k, _, _), result) in done.iter().zip(compared) {
+        results[*k] = result.map(Some);
+    }
+    results
 }
 
 /// phi: the mean distance over the tests (eq 4 for phi_1); NaN when there is none.
@@ -115,13 +149,12 @@ pub(super) fn disagreement(
 ) -> Vec<f64> {
     let (scenarios, per_controller) = (simulator.scenarios(), rivals.len() * simulator.scenarios());
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
-    let results: Vec<Result<Behaviour, WorldError>> = (0..points.len() * per_controller)
-        .into_par_iter()
-        .map(|k| {
-            let within = k % per_controller;
-            simulator.run(&rivals[within / scenarios], &points[k / per_controller], within % scenarios)
-        })
-        .collect();
+    let job = |k: usize| {
+        let within = k % per_controller;
+        Job { s: &rivals[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
+    };
+    let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
+    let results = run_all(simulator, &jobs, |_, behaviour| behaviour);
     cost.count(&results);
     results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()
 }

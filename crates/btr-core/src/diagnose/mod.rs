@@ -333,13 +333,13 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
         return None;
     }
     let leader = passing.first()?;
-    let kin = &candidates[leader.candidate].kin;
-    let worth_it = |r: &Rival| kin.contains(&r.candidate) && !earns_its_numbers(bench, &leader.fit, &r.fit);
-    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || worth_it(r);
+    let inside = &candidates[leader.candidate].contains;
+    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_numbers(bench, &leader.fit, &r.fit);
+    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let own = if worth_it(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
+    let own = if will_do(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
     let alike: Vec<&Rival> = rivals
         .iter()
         .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
@@ -359,18 +359,18 @@ fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Opt
     Some((winner, found))
 }
 
-/// Whether the numbers that a larger law has beyond its kin's win as much as any effect must: a difference that is certain and
+/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is certain and
 /// makes next to none is more likely one between simulators than a law.
-fn earns_its_numbers(bench: &Bench, larger: &Fit, kin: &Fit) -> bool {
-    if larger.active.len() <= kin.active.len() || chi(kin.squares(), bench.samples(Logs::Learn)) > NOISE {
+fn earns_its_numbers(bench: &Bench, larger: &Fit, inside: &Fit) -> bool {
+    if chi(inside.squares(), bench.samples(Logs::Learn)) > NOISE {
         return true;
     }
     let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
-    let on_held_out = || match (held_out_squares(bench, &kin.u), held_out_squares(bench, &larger.u)) {
+    let on_held_out = || match (held_out_squares(bench, &inside.u), held_out_squares(bench, &larger.u)) {
         (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
         _ => true,
     };
-    falls(kin.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(Logs::HeldOut).is_empty() || on_held_out())
+    falls(inside.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(Logs::HeldOut).is_empty() || on_held_out())
 }
 
 fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {

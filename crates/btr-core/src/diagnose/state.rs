@@ -151,7 +151,9 @@ impl State {
             let bears_out = |now: f64| {
                 held_out_squares(bench, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
             };
-            if (costs <= TIE || !earns_its_numbers(bench, &self.fit, &rival.fit)) && self.held_out.is_none_or(bears_out) {
+            let inside = own.contains.contains(&rival.candidate);
+            let will_do = costs <= TIE || inside && !earns_its_numbers(bench, &self.fit, &rival.fit);
+            if will_do && self.held_out.is_none_or(bears_out) {
                 self.rename(bench, index, rival, costs);
             }
         }

@@ -2,6 +2,8 @@
 
 use super::start::Starts;
 use crate::family::{Family, Recorded, Step};
+use crate::parallel::side_by_side;
+use crate::world::WorldError;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
@@ -102,29 +104,29 @@ impl<'a> Bench<'a> {
     }
 
     fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
-        let jobs: Vec<(usize, usize)> = (0..points.len()).flat_map(|p| which.iter().map(move |l| (p, *l))).collect();
-        self.rollouts.fetch_add(jobs.len(), Ordering::Relaxed);
-        let run = |&(point, log): &(usize, usize)| self.of_log(&points[point], log, step);
-        let mut parts: Vec<Option<Vec<f64>>> = jobs.par_iter().map(run).collect();
-        let joined = |parts: &mut [Option<Vec<f64>>]| -> Option<Residual> {
-            let mut all = Vec::new();
-            for part in parts {
-                all.extend(part.take()?);
-            }
-            Some(all)
+        let jobs = points.len() * which.len();
+        self.rollouts.fetch_add(jobs, Ordering::Relaxed);
+        let at_once = side_by_side(self.family.side_by_side(), jobs);
+        let tasks = which.iter().flat_map(|&log| points.chunks(at_once).map(move |few| (log, few)));
+        let run = |(log, few): (usize, &[Vec<f64>])| self.of_log(few, log, step);
+        let parts: Vec<Option<Vec<f64>>> = tasks.collect::<Vec<_>>().into_par_iter().flat_map_iter(run).collect();
+        let joined = |point: usize| {
+            let of_logs = (0..which.len()).map(|log| parts[log * points.len() + point].as_deref());
+            Some(of_logs.collect::<Option<Vec<&[f64]>>>()?.concat())
         };
-        match which.len() {
-            0 => points.iter().map(|_| Some(Vec::new())).collect(),
-            n => parts.chunks_mut(n).map(joined).collect(),
-        }
+        (0..points.len()).map(joined).collect()
     }
 
-    /// The residual of one log, without what its start state could do.
-    fn of_log(&self, point: &[f64], log: usize, step: Step) -> Option<Residual> {
-        let mut residual = self.family.residual(point, log, step).ok()?;
-        residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
-        self.starts.project(log, &mut residual);
-        Some(residual)
+    /// The residuals of one log at some points, without what its start state could do.
+    fn of_log(&self, points: &[Vec<f64>], log: usize, step: Step) -> Vec<Option<Residual>> {
+        let points: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
+        let known = |residual: Result<Vec<f64>, WorldError>| {
+            let mut residual = residual.ok()?;
+            residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
+            self.starts.project(log, &mut residual);
+            Some(residual)
+        };
+        self.family.residuals(&points, log, step).into_iter().map(known).collect()
     }
 
     /// Measured samples of the logs of a kind, without those that their start states take.

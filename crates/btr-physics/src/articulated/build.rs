@@ -1,135 +1,389 @@
-//! A robot in its world as the engine needs it: bodies in a tree, shapes on them, the floor, the ball.
+//! Robots in their worlds as the engine needs them: bodies in a tree, shapes on them, the floor, the ball.
 
 use super::impulses::Impulses;
-use super::touch::{self, Hull, Round};
-use super::tree::{Body, Carrier, Posture, Tree};
-use super::{Articulated, Floor, Scratch};
+use super::lanes::{Lanes, M3, V3};
+use super::spatial::Symmetric;
+use super::touch::{self, Form, Hull, Round};
+use super::tree::{Body, Carrier, Pose, Posture, Tree};
+use super::{Articulated, Floor, Inner, Scratch, Seen};
 use crate::assemble;
-use crate::engine::Dof;
-use crate::robot::{Base, JointKind, Robot};
-use crate::sim::{Ball, Compliance, Setup};
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, Unit, Vector3};
+use crate::engine::Dynamics;
+use crate::robot::{Base, Geometry, JointKind, Robot};
+use crate::sim::{Compliance, Setup};
+use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use pulp::{Arch, Scalar, Simd};
 use std::f64::consts::TAU;
 
 /// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
 const HARD_HZ: f64 = 30.0;
 
-impl Articulated {
-    /// The robot in its start state.
-    pub(crate) fn new(robot: &Robot, setup: &Setup) -> Self {
+/// So many candidates at least are simulated faster side by side than one after the other.
+pub(crate) const WORTH_WHILE: usize = 2;
+
+/// How many candidates this machine can have side by side.
+pub(crate) fn lanes() -> usize {
+    match Arch::new() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(_) => pulp::x86::V4::F64_LANES,
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(_) => pulp::x86::V3::F64_LANES,
+        _ => 1,
+    }
+}
+
+/// The engine for one robot in its start state.
+pub(crate) fn engine(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
+    Box::new(Articulated::new(Scalar::new(), Arch::new(), &[World::new(robot, setup)]))
+}
+
+/// The engine for as many candidates as are given, or fewer: those that come first, and as many as there are lanes. None where they
+/// are no robots of one kind.
+pub(crate) fn engine_of_several(candidates: &[(&Robot, &Setup)]) -> Option<Box<dyn Dynamics>> {
+    let worlds: Vec<World> = candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect();
+    let alike = worlds.iter().all(|world| world.is_like(&worlds[0]));
+    alike.then(|| -> Box<dyn Dynamics> {
+        match Arch::new() {
+            #[cfg(target_arch = "x86_64")]
+            Arch::V4(simd) => Box::new(Articulated::new(simd, Arch::new(), &worlds)),
+            #[cfg(target_arch = "x86_64")]
+            Arch::V3(simd) => Box::new(Articulated::new(simd, Arch::new(), &worlds)),
+            arch => Box::new(Articulated::new(Scalar::new(), arch, &worlds)),
+        }
+    })
+}
+
+/// The engines for several candidates that this machine has, with their numbers of lanes.
+#[cfg(test)]
+pub(crate) fn engines_of_several() -> Vec<(usize, fn(&[(&Robot, &Setup)]) -> Box<dyn Dynamics>)> {
+    fn worlds(candidates: &[(&Robot, &Setup)]) -> Vec<World> {
+        candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect()
+    }
+    let mut engines: Vec<(usize, fn(&[(&Robot, &Setup)]) -> Box<dyn Dynamics>)> = Vec::new();
+    #[cfg(target_arch = "x86_64")]
+    {
+        use pulp::x86::{V3, V4};
+        if V3::try_new().is_some() {
+            engines.push((V3::F64_LANES, |few| {
+                Box::new(Articulated::new(V3::try_new().unwrap(), Arch::new(), &worlds(few)))
+            }));
+        }
+        if V4::try_new().is_some() {
+            engines.push((V4::F64_LANES, |few| {
+                Box::new(Articulated::new(V4::try_new().unwrap(), Arch::new(), &worlds(few)))
+            }));
+        }
+    }
+    // What a machine without wide registers does.
+    engines.push((1, |few| Box::new(Articulated::new(Scalar::new(), Arch::Scalar, &worlds(few)))));
+    engines
+}
+
+/// A robot in its world, number by number.
+struct World {
+    bodies: Vec<Plain>,
+    poses: Vec<Isometry3<f64>>,
+    start: Isometry3<f64>,
+    hulls: Vec<Shape>,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    limits: Vec<(f64, f64)>,
+    names: Vec<String>,
+    root: usize,
+    feet: usize,
+    mass_kg: f64,
+    setup: Setup,
+}
+
+/// A body of one robot; see [`Body`].
+struct Plain {
+    parent: Option<usize>,
+    carrier: Carrier,
+    /// In the joint's frame; nothing for free bodies.
+    axis: Vector3<f64>,
+    origin: Isometry3<f64>,
+    mass_kg: f64,
+    com_m: Vector3<f64>,
+    inertia_kg_m2: Matrix3<f64>,
+}
+
+/// A shape on a body of one robot; see [`Hull`].
+struct Shape {
+    body: usize,
+    foot: Option<usize>,
+    pose: Isometry3<f64>,
+    geometry: Geometry,
+}
+
+impl World {
+    fn new(robot: &Robot, setup: &Setup) -> Self {
         let assembled = assemble::bodies(robot);
         let floats = robot.base == Base::Floating;
         let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
-        let mut bodies: Vec<Body> = carried(robot, &assembled);
+        let mut bodies = carried(robot, &assembled);
         let mut poses = if floats { vec![start] } else { Vec::new() };
-        let ball = setup.ball.as_ref().map(|ball| {
-            bodies.push(Body::of_ball(ball, poses.len()));
+        if let Some(ball) = &setup.ball {
+            bodies.push(Plain::of_ball(ball.mass_kg, ball.radius_m, poses.len()));
             poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
-            let friction = 0.5 * (ball.friction + setup.ground.map_or(0.0, |ground| ground.friction));
-            Round { body: bodies.len() - 1, radius: ball.radius_m, friction, restitution: 0.5 * ball.restitution }
-        });
-        let hulls = hulls(robot, &assembled);
-        let joints = || robot.movable().map(|(_, link)| &link.joint);
-        let (tree, root, many) = (Tree::new(bodies, start), if floats { 6 } else { 0 }, joints().count());
-        let mut u = vec![0.0; tree.freedom()];
-        for (u, &velocity) in u[root..root + many].iter_mut().zip(&setup.start_velocities) {
-            *u = velocity;
         }
-        let now = Posture { q: joints().map(|joint| joint.start).collect(), poses, u };
-        let touchable = setup.ground.is_some() || ball.is_some();
-        Articulated {
-            before: now.u.clone(),
-            root,
-            fixed: start,
-            dofs: vec![Dof::default(); many],
+        let joints = || robot.movable().map(|(_, link)| &link.joint);
+        let touchable = setup.ground.is_some() || setup.ball.is_some();
+        let many = joints().count();
+        let moving = setup.start_velocities.iter().copied().chain(std::iter::repeat(0.0));
+        World {
+            bodies,
+            poses,
+            start,
+            hulls: if touchable { shapes(robot, &assembled) } else { Vec::new() },
+            q: joints().map(|joint| joint.start).collect(),
+            dq: moving.take(many).collect(),
             limits: joints().map(|joint| joint.limits).collect(),
             names: joints().map(|joint| joint.name.clone()).collect(),
-            gravity: setup.gravity_m_s2,
-            dt_s: setup.dt_s / setup.substeps as f64,
-            substeps: setup.substeps,
-            floor: touchable.then(|| Floor::new(setup, robot.mass_kg())),
-            impulses: Impulses::new(touch::slots(&hulls)),
-            hulls: if touchable { hulls } else { Vec::new() },
-            ball,
-            rolling_damping: setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s),
-            foot_impulses: vec![0.0; robot.links.iter().filter(|link| link.foot).count()],
-            scratch: Scratch::new(&now),
-            tree,
-            now,
+            root: if floats { 6 } else { 0 },
+            feet: robot.links.iter().filter(|link| link.foot).count(),
+            mass_kg: robot.mass_kg(),
+            setup: setup.clone(),
         }
     }
-}
 
-impl Floor {
-    fn new(setup: &Setup, mass_kg: f64) -> Self {
-        let angular_frequency = TAU * HARD_HZ;
-        let hard =
-            Compliance { stiffness: mass_kg * angular_frequency.powi(2), damping: 2.0 * mass_kg * angular_frequency };
-        let Compliance { stiffness, damping } = setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard);
-        Floor { friction: setup.ground.map(|ground| ground.friction), stiffness, damping }
+    /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
+    fn is_like(&self, other: &World) -> bool {
+        let body = |a: &Plain, b: &Plain| a.parent == b.parent && a.carrier == b.carrier;
+        let shape = |a: &Shape, b: &Shape| {
+            let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
+            a.body == b.body && a.foot == b.foot && form
+        };
+        let world = |s: &Setup| (s.dt_s.to_bits(), s.substeps, s.ground.is_some(), s.ball.is_some());
+        self.bodies.len() == other.bodies.len()
+            && self.hulls.len() == other.hulls.len()
+            && self.root == other.root
+            && world(&self.setup) == world(&other.setup)
+            && self.bodies.iter().zip(&other.bodies).all(|(a, b)| body(a, b))
+            && self.hulls.iter().zip(&other.hulls).all(|(a, b)| shape(a, b))
+    }
+
+    /// Stiffness and damping of the floor.
+    fn compliance(&self) -> Compliance {
+        let (mass, angular_frequency) = (self.mass_kg, TAU * HARD_HZ);
+        let hard = Compliance { stiffness: mass * angular_frequency.powi(2), damping: 2.0 * mass * angular_frequency };
+        self.setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard)
     }
 }
 
-impl Body {
-    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier) -> Self {
-        Body {
+impl Plain {
+    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier, axis: Vector3<f64>) -> Self {
+        Plain {
             parent,
             carrier,
-            rotation: body.origin.rotation.to_rotation_matrix(),
-            place: body.origin.translation.vector,
-            mass: body.mass_kg,
-            com: body.com_m.coords,
-            inertia: body.inertia_kg_m2,
+            axis,
+            origin: body.origin,
+            mass_kg: body.mass_kg,
+            com_m: body.com_m.coords,
+            inertia_kg_m2: body.inertia_kg_m2,
         }
     }
 
-    fn of_ball(ball: &Ball, pose: usize) -> Self {
-        Body {
+    fn of_ball(mass_kg: f64, radius_m: f64, pose: usize) -> Self {
+        Plain {
             parent: None,
             carrier: Carrier::Free { pose },
-            rotation: Rotation3::identity(),
-            place: Vector3::zeros(),
-            mass: ball.mass_kg,
-            com: Vector3::zeros(),
-            inertia: Matrix3::identity() * (0.4 * ball.mass_kg * ball.radius_m.powi(2)),
+            axis: Vector3::zeros(),
+            origin: Isometry3::identity(),
+            mass_kg,
+            com_m: Vector3::zeros(),
+            inertia_kg_m2: Matrix3::identity() * (0.4 * mass_kg * radius_m.powi(2)),
         }
     }
 }
 
 /// The bodies that can move: a root that is bolted down is none.
-fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Body> {
+fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Plain> {
     let bolted = usize::from(robot.base == Base::Fixed);
     let body = |(index, body): (usize, &assemble::Body)| {
-        let Some(joint) = index.checked_sub(1) else { return Body::new(body, None, Carrier::Free { pose: 0 }) };
-        let along = robot.links[body.link].joint.axis;
-        let carrier = match robot.links[body.link].joint.kind {
-            JointKind::Prismatic => Carrier::Slide { joint, axis: along.normalize() },
-            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint, axis: Unit::new_normalize(along) },
+        let Some(joint) = index.checked_sub(1) else {
+            return Plain::new(body, None, Carrier::Free { pose: 0 }, Vector3::zeros());
         };
-        Body::new(body, body.parent.checked_sub(bolted), carrier)
+        let own = &robot.links[body.link].joint;
+        let carrier = match own.kind {
+            JointKind::Prismatic => Carrier::Slide { joint },
+            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint },
+        };
+        Plain::new(body, body.parent.checked_sub(bolted), carrier, own.axis.normalize())
     };
     assembled.iter().enumerate().skip(bolted).map(body).collect()
 }
 
 /// The shapes of the bodies that can move.
-fn hulls(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Hull> {
+fn shapes(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Shape> {
     let bolted = usize::from(robot.base == Base::Fixed);
     let foot =
         |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
     let moving = assembled.iter().skip(bolted).enumerate();
-    let shapes =
+    let all =
         moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
-    shapes.map(|(body, link, shape)| Hull::new(body, foot(link), shape.pose, shape.geometry.clone())).collect()
+    all.map(|(body, link, shape)| Shape { body, foot: foot(link), pose: shape.pose, geometry: shape.geometry.clone() })
+        .collect()
 }
 
-impl Scratch {
-    fn new(now: &Posture) -> Self {
-        let n = now.u.len();
+impl<S: Simd> Articulated<S> {
+    /// Robots of one kind in their start states; where there are fewer than lanes, the last one stands in.
+    fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
+        let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
+        let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];
+        let (one, lanes) = (at(0), |number: &dyn Fn(&World) -> f64| Lanes::of(simd, |lane| number(at(lane))));
+        let bodies = (0..one.bodies.len()).map(|i| Body::of(simd, |lane| &at(lane).bodies[i])).collect();
+        let bolted = |lane: usize| at(lane).start.rotation.to_rotation_matrix().into_inner();
+        let root = (M3::of(simd, bolted), V3::of(simd, |lane| at(lane).start.translation.vector));
+        let tree = Tree::new(simd, bodies, root);
+        let joints = 0..one.q.len();
+        let mut u = vec![Lanes::zero(simd); tree.freedom()];
+        joints.clone().for_each(|i| u[one.root + i] = lanes(&|world| world.dq[i]));
+        let now = Posture {
+            q: joints.clone().map(|i| lanes(&|world| world.q[i])).collect(),
+            poses: (0..one.poses.len()).map(|i| Pose::of(simd, |lane| at(lane).poses[i])).collect(),
+            u,
+        };
+        let hulls: Vec<Hull<S>> = (0..one.hulls.len()).map(|i| Hull::of(simd, |lane| &at(lane).hulls[i])).collect();
+        let nothing = Lanes::zero(simd);
+        let inner =
+            Inner { constant: nothing, stiffness: nothing, damping: nothing, dry_friction: nothing, armature: nothing };
+        let touchable = one.setup.ground.is_some() || one.setup.ball.is_some();
+        let mut engine = Articulated {
+            simd,
+            arch,
+            lane: 0,
+            seen: worlds.iter().map(|world| Seen { q: world.q.clone(), dq: world.dq.clone() }).collect(),
+            before: now.u.clone(),
+            root: one.root,
+            fixed: worlds.iter().map(|world| world.start).collect(),
+            inner: vec![inner; one.q.len()],
+            courses: vec![None; one.q.len()],
+            limits: joints.map(|i| (lanes(&|world| world.limits[i].0), lanes(&|world| world.limits[i].1))).collect(),
+            names: one.names.clone(),
+            gravity: V3::of(simd, |lane| at(lane).setup.gravity_m_s2),
+            dt_s: one.setup.dt_s / one.setup.substeps as f64,
+            substeps: one.setup.substeps,
+            floor: touchable.then(|| Floor {
+                friction: one.setup.ground.map(|_| lanes(&|world| world.setup.ground.map_or(0.0, |g| g.friction))),
+                stiffness: lanes(&|world| world.compliance().stiffness),
+                damping: lanes(&|world| world.compliance().damping),
+            }),
+            impulses: Impulses::new(simd, touch::slots(&hulls)),
+            ball: one.setup.ball.is_some().then(|| Round::of(simd, one.bodies.len() - 1, |lane| at(lane))),
+            hulls,
+            rolling_damping: lanes(&|world| world.setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s)),
+            foot_impulses: vec![nothing; one.feet],
+            wild: nothing.less(nothing),
+            scratch: Scratch::new(simd, &now),
+            tree,
+            now,
+        };
+        engine.look();
+        engine
+    }
+}
+
+impl<S: Simd> Body<S> {
+    fn of<'a>(simd: S, plain: impl Fn(usize) -> &'a Plain) -> Self {
+        let rotation = |lane: usize| plain(lane).origin.rotation.to_rotation_matrix().into_inner();
+        // R(q) = 1 + sin q·K + (1 − cos q)·K², with the cross product K of the axis (O. Rodrigues).
+        let cross = |lane: usize| plain(lane).axis.cross_matrix();
+        let inertia = |i: usize, j: usize| Lanes::of(simd, |lane| plain(lane).inertia_kg_m2[(i, j)]);
+        Body {
+            parent: plain(0).parent,
+            carrier: plain(0).carrier,
+            rotation: M3::of(simd, rotation),
+            place: V3::of(simd, |lane| plain(lane).origin.translation.vector),
+            axis: V3::of(simd, |lane| rotation(lane) * plain(lane).axis),
+            swings: [
+                M3::of(simd, |lane| rotation(lane) * cross(lane)),
+                M3::of(simd, |lane| rotation(lane) * cross(lane) * cross(lane)),
+            ],
+            mass: Lanes::of(simd, |lane| plain(lane).mass_kg),
+            com: V3::of(simd, |lane| plain(lane).com_m),
+            inertia: Symmetric([
+                inertia(0, 0),
+                inertia(1, 1),
+                inertia(2, 2),
+                inertia(0, 1),
+                inertia(0, 2),
+                inertia(1, 2),
+            ]),
+        }
+    }
+}
+
+impl<S: Simd> Hull<S> {
+    fn of<'a>(simd: S, shape: impl Fn(usize) -> &'a Shape) -> Self {
+        let number = |of: fn(&Geometry) -> f64| Lanes::of(simd, |lane| of(&shape(lane).geometry));
+        let radius = || {
+            number(|geometry| match geometry {
+                Geometry::Sphere { radius_m }
+                | Geometry::Cylinder { radius_m, .. }
+                | Geometry::Capsule { radius_m, .. } => *radius_m,
+                Geometry::Box { .. } => f64::NAN,
+            })
+        };
+        let half_length = || {
+            number(|geometry| match geometry {
+                Geometry::Cylinder { half_length_m, .. } | Geometry::Capsule { half_length_m, .. } => *half_length_m,
+                Geometry::Box { .. } | Geometry::Sphere { .. } => f64::NAN,
+            })
+        };
+        let half = |lane: usize| match shape(lane).geometry {
+            Geometry::Box { half_m } => half_m,
+            _ => Vector3::zeros(),
+        };
+        let form = match shape(0).geometry {
+            Geometry::Box { .. } => Form::Box { half: V3::of(simd, half) },
+            Geometry::Sphere { .. } => Form::Sphere { radius: radius() },
+            Geometry::Cylinder { .. } => Form::Cylinder { radius: radius(), half_length: half_length() },
+            Geometry::Capsule { .. } => Form::Capsule { radius: radius(), half_length: half_length() },
+        };
+        Hull {
+            body: shape(0).body,
+            foot: shape(0).foot,
+            centre: V3::of(simd, |lane| shape(lane).pose.translation.vector),
+            rotation: M3::of(simd, |lane| shape(lane).pose.rotation.to_rotation_matrix().into_inner()),
+            form,
+            reach: number(reach_m),
+        }
+    }
+}
+
+/// No point of a shape is further from its centre, in m.
+fn reach_m(geometry: &Geometry) -> f64 {
+    match geometry {
+        Geometry::Box { half_m } => half_m.norm(),
+        Geometry::Sphere { radius_m } => *radius_m,
+        Geometry::Cylinder { radius_m, half_length_m } => radius_m.hypot(*half_length_m),
+        Geometry::Capsule { radius_m, half_length_m } => radius_m + half_length_m,
+    }
+}
+
+impl<S: Simd> Round<S> {
+    fn of<'a>(simd: S, body: usize, world: impl Fn(usize) -> &'a World) -> Self {
+        let number = |of: fn(&Setup) -> Option<f64>| Lanes::of(simd, |lane| of(&world(lane).setup).unwrap_or(0.0));
+        Round {
+            body,
+            radius: number(|setup| setup.ball.map(|ball| ball.radius_m)),
+            friction: number(|setup| {
+                setup.ball.map(|ball| 0.5 * (ball.friction + setup.ground.map_or(0.0, |ground| ground.friction)))
+            }),
+            restitution: number(|setup| setup.ball.map(|ball| 0.5 * ball.restitution)),
+        }
+    }
+}
+
+impl<S: Simd> Scratch<S> {
+    fn new(simd: S, now: &Posture<S>) -> Self {
+        let (n, zero) = (now.u.len(), Lanes::zero(simd));
         Scratch {
             middle: now.clone(),
-            matrix: vec![0.0; n * n],
-            next: vec![0.0; n],
-            share: vec![0.5; n],
+            matrix: vec![zero; n * n],
+            carried: vec![zero; n],
+            next: vec![zero; n],
+            mean: vec![zero; n],
+            share: vec![zero; n],
             touches: Vec::new(),
             known: Vec::with_capacity(n),
         }

@@ -1,64 +1,76 @@
 //! Joints whose motion is prescribed: they are where their course says, the other joints feel their acceleration, and what
-//! that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5).
+//! that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Only a single candidate is ever led.
 
 use super::Articulated;
+use super::lanes::Lanes;
+use pulp::Simd;
 
-impl Articulated {
+impl<S: Simd> Articulated<S> {
     /// The middle of the step is known for prescribed joints.
+    #[inline(always)]
     pub(super) fn foresee(&mut self) {
-        let middle = &mut self.scratch.middle;
-        for (i, dof) in self.dofs.iter().enumerate() {
-            let Some(course) = dof.course else { continue };
-            middle.q[i] = 0.5 * (course.from.value + course.to.value);
-            middle.u[i] = 0.5 * (course.from.velocity + course.to.velocity);
+        let (simd, middle) = (self.simd, &mut self.scratch.middle);
+        for (i, course) in self.courses.iter().enumerate() {
+            let Some(course) = course else { continue };
+            middle.q[i] = Lanes::all(simd, 0.5 * (course.from.value + course.to.value));
+            middle.u[i] = Lanes::all(simd, 0.5 * (course.from.velocity + course.to.velocity));
         }
     }
 
     /// Takes the prescribed velocities out of the linear equations: what they do to the others is known.
+    #[inline(always)]
     pub(super) fn lead(&mut self) {
-        let (n, s) = (self.tree.freedom(), &mut self.scratch);
-        for (i, dof) in self.dofs.iter().enumerate() {
-            let Some(course) = dof.course else { continue };
-            for j in (0..n).filter(|j| *j != i) {
-                let at = if j < i { i * n + j } else { j * n + i };
-                s.next[j] -= s.matrix[at] * course.to.velocity;
-                s.matrix[at] = 0.0;
+        let (n, simd, s) = (self.tree.freedom(), self.simd, &mut self.scratch);
+        for (i, course) in self.courses.iter().enumerate() {
+            let Some(course) = course else { continue };
+            for j in 0..n {
+                if j != i {
+                    let at = if j < i { i * n + j } else { j * n + i };
+                    s.next[j] = s.next[j] - s.matrix[at] * course.to.velocity;
+                    s.matrix[at] = Lanes::zero(simd);
+                }
             }
-            s.matrix[i * n + i] = 1.0;
-            s.next[i] = course.to.velocity;
+            s.matrix[i * n + i] = Lanes::all(simd, 1.0);
+            s.next[i] = Lanes::all(simd, course.to.velocity);
         }
     }
 
     /// Puts prescribed joints exactly where they shall be.
+    #[inline(always)]
     pub(super) fn arrive(&mut self) {
-        for (i, dof) in self.dofs.iter().enumerate() {
-            let Some(course) = dof.course else { continue };
-            (self.now.q[i], self.now.u[i]) = (course.to.value, course.to.velocity);
+        for (i, course) in self.courses.iter().enumerate() {
+            let Some(course) = course else { continue };
+            self.now.q[i] = Lanes::all(self.simd, course.to.value);
+            self.now.u[i] = Lanes::all(self.simd, course.to.velocity);
         }
     }
 
     /// The torques that the prescribed joints need as the coming step begins, beyond what acts on them anyway. Joints that are
     /// free go on accelerating as they did in the last step.
     pub(super) fn inverse(&mut self, torques: &mut [f64]) {
-        let (now, s) = (&self.now, &mut self.scratch);
+        let (now, simd, s) = (&self.now, self.simd, &mut self.scratch);
         s.middle.clone_from(now);
         s.known.clear();
-        for (i, dof) in self.dofs.iter().enumerate() {
-            let acceleration = (now.u[i] - self.before[i]) / self.dt_s;
-            s.known.push(dof.course.map_or(acceleration, |course| course.from.acceleration));
-            if let Some(course) = dof.course {
-                (s.middle.q[i], s.middle.u[i]) = (course.from.value, course.from.velocity);
+        for (i, course) in self.courses.iter().enumerate() {
+            let acceleration = (now.u[i] - self.before[i]) * self.dt_s.recip();
+            s.known.push(course.map_or(acceleration, |course| Lanes::all(simd, course.from.acceleration)));
+            if let Some(course) = course {
+                s.middle.q[i] = Lanes::all(simd, course.from.value);
+                s.middle.u[i] = Lanes::all(simd, course.from.velocity);
             }
         }
-        self.tree.place(&s.middle);
-        self.tree.carry(&s.middle.u, &self.gravity, Some(&s.known));
-        for (((i, dof), inertial), torque) in self.dofs.iter().enumerate().zip(self.tree.carried()).zip(torques) {
-            let Some(course) = dof.course else { continue };
-            let (q, dq) = (s.middle.q[i], s.middle.u[i]);
-            let inertial = inertial + dof.armature * course.from.acceleration;
+        self.tree.place(simd, &s.middle);
+        self.tree.carry(simd, &s.middle.u, &self.gravity, Some(&s.known), &mut s.carried);
+        for ((i, course), torque) in self.courses.iter().enumerate().zip(torques) {
+            let Some(course) = course else { continue };
+            let (inner, lane) = (&self.inner[i], self.lane);
+            let [constant, stiffness, damping] =
+                [inner.constant, inner.stiffness, inner.damping].map(|lanes| lanes.lane(lane));
+            let (q, dq) = (course.from.value, course.from.velocity);
+            let inertial = s.carried[i].lane(lane) + inner.armature.lane(lane) * course.from.acceleration;
             // At rest dry friction could be anything up to its bound: nothing is the least.
-            let rubs = if dq == 0.0 { 0.0 } else { dof.dry_friction.copysign(dq) };
-            *torque = inertial + rubs - dof.torque.at(q, dq);
+            let rubs = if dq == 0.0 { 0.0 } else { inner.dry_friction.lane(lane).copysign(dq) };
+            *torque = inertial + rubs - (constant - stiffness * q - damping * dq);
         }
     }
 }

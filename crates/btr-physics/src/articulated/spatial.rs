@@ -1,32 +1,51 @@
 //! Spatial quantities in the world's axes about one point, and the linear algebra of a tree's inertia matrix.
 
-use nalgebra::{Matrix3, Vector3};
+use super::lanes::{Lanes, M3, V3};
+use pulp::Simd;
 
 /// A motion or a force in Pluecker coordinates about one point: angular part (moment), linear part (force).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Spatial {
-    pub(super) angular: Vector3<f64>,
-    pub(super) linear: Vector3<f64>,
+#[derive(Clone, Copy)]
+pub(super) struct Spatial<S: Simd> {
+    pub(super) angular: V3<S>,
+    pub(super) linear: V3<S>,
 }
 
 /// A rigid body's inertia about the same point.
 #[derive(Clone, Copy)]
-pub(super) struct Inertia {
-    pub(super) mass: f64,
-    pub(super) first: Vector3<f64>,
-    pub(super) second: Matrix3<f64>,
+pub(super) struct Inertia<S: Simd> {
+    pub(super) mass: Lanes<S>,
+    pub(super) first: V3<S>,
+    pub(super) second: Symmetric<S>,
 }
 
-impl Spatial {
-    pub(super) const ZERO: Spatial =
-        Spatial { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
+/// A symmetric matrix: the diagonal, then xy, xz and yz.
+#[derive(Clone, Copy)]
+pub(super) struct Symmetric<S: Simd>(pub(super) [Lanes<S>; 6]);
 
-    pub(super) fn dot(&self, other: &Spatial) -> f64 {
+impl<S: Simd> Spatial<S> {
+    #[inline(always)]
+    pub(super) fn zero(simd: S) -> Self {
+        Spatial { angular: V3::zero(simd), linear: V3::zero(simd) }
+    }
+
+    #[inline(always)]
+    pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
         self.angular.dot(&other.angular) + self.linear.dot(&other.linear)
     }
 
+    #[inline(always)]
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Spatial { angular: self.angular + other.angular, linear: self.linear + other.linear }
+    }
+
+    #[inline(always)]
+    pub(super) fn times(&self, factor: Lanes<S>) -> Self {
+        Spatial { angular: self.angular.times(factor), linear: self.linear.times(factor) }
+    }
+
     /// How a motion that is fixed to a body changes as the body moves with `self`.
-    pub(super) fn cross_motion(&self, motion: &Spatial) -> Spatial {
+    #[inline(always)]
+    pub(super) fn cross_motion(&self, motion: &Self) -> Self {
         Spatial {
             angular: self.angular.cross(&motion.angular),
             linear: self.angular.cross(&motion.linear) + self.linear.cross(&motion.angular),
@@ -34,7 +53,8 @@ impl Spatial {
     }
 
     /// The same for a momentum.
-    pub(super) fn cross_force(&self, force: &Spatial) -> Spatial {
+    #[inline(always)]
+    pub(super) fn cross_force(&self, force: &Self) -> Self {
         Spatial {
             angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
             linear: self.angular.cross(&force.linear),
@@ -42,102 +62,136 @@ impl Spatial {
     }
 }
 
-impl std::ops::Add for Spatial {
-    type Output = Spatial;
-    fn add(self, other: Spatial) -> Spatial {
-        Spatial { angular: self.angular + other.angular, linear: self.linear + other.linear }
+impl<S: Simd> Symmetric<S> {
+    #[inline(always)]
+    pub(super) fn zero(simd: S) -> Self {
+        Symmetric([Lanes::zero(simd); 6])
+    }
+
+    /// The matrix in axes that are turned by `rotation`.
+    #[inline(always)]
+    pub(super) fn turned(&self, rotation: &M3<S>) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = self.0;
+        let own = M3([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
+        let half = rotation.then(&own);
+        let entry = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+        let mut turned = self.0;
+        for k in 0..6 {
+            turned[k] = half.row(entry[k].0).dot(&rotation.row(entry[k].1));
+        }
+        Symmetric(turned)
+    }
+
+    /// What a mass at `place` adds to the inertia about the origin.
+    #[inline(always)]
+    pub(super) fn of_point(mass: Lanes<S>, place: &V3<S>) -> Self {
+        let [x, y, z] = place.0;
+        let [mx, my, mz] = place.times(mass).0;
+        Symmetric([my * y + mz * z, mx * x + mz * z, mx * x + my * y, -(mx * y), -(mx * z), -(my * z)])
+    }
+
+    #[inline(always)]
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        let mut sum = self.0;
+        for k in 0..6 {
+            sum[k] += other.0[k];
+        }
+        Symmetric(sum)
+    }
+
+    #[inline(always)]
+    fn turn(&self, v: &V3<S>) -> V3<S> {
+        let ([xx, yy, zz, xy, xz, yz], [x, y, z]) = (self.0, v.0);
+        V3([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])
     }
 }
 
-impl std::ops::Mul<f64> for Spatial {
-    type Output = Spatial;
-    fn mul(self, factor: f64) -> Spatial {
-        Spatial { angular: self.angular * factor, linear: self.linear * factor }
-    }
-}
-
-impl Inertia {
+impl<S: Simd> Inertia<S> {
     /// Momentum of a motion, or the force for an acceleration.
-    pub(super) fn times(&self, motion: &Spatial) -> Spatial {
+    #[inline(always)]
+    pub(super) fn times(&self, motion: &Spatial<S>) -> Spatial<S> {
         Spatial {
-            angular: self.second * motion.angular + self.first.cross(&motion.linear),
-            linear: motion.linear * self.mass + motion.angular.cross(&self.first),
+            angular: self.second.turn(&motion.angular) + self.first.cross(&motion.linear),
+            linear: motion.linear.times(self.mass) + motion.angular.cross(&self.first),
         }
     }
 
-    pub(super) fn plus(&self, other: &Inertia) -> Inertia {
-        Inertia { mass: self.mass + other.mass, first: self.first + other.first, second: self.second + other.second }
+    #[inline(always)]
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Inertia {
+            mass: self.mass + other.mass,
+            first: self.first + other.first,
+            second: self.second.plus(&other.second),
+        }
     }
 }
 
-/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `above` is the tree
-/// that leaves the matrix empty wherever neither of two moves the other; the factor is empty there, too. Its diagonal holds the
-/// reciprocals, which is all that is ever asked for.
-pub(super) fn factorise(matrix: &mut [f64], above: &[Option<usize>]) {
-    let n = above.len();
+/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `ways` leads from the
+/// root to each degree of freedom, which comes last; the matrix is empty wherever neither of two moves the other, and so is the
+/// factor. Its diagonal holds the reciprocals, which is all that is ever asked for.
+#[inline(always)]
+pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
+    let n = ways.len();
     for k in (0..n).rev() {
         // A body without any inertia makes this NaN, which is noticed as trouble.
         let pivot = matrix[k * n + k].sqrt().recip();
         matrix[k * n + k] = pivot;
-        let mut at = above[k];
-        while let Some(i) = at {
-            matrix[k * n + i] *= pivot;
-            at = above[i];
+        let above = &ways[k][..ways[k].len() - 1];
+        for &i in above {
+            matrix[k * n + i] = matrix[k * n + i] * pivot;
         }
-        at = above[k];
-        while let Some(i) = at {
+        for (steps, &i) in above.iter().enumerate() {
             let share = matrix[k * n + i];
-            let mut other = at;
-            while let Some(j) = other {
-                matrix[i * n + j] -= share * matrix[k * n + j];
-                other = above[j];
+            for &j in &above[..=steps] {
+                matrix[i * n + j] = matrix[i * n + j] - share * matrix[k * n + j];
             }
-            at = above[i];
         }
     }
 }
 
 /// Solves LᵀL·x = b, in place.
-pub(super) fn solve(factor: &[f64], above: &[Option<usize>], x: &mut [f64]) {
-    for i in (0..above.len()).rev() {
-        eliminate(factor, above, i, x);
+#[inline(always)]
+pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
+    let n = ways.len();
+    for i in (0..n).rev() {
+        let own = x[i] * factor[i * n + i];
+        x[i] = own;
+        for &j in &ways[i][..ways[i].len() - 1] {
+            x[j] -= factor[i * n + j] * own;
+        }
     }
-    substitute(factor, above, x);
+    substitute(factor, ways, x);
 }
 
-/// Solves Lᵀ·x = b where b only is something on the way from `last` to the root, in place.
-pub(super) fn solve_way(factor: &[f64], above: &[Option<usize>], last: usize, x: &mut [f64]) {
-    let mut at = Some(last);
-    while let Some(i) = at {
-        eliminate(factor, above, i, x);
-        at = above[i];
-    }
-}
-
-fn eliminate(factor: &[f64], above: &[Option<usize>], i: usize, x: &mut [f64]) {
-    let n = above.len();
-    x[i] *= factor[i * n + i];
-    let mut at = above[i];
-    while let Some(j) = at {
-        x[j] -= factor[i * n + j] * x[i];
-        at = above[j];
+/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an entry for each
+/// step of the way.
+#[inline(always)]
+pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
+    for step in (0..way.len()).rev() {
+        let row = way[step] * n;
+        let own = x[step] * factor[row + way[step]];
+        x[step] = own;
+        for (x, &j) in x[..step].iter_mut().zip(way) {
+            *x -= factor[row + j] * own;
+        }
     }
 }
 
 /// Solves L·x = b, in place.
-pub(super) fn substitute(factor: &[f64], above: &[Option<usize>], x: &mut [f64]) {
-    let n = above.len();
+#[inline(always)]
+pub(super) fn substitute<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
+    let n = ways.len();
     for i in 0..n {
-        let mut at = above[i];
-        while let Some(j) = at {
-            x[i] -= factor[i * n + j] * x[j];
-            at = above[j];
+        let mut own = x[i];
+        for &j in &ways[i][..ways[i].len() - 1] {
+            own -= factor[i * n + j] * x[j];
         }
-        x[i] *= factor[i * n + i];
+        x[i] = own * factor[i * n + i];
     }
 }
 
 /// The force of a push in `direction` at `point`.
-pub(super) fn push(point: &Vector3<f64>, direction: &Vector3<f64>) -> Spatial {
+#[inline(always)]
+pub(super) fn push<S: Simd>(point: &V3<S>, direction: &V3<S>) -> Spatial<S> {
     Spatial { angular: point.cross(direction), linear: *direction }
 }

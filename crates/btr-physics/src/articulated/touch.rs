@@ -1,102 +1,131 @@
 //! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane, and what
 //! is nearest to a ball's centre is known for every primitive.
 
+use super::lanes::{Lanes, M3, Mask, V3};
 use super::tree::Tree;
-use crate::robot::Geometry;
-use nalgebra::{Isometry3, Rotation3, Vector3};
+use pulp::Simd;
 
 /// Points of one shape that may touch at the same time.
 const POINTS: usize = 8;
 
 /// A shape on a body.
-pub(super) struct Hull {
+pub(super) struct Hull<S: Simd> {
     pub(super) body: usize,
     /// The foot that it belongs to, if any.
     pub(super) foot: Option<usize>,
-    pose: Isometry3<f64>,
-    rotation: Rotation3<f64>,
-    geometry: Geometry,
+    pub(super) centre: V3<S>,
+    pub(super) rotation: M3<S>,
+    pub(super) form: Form<S>,
     /// No point of it is further from its centre, in m.
-    reach: f64,
+    pub(super) reach: Lanes<S>,
+}
+
+/// The form of a hull; cylinders and capsules stand along its z axis.
+pub(super) enum Form<S: Simd> {
+    Box { half: V3<S> },
+    Sphere { radius: Lanes<S> },
+    Cylinder { radius: Lanes<S>, half_length: Lanes<S> },
+    Capsule { radius: Lanes<S>, half_length: Lanes<S> },
 }
 
 /// The ball, as others touch it.
-pub(super) struct Round {
+pub(super) struct Round<S: Simd> {
     pub(super) body: usize,
-    pub(super) radius: f64,
-    pub(super) friction: f64,
-    pub(super) restitution: f64,
+    pub(super) radius: Lanes<S>,
+    pub(super) friction: Lanes<S>,
+    pub(super) restitution: Lanes<S>,
 }
 
 /// Two bodies that touch or are about to.
 #[derive(Clone, Copy)]
-pub(super) struct Touch {
+pub(super) struct Touch<S: Simd> {
     /// The hull that touches; none for the ball on the floor.
     pub(super) hull: Option<usize>,
     pub(super) body: usize,
     /// The other body; none for the floor.
     pub(super) other: Option<usize>,
-    pub(super) point: Vector3<f64>,
+    pub(super) point: V3<S>,
     /// From the other to the body.
-    pub(super) normal: Vector3<f64>,
+    pub(super) normal: V3<S>,
     /// In m; negative while there still is a gap.
-    pub(super) depth: f64,
+    pub(super) depth: Lanes<S>,
     /// Which of all points that could ever touch this is.
     pub(super) slot: usize,
+    /// Who touches there.
+    pub(super) there: Mask<S>,
 }
 
-impl Hull {
-    pub(super) fn new(body: usize, foot: Option<usize>, pose: Isometry3<f64>, geometry: Geometry) -> Self {
-        let reach = match geometry {
-            Geometry::Box { half_m } => half_m.norm(),
-            Geometry::Sphere { radius_m } => radius_m,
-            Geometry::Cylinder { radius_m, half_length_m } => radius_m.hypot(half_length_m),
-            Geometry::Capsule { radius_m, half_length_m } => radius_m + half_length_m,
-        };
-        Hull { body, foot, rotation: pose.rotation.to_rotation_matrix(), pose, geometry, reach }
-    }
+/// Points that may be the lowest of a hull.
+struct LowPoints<S: Simd> {
+    points: [V3<S>; POINTS],
+    many: usize,
+}
 
-    /// Calls `tell` with every point (number, place) that may be the lowest one, in the hull's axes; `up` is the vertical there.
-    fn low_points(&self, up: &Vector3<f64>, mut tell: impl FnMut(usize, Vector3<f64>)) {
-        match self.geometry {
-            Geometry::Box { half_m } => {
-                for k in 0..8 {
-                    let sign = |bit: usize| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
-                    tell(k, half_m.component_mul(&Vector3::new(sign(0), sign(1), sign(2))));
+impl<S: Simd> Hull<S> {
+    /// The points that may be the lowest ones, in the hull's axes; `up` is the vertical there.
+    #[inline(always)]
+    fn low_points(&self, simd: S, up: &V3<S>) -> LowPoints<S> {
+        let zero = Lanes::zero(simd);
+        let mut points = [V3::zero(simd); POINTS];
+        let many = match &self.form {
+            Form::Box { half } => {
+                let [x, y, z] = half.0;
+                for (k, point) in points.iter_mut().enumerate() {
+                    *point = V3([
+                        if k & 1 == 0 { -x } else { x },
+                        if k & 2 == 0 { -y } else { y },
+                        if k & 4 == 0 { -z } else { z },
+                    ]);
                 }
+                8
             }
-            Geometry::Sphere { radius_m } => tell(0, -up * radius_m),
-            Geometry::Capsule { radius_m, half_length_m } => {
-                for (k, end) in [-half_length_m, half_length_m].into_iter().enumerate() {
-                    tell(k, Vector3::new(0.0, 0.0, end) - up * radius_m);
-                }
+            Form::Sphere { radius } => {
+                points[0] = up.times(-*radius);
+                1
             }
-            Geometry::Cylinder { radius_m, half_length_m } => {
+            Form::Capsule { radius, half_length } => {
+                let low = up.times(-*radius);
+                points[0] = low + V3([zero, zero, -*half_length]);
+                points[1] = low + V3([zero, zero, *half_length]);
+                2
+            }
+            Form::Cylinder { radius, half_length } => {
                 // The lowest point of each rim and three more, so that it can stand on its end.
-                let tilt = up.x.hypot(up.y);
-                let (x, y) = if tilt > 1e-9 { (-up.x / tilt, -up.y / tilt) } else { (1.0, 0.0) };
-                for (k, end) in [-half_length_m, half_length_m].into_iter().enumerate() {
-                    for (l, (x, y)) in [(x, y), (-y, x), (-x, -y), (y, -x)].into_iter().enumerate() {
-                        tell(4 * k + l, Vector3::new(radius_m * x, radius_m * y, end));
-                    }
+                let [x, y, _] = up.0;
+                let tilt = (x * x + y * y).sqrt();
+                let (leans, one) = (Lanes::all(simd, 1e-9).less(tilt), Lanes::all(simd, 1.0));
+                let share = *radius / leans.select(tilt, one);
+                let (x, y) = (leans.select(-x * share, *radius), leans.select(-y * share, zero));
+                for (k, end) in [-*half_length, *half_length].into_iter().enumerate() {
+                    points[4 * k] = V3([x, y, end]);
+                    points[4 * k + 1] = V3([-y, x, end]);
+                    points[4 * k + 2] = V3([-x, -y, end]);
+                    points[4 * k + 3] = V3([y, -x, end]);
                 }
+                8
             }
-        }
+        };
+        LowPoints { points, many }
     }
 
     /// The point of the hull that is nearest to one outside, both in the hull's axes.
-    fn nearest(&self, point: &Vector3<f64>) -> Vector3<f64> {
-        match self.geometry {
-            Geometry::Box { half_m } => point.zip_map(&half_m, |x, half| x.clamp(-half, half)),
-            Geometry::Sphere { radius_m } => point * (radius_m / point.norm()),
-            Geometry::Capsule { radius_m, half_length_m } => {
-                let centre = Vector3::new(0.0, 0.0, point.z.clamp(-half_length_m, half_length_m));
-                let away = point - centre;
-                centre + away * (radius_m / away.norm())
+    #[inline(always)]
+    fn nearest(&self, point: &V3<S>) -> V3<S> {
+        let [x, y, z] = point.0;
+        match &self.form {
+            Form::Box { half } => {
+                let [a, b, c] = half.0;
+                V3([x.clamp(-a, a), y.clamp(-b, b), z.clamp(-c, c)])
             }
-            Geometry::Cylinder { radius_m, half_length_m } => {
-                let shrink = (radius_m / point.x.hypot(point.y)).min(1.0);
-                Vector3::new(point.x * shrink, point.y * shrink, point.z.clamp(-half_length_m, half_length_m))
+            Form::Sphere { radius } => point.times(*radius / point.norm()),
+            Form::Capsule { radius, half_length } => {
+                let centre = V3([x.like(0.0), x.like(0.0), z.clamp(-*half_length, *half_length)]);
+                let away = *point - centre;
+                centre + away.times(*radius / away.norm())
+            }
+            Form::Cylinder { radius, half_length } => {
+                let shrink = (*radius / (x * x + y * y).sqrt()).min(x.like(1.0));
+                V3([x * shrink, y * shrink, z.clamp(-*half_length, *half_length)])
             }
         }
     }
@@ -104,58 +133,96 @@ impl Hull {
 
 /// Where the floor is, if there is one, and how near to it or to a ball things may come before they count.
 #[derive(Clone, Copy)]
-pub(super) struct Reach {
+pub(super) struct Reach<S: Simd> {
     /// The floor's height in the tree's axes.
-    pub(super) floor: Option<f64>,
+    pub(super) floor: Option<Lanes<S>>,
     /// In m.
-    pub(super) gap: f64,
+    pub(super) gap: Lanes<S>,
 }
 
 /// All that touches or may do so soon.
-pub(super) fn find(tree: &Tree, hulls: &[Hull], ball: Option<&Round>, reach: Reach, touches: &mut Vec<Touch>) {
+#[inline(always)]
+pub(super) fn find<S: Simd>(
+    simd: S,
+    tree: &Tree<S>,
+    hulls: &[Hull<S>],
+    ball: Option<&Round<S>>,
+    reach: Reach<S>,
+    touches: &mut Vec<Touch<S>>,
+) {
     touches.clear();
+    let up = V3::axis(simd, 2);
     for (number, hull) in hulls.iter().enumerate() {
-        let turned = tree.rotations[hull.body] * hull.rotation;
-        let centre = tree.places[hull.body] + tree.rotations[hull.body] * hull.pose.translation.vector;
-        if let Some(floor) = reach.floor.filter(|floor| centre.z - hull.reach - floor < reach.gap) {
-            let up = turned.matrix().row(2).transpose();
-            hull.low_points(&up, |k, low| {
-                let point = centre + turned * low;
-                let depth = floor - point.z;
-                if depth > -reach.gap {
-                    let slot = number * (POINTS + 1) + k;
-                    let (hull, body) = (Some(number), hull.body);
-                    touches.push(Touch { hull, body, other: None, point, normal: Vector3::z(), depth, slot });
+        let rotation = &tree.rotations[hull.body];
+        let centre = tree.places[hull.body] + rotation.turn(&hull.centre);
+        if let Some(floor) = reach.floor {
+            let near = (centre.0[2] - hull.reach - floor).less(reach.gap);
+            if near.any() {
+                let turned = rotation.then(&hull.rotation);
+                let low = hull.low_points(simd, &turned.row(2));
+                for k in 0..low.many {
+                    let point = centre + turned.turn(&low.points[k]);
+                    let depth = floor - point.0[2];
+                    let there = near.and((-reach.gap).less(depth));
+                    if there.any() {
+                        let slot = number * (POINTS + 1) + k;
+                        let (hull, body) = (Some(number), hull.body);
+                        touches.push(Touch { hull, body, other: None, point, normal: up, depth, slot, there });
+                    }
                 }
-            });
-        }
-        let Some(ball) = ball else { continue };
-        let middle = tree.places[ball.body];
-        if (middle - centre).norm() - hull.reach - ball.radius < reach.gap {
-            let inside = turned.inverse() * (middle - centre);
-            let point = centre + turned * hull.nearest(&inside);
-            let away = point - middle;
-            let distance = away.norm();
-            // A ball whose centre is inside has no side on which it could be pushed out.
-            if distance > 0.0 && distance - ball.radius < reach.gap {
-                let (normal, depth) = (away / distance, ball.radius - distance);
-                let slot = number * (POINTS + 1) + POINTS;
-                let (hull, body, other) = (Some(number), hull.body, Some(ball.body));
-                touches.push(Touch { hull, body, other, point, normal, depth, slot });
             }
+        }
+        if let Some(ball) = ball {
+            touch_ball(simd, tree, (number, hull, &centre), ball, reach.gap, touches);
         }
     }
     if let Some((ball, floor)) = ball.zip(reach.floor) {
-        let point = tree.places[ball.body] - Vector3::z() * ball.radius;
-        let (body, depth) = (ball.body, floor - point.z);
-        if depth > -reach.gap {
+        let [x, y, z] = tree.places[ball.body].0;
+        let point = V3([x, y, z - ball.radius]);
+        let depth = floor - point.0[2];
+        let there = (-reach.gap).less(depth);
+        if there.any() {
             let slot = hulls.len() * (POINTS + 1);
-            touches.push(Touch { hull: None, body, other: None, point, normal: Vector3::z(), depth, slot });
+            touches.push(Touch { hull: None, body: ball.body, other: None, point, normal: up, depth, slot, there });
         }
+    }
+}
+
+/// Where a hull with its number and its centre touches the ball.
+#[inline(always)]
+fn touch_ball<S: Simd>(
+    simd: S,
+    tree: &Tree<S>,
+    (number, hull, centre): (usize, &Hull<S>, &V3<S>),
+    ball: &Round<S>,
+    gap: Lanes<S>,
+    touches: &mut Vec<Touch<S>>,
+) {
+    let middle = tree.places[ball.body];
+    let near = ((middle - *centre).norm() - hull.reach - ball.radius).less(gap);
+    if !near.any() {
+        return;
+    }
+    let turned = tree.rotations[hull.body].then(&hull.rotation);
+    let inside = turned.turn_back(&(middle - *centre));
+    let point = *centre + turned.turn(&hull.nearest(&inside));
+    let away = point - middle;
+    let distance = away.norm();
+    // A ball whose centre is inside has no side on which it could be pushed out.
+    let outside = Lanes::zero(simd).less(distance);
+    let there = near.and(outside).and((distance - ball.radius).less(gap));
+    if there.any() {
+        let share = outside.select(distance, Lanes::all(simd, 1.0)).recip();
+        // Who does not touch needs numbers there all the same.
+        let normal = there.select_vector(&away.times(share), &V3::axis(simd, 2));
+        let (point, depth) = (there.select_vector(&point, &middle), ball.radius - distance);
+        let slot = number * (POINTS + 1) + POINTS;
+        let (hull, body, other) = (Some(number), hull.body, Some(ball.body));
+        touches.push(Touch { hull, body, other, point, normal, depth, slot, there });
     }
 }
 
 /// How many slots there are.
-pub(super) fn slots(hulls: &[Hull]) -> usize {
+pub(super) fn slots<S: Simd>(hulls: &[Hull<S>]) -> usize {
     hulls.len() * (POINTS + 1) + 1
 }

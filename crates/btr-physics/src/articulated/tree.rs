@@ -1,230 +1,334 @@
 //! The robot as a tree of bodies: where they are, what they weigh, what each joint has to carry.
 
-use super::spatial::{Inertia, Spatial};
-use crate::assemble;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
+use super::lanes::{Lanes, M3, V3};
+use super::spatial::{Inertia, Spatial, Symmetric};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
+use pulp::Simd;
 
 /// How a body is carried. Joints and free bodies are counted apart.
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Carrier {
     /// By nothing: six degrees of freedom, the turning ones first. `pose` counts the free bodies.
     Free { pose: usize },
-    /// By a hinge about this axis.
-    Hinge { joint: usize, axis: Unit<Vector3<f64>> },
-    /// By a slide along this axis.
-    Slide { joint: usize, axis: Vector3<f64> },
+    /// By a hinge.
+    Hinge { joint: usize },
+    /// By a slide.
+    Slide { joint: usize },
 }
 
 /// A rigid body in the frame of the joint that carries it.
-pub(super) struct Body {
+pub(super) struct Body<S: Simd> {
     /// The body that carries it; none for those on the ground or in the air.
     pub(super) parent: Option<usize>,
     pub(super) carrier: Carrier,
     /// The joint's frame in the parent body's frame at q = 0.
-    pub(super) rotation: Rotation3<f64>,
-    pub(super) place: Vector3<f64>,
-    pub(super) mass: f64,
-    pub(super) com: Vector3<f64>,
+    pub(super) rotation: M3<S>,
+    pub(super) place: V3<S>,
+    /// The joint's axis in the parent body's frame.
+    pub(super) axis: V3<S>,
+    /// What sin q and 1 − cos q of a hinge add to `rotation`.
+    pub(super) swings: [M3<S>; 2],
+    pub(super) mass: Lanes<S>,
+    pub(super) com: V3<S>,
     /// About the centre of mass, in the body's axes.
-    pub(super) inertia: Matrix3<f64>,
+    pub(super) inertia: Symmetric<S>,
+}
+
+/// Where a free body is.
+#[derive(Clone, Copy)]
+pub(super) struct Pose<S: Simd> {
+    /// A unit quaternion: its real part, then the others.
+    turn: (Lanes<S>, V3<S>),
+    pub(super) place: V3<S>,
 }
 
 /// Where everything is and how fast it moves.
 #[derive(Clone)]
-pub(super) struct Posture {
+pub(super) struct Posture<S: Simd> {
     /// Joint positions.
-    pub(super) q: Vec<f64>,
+    pub(super) q: Vec<Lanes<S>>,
     /// Poses of the free bodies.
-    pub(super) poses: Vec<Isometry3<f64>>,
+    pub(super) poses: Vec<Pose<S>>,
     /// Velocities of all degrees of freedom; those of free bodies are angular velocity and velocity of their frame's origin.
-    pub(super) u: Vec<f64>,
+    pub(super) u: Vec<Lanes<S>>,
 }
 
 /// Bodies, parents first, and what a posture makes of them. All vectors are in the world's axes about `origin`, which goes along
 /// with a free root so that numbers stay small.
-pub(super) struct Tree {
-    pub(super) bodies: Vec<Body>,
+pub(super) struct Tree<S: Simd> {
+    pub(super) bodies: Vec<Body<S>>,
     /// What bodies without a parent are bolted to.
-    root: Isometry3<f64>,
+    root: (M3<S>, V3<S>),
     /// The first degree of freedom of each body.
     pub(super) first: Vec<usize>,
-    /// For each degree of freedom the next one towards the root.
-    pub(super) above: Vec<Option<usize>>,
-    pub(super) origin: Vector3<f64>,
-    pub(super) rotations: Vec<Rotation3<f64>>,
-    pub(super) places: Vec<Vector3<f64>>,
+    /// For each degree of freedom all that move it, from the root on; itself comes last.
+    pub(super) ways: Vec<Vec<usize>>,
+    pub(super) origin: V3<S>,
+    pub(super) rotations: Vec<M3<S>>,
+    pub(super) places: Vec<V3<S>>,
     /// What each degree of freedom moves its body by.
-    pub(super) axes: Vec<Spatial>,
-    velocities: Vec<Spatial>,
-    accelerations: Vec<Spatial>,
-    inertias: Vec<Inertia>,
-    forces: Vec<Spatial>,
+    pub(super) axes: Vec<Spatial<S>>,
+    velocities: Vec<Spatial<S>>,
+    accelerations: Vec<Spatial<S>>,
+    inertias: Vec<Inertia<S>>,
+    forces: Vec<Spatial<S>>,
 }
 
-impl Body {
-    fn freedom(&self) -> usize {
+impl<S: Simd> Body<S> {
+    #[inline(always)]
+    pub(super) fn freedom(&self) -> usize {
         if matches!(self.carrier, Carrier::Free { .. }) { 6 } else { 1 }
     }
 
-    fn inertia_at(&self, rotation: &Rotation3<f64>, place: &Vector3<f64>) -> Inertia {
-        let com = place + rotation * self.com;
-        let turned = rotation.matrix() * self.inertia * rotation.matrix().transpose();
-        Inertia { mass: self.mass, first: com * self.mass, second: turned + assemble::steiner(self.mass, &com) }
+    #[inline(always)]
+    fn inertia_at(&self, rotation: &M3<S>, place: &V3<S>) -> Inertia<S> {
+        let com = *place + rotation.turn(&self.com);
+        let second = self.inertia.turned(rotation).plus(&Symmetric::of_point(self.mass, &com));
+        Inertia { mass: self.mass, first: com.times(self.mass), second }
+    }
+
+    /// The joint's frame in the parent body's frame at q.
+    #[inline(always)]
+    fn rotation_at(&self, q: Lanes<S>) -> M3<S> {
+        let (sine, cosine) = q.sin_cos();
+        let rest = q.like(1.0) - cosine;
+        let mut rotation = self.rotation;
+        for i in 0..3 {
+            for j in 0..3 {
+                rotation.0[i][j] += sine * self.swings[0].0[i][j] + rest * self.swings[1].0[i][j];
+            }
+        }
+        rotation
     }
 }
 
-impl Tree {
-    pub(super) fn new(bodies: Vec<Body>, root: Isometry3<f64>) -> Self {
-        let (mut first, mut above) = (Vec::with_capacity(bodies.len()), Vec::new());
+impl<S: Simd> Tree<S> {
+    pub(super) fn new(simd: S, bodies: Vec<Body<S>>, root: (M3<S>, V3<S>)) -> Self {
+        let (mut first, mut ways) = (Vec::with_capacity(bodies.len()), Vec::<Vec<usize>>::new());
         for body in &bodies {
-            let carrier = body.parent.map(|parent| last(&bodies, &first, parent));
-            first.push(above.len());
-            for k in 0..body.freedom() {
-                above.push(if k == 0 { carrier } else { Some(above.len() - 1) });
+            let mut way = body.parent.map_or_else(Vec::new, |parent| ways[last(&bodies, &first, parent)].clone());
+            first.push(ways.len());
+            for _ in 0..body.freedom() {
+                way.push(ways.len());
+                ways.push(way.clone());
             }
         }
-        let (many, freedom) = (bodies.len(), above.len());
-        let none = Inertia { mass: 0.0, first: Vector3::zeros(), second: Matrix3::zeros() };
+        let (many, freedom) = (bodies.len(), ways.len());
+        let zero = Spatial::zero(simd);
+        let none = Inertia { mass: Lanes::zero(simd), first: V3::zero(simd), second: Symmetric::zero(simd) };
         Tree {
             bodies,
             root,
             first,
-            above,
-            origin: Vector3::zeros(),
-            rotations: vec![Rotation3::identity(); many],
-            places: vec![Vector3::zeros(); many],
-            axes: vec![Spatial::ZERO; freedom],
-            velocities: vec![Spatial::ZERO; many],
-            accelerations: vec![Spatial::ZERO; many],
+            ways,
+            origin: V3::zero(simd),
+            rotations: vec![M3::identity(simd); many],
+            places: vec![V3::zero(simd); many],
+            axes: vec![zero; freedom],
+            velocities: vec![zero; many],
+            accelerations: vec![zero; many],
             inertias: vec![none; many],
-            forces: vec![Spatial::ZERO; many],
+            forces: vec![zero; many],
         }
     }
 
     /// Degrees of freedom.
+    #[inline(always)]
     pub(super) fn freedom(&self) -> usize {
-        self.above.len()
+        self.ways.len()
     }
 
-    /// The last degree of freedom of a body: from there `above` leads through all that move it.
-    pub(super) fn last(&self, body: usize) -> usize {
-        last(&self.bodies, &self.first, body)
+    /// All that move a body, from the root on.
+    #[inline(always)]
+    pub(super) fn way_to(&self, body: usize) -> &[usize] {
+        &self.ways[last(&self.bodies, &self.first, body)]
     }
 
     /// Poses, axes and inertias of all bodies.
-    pub(super) fn place(&mut self, posture: &Posture) {
-        self.origin = match self.bodies.first().map(|body| &body.carrier) {
-            Some(&Carrier::Free { pose }) => posture.poses[pose].translation.vector,
-            _ => Vector3::zeros(),
-        };
-        let root = (self.root.rotation.to_rotation_matrix(), self.root.translation.vector - self.origin);
-        for (i, body) in self.bodies.iter().enumerate() {
-            let (turned, moved) = body.parent.map_or(root, |parent| (self.rotations[parent], self.places[parent]));
-            let (rotation, place) = (turned * body.rotation, moved + turned * body.place);
+    #[inline(always)]
+    pub(super) fn place(&mut self, simd: S, posture: &Posture<S>) {
+        self.origin = V3::zero(simd);
+        if let Some(Carrier::Free { pose }) = self.bodies.first().map(|body| body.carrier) {
+            self.origin = posture.poses[pose].place;
+        }
+        let root = (self.root.0, self.root.1 - self.origin);
+        for i in 0..self.bodies.len() {
+            let body = &self.bodies[i];
+            let (turned, moved) = match body.parent {
+                Some(parent) => (self.rotations[parent], self.places[parent]),
+                None => root,
+            };
+            let place = moved + turned.turn(&body.place);
             let first = self.first[i];
-            (self.rotations[i], self.places[i]) = match &body.carrier {
-                Carrier::Hinge { joint, axis } => {
-                    let along = rotation * axis.into_inner();
+            match body.carrier {
+                Carrier::Hinge { joint } => {
+                    let along = turned.turn(&body.axis);
                     self.axes[first] = Spatial { angular: along, linear: place.cross(&along) };
-                    (rotation * Rotation3::from_axis_angle(axis, posture.q[*joint]), place)
+                    self.rotations[i] = turned.then(&body.rotation_at(posture.q[joint]));
+                    self.places[i] = place;
                 }
-                Carrier::Slide { joint, axis } => {
-                    let along = rotation * axis;
-                    self.axes[first] = Spatial { angular: Vector3::zeros(), linear: along };
-                    (rotation, place + along * posture.q[*joint])
+                Carrier::Slide { joint } => {
+                    let along = turned.turn(&body.axis);
+                    self.axes[first] = Spatial { angular: V3::zero(simd), linear: along };
+                    self.rotations[i] = turned.then(&body.rotation);
+                    self.places[i] = place + along.times(posture.q[joint]);
                 }
                 Carrier::Free { pose } => {
-                    let pose = &posture.poses[*pose];
-                    let place = pose.translation.vector - self.origin;
-                    for (k, along) in [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().enumerate() {
+                    let pose = &posture.poses[pose];
+                    let place = pose.place - self.origin;
+                    for k in 0..3 {
+                        let along = V3::axis(simd, k);
                         self.axes[first + k] = Spatial { angular: along, linear: place.cross(&along) };
-                        self.axes[first + 3 + k] = Spatial { angular: Vector3::zeros(), linear: along };
+                        self.axes[first + 3 + k] = Spatial { angular: V3::zero(simd), linear: along };
                     }
-                    (pose.rotation.to_rotation_matrix(), place)
+                    self.rotations[i] = pose.rotation();
+                    self.places[i] = place;
                 }
-            };
+            }
             self.inertias[i] = body.inertia_at(&self.rotations[i], &self.places[i]);
         }
     }
 
-    /// What all have to be pushed by if nothing accelerates but `joints`, where that is given (recursive Newton-Euler). Makes the
-    /// inertias composite.
-    pub(super) fn carry(&mut self, u: &[f64], gravity: &Vector3<f64>, joints: Option<&[f64]>) {
-        for (i, body) in self.bodies.iter().enumerate() {
-            let dofs = self.first[i]..self.first[i] + body.freedom();
-            let own = dofs.clone().fold(Spatial::ZERO, |sum, d| sum + self.axes[d] * u[d]);
-            let (velocity, acceleration) = match body.parent {
-                Some(parent) => (self.velocities[parent], self.accelerations[parent]),
-                // Gravity acts as if the world were accelerated against it.
-                None => (Spatial::ZERO, Spatial { angular: Vector3::zeros(), linear: -gravity }),
-            };
-            self.velocities[i] = velocity + own;
-            // How the axes themselves change: a free body's turn about a point that moves, a joint's move with its body.
-            let drift = if dofs.len() == 6 {
-                let turning = Vector3::from_column_slice(&u[dofs.start..dofs.start + 3]);
-                let moving = Vector3::from_column_slice(&u[dofs.start + 3..dofs.end]);
-                Spatial { angular: Vector3::zeros(), linear: moving.cross(&turning) }
-            } else {
-                self.velocities[i].cross_motion(&own)
-            };
-            self.accelerations[i] = acceleration + drift;
-            if let Some(joints) = joints {
-                self.accelerations[i] = dofs.fold(self.accelerations[i], |sum, d| sum + self.axes[d] * joints[d]);
+    /// What all have to be pushed by if nothing accelerates but `joints`, where that is given (recursive Newton-Euler), into
+    /// `carried`, one degree of freedom after the other. Makes the inertias composite.
+    #[inline(always)]
+    pub(super) fn carry(
+        &mut self,
+        simd: S,
+        u: &[Lanes<S>],
+        gravity: &V3<S>,
+        joints: Option<&[Lanes<S>]>,
+        carried: &mut [Lanes<S>],
+    ) {
+        // Gravity acts as if the world were accelerated against it.
+        let lifted = Spatial { angular: V3::zero(simd), linear: V3::zero(simd) - *gravity };
+        for i in 0..self.bodies.len() {
+            let body = &self.bodies[i];
+            let (first, freedom) = (self.first[i], body.freedom());
+            let mut own = self.axes[first].times(u[first]);
+            for d in first + 1..first + freedom {
+                own = own.plus(&self.axes[d].times(u[d]));
             }
-            let momentum = self.inertias[i].times(&self.velocities[i]);
-            let force = self.inertias[i].times(&self.accelerations[i]);
-            self.forces[i] = force + self.velocities[i].cross_force(&momentum);
+            let (velocity, acceleration) = match body.parent {
+                Some(parent) => (self.velocities[parent].plus(&own), self.accelerations[parent]),
+                None => (own, lifted),
+            };
+            // How the axes themselves change: a free body's turn about a point that moves, a joint's move with its body.
+            let drift = if freedom == 6 {
+                let turning = V3([u[first], u[first + 1], u[first + 2]]);
+                let moving = V3([u[first + 3], u[first + 4], u[first + 5]]);
+                Spatial { angular: V3::zero(simd), linear: moving.cross(&turning) }
+            } else {
+                velocity.cross_motion(&own)
+            };
+            let mut acceleration = acceleration.plus(&drift);
+            if let Some(joints) = joints {
+                for d in first..first + freedom {
+                    acceleration = acceleration.plus(&self.axes[d].times(joints[d]));
+                }
+            }
+            let momentum = self.inertias[i].times(&velocity);
+            let force = self.inertias[i].times(&acceleration);
+            self.forces[i] = force.plus(&velocity.cross_force(&momentum));
+            (self.velocities[i], self.accelerations[i]) = (velocity, acceleration);
         }
         for i in (0..self.bodies.len()).rev() {
+            for d in self.first[i]..self.first[i] + self.bodies[i].freedom() {
+                carried[d] = self.axes[d].dot(&self.forces[i]);
+            }
             if let Some(parent) = self.bodies[i].parent {
-                self.forces[parent] = self.forces[parent] + self.forces[i];
+                self.forces[parent] = self.forces[parent].plus(&self.forces[i]);
                 self.inertias[parent] = self.inertias[parent].plus(&self.inertias[i]);
             }
         }
     }
 
-    /// What `carry` found for every degree of freedom, one after the other.
-    pub(super) fn carried(&self) -> impl Iterator<Item = f64> + '_ {
-        let of_body = |(i, body): (usize, &Body)| (self.first[i]..self.first[i] + body.freedom()).map(move |d| (i, d));
-        self.bodies.iter().enumerate().flat_map(of_body).map(|(i, d)| self.axes[d].dot(&self.forces[i]))
-    }
-
-    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, zero where neither moves the
-    /// other.
-    pub(super) fn fill_matrix(&self, matrix: &mut [f64]) {
+    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, without what is zero as
+    /// neither moves the other.
+    #[inline(always)]
+    pub(super) fn fill_matrix(&self, matrix: &mut [Lanes<S>]) {
         let n = self.freedom();
-        matrix.fill(0.0);
-        for (i, body) in self.bodies.iter().enumerate() {
-            for d in self.first[i]..self.first[i] + body.freedom() {
+        for i in 0..self.bodies.len() {
+            for d in self.first[i]..self.first[i] + self.bodies[i].freedom() {
                 let momentum = self.inertias[i].times(&self.axes[d]);
-                let mut at = Some(d);
-                while let Some(e) = at {
+                for &e in &self.ways[d] {
                     matrix[d * n + e] = self.axes[e].dot(&momentum);
-                    at = self.above[e];
                 }
             }
         }
     }
 }
 
-fn last(bodies: &[Body], first: &[usize], body: usize) -> usize {
+#[inline(always)]
+fn last<S: Simd>(bodies: &[Body<S>], first: &[usize], body: usize) -> usize {
     first[body] + bodies[body].freedom() - 1
 }
 
-impl Posture {
+impl<S: Simd> Pose<S> {
+    pub(super) fn of(simd: S, pose: impl Fn(usize) -> Isometry3<f64>) -> Self {
+        let mut lanes = Pose { turn: (Lanes::zero(simd), V3::zero(simd)), place: V3::zero(simd) };
+        (0..S::F64_LANES).for_each(|lane| lanes.set(lane, &pose(lane)));
+        lanes
+    }
+
+    pub(super) fn set(&mut self, lane: usize, pose: &Isometry3<f64>) {
+        let turn = pose.rotation.quaternion();
+        self.turn.0.set(lane, turn.w);
+        self.turn.1.set(lane, &turn.imag());
+        self.place.set(lane, &pose.translation.vector);
+    }
+
+    pub(super) fn lane(&self, lane: usize) -> Isometry3<f64> {
+        let turn = Quaternion::from_parts(self.turn.0.lane(lane), self.turn.1.lane(lane));
+        Isometry3::from_parts(self.place.lane(lane).into(), UnitQuaternion::new_unchecked(turn))
+    }
+
+    #[inline(always)]
+    fn rotation(&self) -> M3<S> {
+        let (w, V3([x, y, z])) = self.turn;
+        let (one, two) = (w.like(1.0), w.like(2.0));
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let (xy, xz, yz, wx, wy, wz) = (x * y, x * z, y * z, w * x, w * y, w * z);
+        M3([
+            [one - two * (yy + zz), two * (xy - wz), two * (xz + wy)],
+            [two * (xy + wz), one - two * (xx + zz), two * (yz - wx)],
+            [two * (xz - wy), two * (yz + wx), one - two * (xx + yy)],
+        ])
+    }
+
+    /// Turned by a rotation vector.
+    #[inline(always)]
+    fn turned(&self, by: &V3<S>) -> (Lanes<S>, V3<S>) {
+        let angle = by.norm();
+        let half = angle * angle.like(0.5);
+        let (sine, cosine) = half.sin_cos();
+        // Of an angle that is all but none, the sine is the angle.
+        let small = angle.less(angle.like(1e-9));
+        let share = small.select(angle.like(0.5), sine / small.select(angle.like(1.0), angle));
+        let (axis, (w, v)) = (by.times(share), self.turn);
+        let turn = (cosine * w - axis.dot(&v), v.times(cosine) + axis.times(w) + axis.cross(&v));
+        // One step of Newton's for the length to stay one.
+        let length = turn.0 * turn.0 + turn.1.dot(&turn.1);
+        let shrink = (length.like(3.0) - length) * length.like(0.5);
+        (turn.0 * shrink, turn.1.times(shrink))
+    }
+}
+
+impl<S: Simd> Posture<S> {
     /// Where everything is after `dt_s` at the velocities `u`, into `to`.
-    pub(super) fn fly(&self, bodies: &[Body], first: &[usize], dt_s: f64, u: impl Fn(usize) -> f64, to: &mut Posture) {
-        for (body, &d) in bodies.iter().zip(first) {
+    #[inline(always)]
+    pub(super) fn fly(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Posture<S>) {
+        for (body, &d) in tree.bodies.iter().zip(&tree.first) {
             match body.carrier {
                 Carrier::Free { pose } => {
-                    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(u(d), u(d + 1), u(d + 2)) * dt_s);
+                    let dt = u[d].like(dt_s);
                     let from = &self.poses[pose];
-                    let mut rotation = turn * from.rotation;
-                    rotation.renormalize_fast();
-                    let place = from.translation.vector + Vector3::new(u(d + 3), u(d + 4), u(d + 5)) * dt_s;
-                    to.poses[pose] = Isometry3::from_parts(place.into(), rotation);
+                    let (turning, moving) = (V3([u[d], u[d + 1], u[d + 2]]), V3([u[d + 3], u[d + 4], u[d + 5]]));
+                    let turn = from.turned(&turning.times(dt));
+                    to.poses[pose] = Pose { turn, place: from.place + moving.times(dt) };
                 }
-                Carrier::Hinge { joint, .. } | Carrier::Slide { joint, .. } => {
-                    to.q[joint] = self.q[joint] + dt_s * u(d);
+                Carrier::Hinge { joint } | Carrier::Slide { joint } => {
+                    to.q[joint] = self.q[joint] + u[d] * dt_s;
                 }
             }
         }

@@ -6,7 +6,7 @@ use crate::robot::Base;
 use crate::windows;
 use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
 use btr_core::log::{Log, interpolate};
-use btr_core::world::WorldError;
+use btr_core::world::{Simulator, WorldError};
 use std::ops::Range;
 
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
@@ -41,6 +41,17 @@ impl Family for Beside {
 
     fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
         self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
+    }
+
+    fn side_by_side(&self) -> usize {
+        self.model.side_by_side()
+    }
+
+    fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+        let situation = &self.situations[self.parts[log].scenario];
+        let points: Vec<_> = points.iter().map(|u| (self.inner(u), self.placed(u))).collect();
+        let simulated = self.model.rollouts_in(&points, situation, step);
+        simulated.into_iter().map(|simulated| self.against(log, &simulated?)).collect()
     }
 
     fn order(&self) -> i32 {

@@ -37,8 +37,9 @@ impl Beside {
             starts.push(vec![0.0; shapes.len()]);
         }
         self.near.push(self.limb_of(&site));
-        let kin = Vec::new();
-        self.candidates.push(Candidate { effect: card.name.to_owned(), site, amplitudes, shapes, starts, kin });
+        let effect_name = card.name.to_owned();
+        let (kin, contains) = (Vec::new(), Vec::new());
+        self.candidates.push(Candidate { effect: effect_name, site, amplitudes, shapes, starts, kin, contains });
         self.effects.push(effect);
     }
 
@@ -61,7 +62,13 @@ impl Beside {
         let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
         let all = 0..self.candidates.len();
         let kin: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
-        self.candidates.iter_mut().zip(kin).for_each(|(candidate, kin)| candidate.kin = kin);
+        for (a, kin) in kin.into_iter().enumerate() {
+            let inside = |b: &&usize| {
+                self.effects[a].card().contains.iter().any(|(name, _)| *name == self.effects[**b].card().name)
+            };
+            self.candidates[a].contains = kin.iter().filter(inside).copied().collect();
+            self.candidates[a].kin = kin;
+        }
     }
 
     /// Adds what laws are made of, for every driven joint.
@@ -92,7 +99,8 @@ impl Beside {
         let shapes = amplitudes.split_off(term.amplitudes());
         self.knobs.extend(knobs);
         let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
-        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts, kin: Vec::new() };
+        let (kin, contains) = (Vec::new(), Vec::new());
+        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts, kin, contains };
         let swings = term.swings.map(|i| first + i);
         self.features.push(Feature { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

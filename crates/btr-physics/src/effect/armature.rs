@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
     starts: &[],
     alike: &["link_inertia"],
+    contains: &[],
 };
 
 impl Effect for Armature {

@@ -18,6 +18,7 @@ static CARD: Card = Card {
     params: &[Param::new("coulomb_forward", "N·m", (0.0, 5.0), 0.2), Param::new("coulomb_backward", "N·m", (0.0, 5.0), 0.05), Param::new("viscous_forward", "N·m·s/rad", (0.0, 5.0), 0.05), Param::new("viscous_backward", "N·m·s/rad", (0.0, 5.0), 0.02)],
     starts: &[],
     alike: &["coulomb_friction", "viscous_friction"],
+    contains: &[("coulomb_friction", &[0.1, 0.1, 0.0, 0.0]), ("viscous_friction", &[0.0, 0.0, 0.1, 0.1])],
 };
 
 impl Effect for AsymmetricFriction {

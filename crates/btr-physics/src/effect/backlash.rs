@@ -21,6 +21,7 @@ static CARD: Card = Card {
     params: &[Param::new("gap", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
     alike: &["joint_elasticity", "command_deadband"],
+    contains: &[],
 };
 
 /// How much stiffer than inertia/dt² the flanks are: they give way by this fraction of what a step would move the link.

@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("skew", "1", (-0.05, 0.05), 0.01)],
     starts: &[],
     alike: &["encoder_delay"],
+    contains: &[],
 };
 
 impl Effect for ClockSkew {

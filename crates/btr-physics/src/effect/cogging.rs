@@ -29,6 +29,7 @@ static CARD: Card = Card {
         &[12.0, 0.0], &[12.0, FRAC_PI_2],
     ],
     alike: &["com_offset"],
+    contains: &[],
 };
 
 impl Effect for Cogging {

@@ -15,6 +15,7 @@ static CARD: Card = Card {
     params: &[Param::new("x", "m", (-0.2, 0.2), 0.02), Param::new("y", "m", (-0.2, 0.2), 0.02), Param::new("z", "m", (-0.2, 0.2), 0.02)],
     starts: &[],
     alike: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
+    contains: &[],
 };
 
 impl Effect for ComOffset {

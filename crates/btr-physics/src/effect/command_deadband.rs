@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("band", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
     alike: &["coulomb_friction", "backlash"],
+    contains: &[],
 };
 
 impl Effect for CommandDeadband {

@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
     starts: &[],
     alike: &["motor_lag", "encoder_delay"],
+    contains: &[],
 };
 
 /// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.

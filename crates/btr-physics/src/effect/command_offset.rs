@@ -17,6 +17,7 @@ static CARD: Card = Card {
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
     alike: &["encoder_offset", "gravity_tilt", "parallel_spring"],
+    contains: &[],
 };
 
 impl Effect for CommandOffset {

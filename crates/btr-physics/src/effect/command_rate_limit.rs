@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::limit("rate", "rad/s", (0.01, 100.0), 1.5)],
     starts: &[],
     alike: &["motor_lag", "torque_limit"],
+    contains: &[],
 };
 
 /// The memory says whether there was a command, and holds what the servo was told last.

@@ -21,6 +21,7 @@ static CARD: Card = Card {
     params: &[Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0), Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0)],
     starts: &[&[5.0], &[50.0]],
     alike: &["ground_friction"],
+    contains: &[],
 };
 
 impl Effect for ContactCompliance {

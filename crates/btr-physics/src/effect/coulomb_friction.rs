@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
     starts: &[],
     alike: &["stribeck_friction", "asymmetric_friction"],
+    contains: &[],
 };
 
 impl Effect for CoulombFriction {

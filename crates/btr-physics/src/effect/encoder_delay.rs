@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
     starts: &[],
     alike: &["command_delay", "motor_lag"],
+    contains: &[],
 };
 
 impl Effect for EncoderDelay {

@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
     alike: &["com_offset", "gravity_tilt"],
+    contains: &[],
 };
 
 impl Effect for EncoderOffset {

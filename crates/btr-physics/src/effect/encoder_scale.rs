@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("error", "1", (-0.5, 0.5), 0.05)],
     starts: &[],
     alike: &["encoder_offset"],
+    contains: &[],
 };
 
 impl Effect for EncoderScale {

@@ -25,6 +25,7 @@ pub static FORMULA: Card = Card {
     params: &[],
     starts: &[],
     alike: &[],
+    contains: &[],
 };
 
 /// What every law knows of its joint, in the order of [`Scene`].

@@ -17,6 +17,7 @@ static CARD: Card = Card {
     params: &[Param::new("roll", "rad", (-0.5, 0.5), 0.05), Param::new("pitch", "rad", (-0.5, 0.5), 0.05)],
     starts: &[],
     alike: &["com_offset", "encoder_offset"],
+    contains: &[],
 };
 
 impl Effect for GravityTilt {

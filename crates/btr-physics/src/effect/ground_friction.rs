@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
     starts: &[],
     alike: &["contact_compliance"],
+    contains: &[],
 };
 
 impl Effect for GroundFriction {

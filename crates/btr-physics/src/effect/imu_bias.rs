@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("gyro_x", "rad/s", (-0.5, 0.5), 0.02), Param::new("gyro_y", "rad/s", (-0.5, 0.5), 0.02), Param::new("gyro_z", "rad/s", (-0.5, 0.5), 0.02), Param::new("acc_x", "m/s^2", (-3.0, 3.0), 0.2), Param::new("acc_y", "m/s^2", (-3.0, 3.0), 0.2), Param::new("acc_z", "m/s^2", (-3.0, 3.0), 0.2)],
     starts: &[],
     alike: &[],
+    contains: &[],
 };
 
 impl Effect for ImuBias {

@@ -19,6 +19,7 @@ static CARD: Card = Card {
     params: &[Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0), Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02)],
     starts: &[&[0.0], &[0.05]],
     alike: &["backlash", "command_delay", "motor_lag"],
+    contains: &[],
 };
 
 impl Effect for JointElasticity {

@@ -15,6 +15,7 @@ static CARD: Card = Card {
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
     starts: &[],
     alike: &["armature"],
+    contains: &[],
 };
 
 impl Effect for LinkInertia {

@@ -17,6 +17,7 @@ static CARD: Card = Card {
     params: &[Param::new("ratio", "1", (0.0, 0.95), 0.15)],
     starts: &[],
     alike: &["coulomb_friction"],
+    contains: &[],
 };
 
 impl Effect for LoadDependentFriction {

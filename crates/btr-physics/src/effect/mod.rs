@@ -91,6 +91,8 @@ pub struct Card {
     pub starts: &'static [&'static [f64]],
     /// Names of effects that most motions cannot tell from it.
     pub alike: &'static [&'static str],
+    /// Those among them that it becomes for some values of its parameters, with the values at which it is the other at its hint.
+    pub contains: &'static [(&'static str, &'static [f64])],
 }
 
 /// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values

@@ -17,6 +17,7 @@ static CARD: Card = Card {
     params: &[Param::new("time_constant", "s", (0.0, 0.5), 0.03)],
     starts: &[],
     alike: &["command_delay", "encoder_delay"],
+    contains: &[],
 };
 
 /// The memory says whether there was a command, and holds what the servo was told last.

@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("stiffness", "N·m/rad", (0.0, 50.0), 0.5), Param::shape("rest", "rad", (-3.2, 3.2), 0.0)],
     starts: &[&[0.0], &[-1.0], &[1.0]],
     alike: &["com_offset", "gravity_tilt"],
+    contains: &[],
 };
 
 impl Effect for ParallelSpring {

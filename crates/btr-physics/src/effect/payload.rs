@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
     starts: &[],
     alike: &["com_offset"],
+    contains: &[],
 };
 
 impl Effect for Payload {

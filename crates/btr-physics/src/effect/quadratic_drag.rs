@@ -15,6 +15,7 @@ static CARD: Card = Card {
     params: &[Param::new("coefficient", "N·m·s^2/rad^2", (0.0, 1.0), 0.03)],
     starts: &[],
     alike: &["viscous_friction"],
+    contains: &[],
 };
 
 impl Effect for QuadraticDrag {

@@ -15,6 +15,7 @@ static CARD: Card = Card {
     params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.5), Param::shape("speed", "rad/s", (0.1, 200.0), 4.0)],
     starts: &[&[2.0], &[6.0], &[20.0]],
     alike: &["torque_limit", "viscous_friction"],
+    contains: &[("torque_limit", &[1.0, 1e9])],
 };
 
 impl Effect for SpeedTorqueLimit {

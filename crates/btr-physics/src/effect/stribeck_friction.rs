@@ -18,6 +18,7 @@ static CARD: Card = Card {
     params: &[Param::new("coulomb", "N·m", (0.0, 5.0), 0.1), Param::new("static", "N·m", (0.0, 5.0), 0.25), Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2)],
     starts: &[&[0.05], &[0.2], &[1.0]],
     alike: &["coulomb_friction"],
+    contains: &[("coulomb_friction", &[0.1, 0.1, 0.2])],
 };
 
 impl Effect for StribeckFriction {

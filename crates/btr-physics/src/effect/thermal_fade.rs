@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("rate", "1/J", (0.0, 10.0), 0.1)],
     starts: &[],
     alike: &[],
+    contains: &[],
 };
 
 /// The memory is the energy so far, in J.

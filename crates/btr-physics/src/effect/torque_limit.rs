@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
     starts: &[],
     alike: &["speed_torque_limit"],
+    contains: &[],
 };
 
 impl Effect for TorqueLimit {

@@ -14,6 +14,7 @@ static CARD: Card = Card {
     params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
     starts: &[],
     alike: &["quadratic_drag"],
+    contains: &[],
 };
 
 impl Effect for ViscousFriction {

@@ -16,6 +16,7 @@ static CARD: Card = Card {
     params: &[Param::new("sag", "1/(N·m)", (0.0, 10.0), 0.1)],
     starts: &[],
     alike: &["load_dependent_friction"],
+    contains: &[],
 };
 
 impl Effect for VoltageSag {

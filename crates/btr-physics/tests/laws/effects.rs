@@ -132,6 +132,20 @@ fn cards_are_complete() {
     }
 }
 
+#[test]
+fn what_contains_a_law_becomes_it() {
+    for &effect in EFFECTS {
+        for (name, values) in effect.card().contains {
+            let other = find(name).unwrap();
+            assert!(effect.card().alike.contains(name), "`{}` contains `{name}`", effect.card().name);
+            let inside = Placed { effect, site: "*".to_owned(), values: values.to_vec() };
+            let (larger, own) = (run(effect, &[inside], 0.4), run(other, &[Placed::hinted(other, "*")], 0.4));
+            let apart = apart(&larger, &own, |channel| channel.starts_with("q_"));
+            assert!(apart < 1e-3 * 0.2, "`{}` at {values:?} is {apart} rad from `{name}`", effect.card().name);
+        }
+    }
+}
+
 /// A search can start wherever a card says.
 fn starts_fit(card: &Card) {
     let shapes: Vec<_> = card.params.iter().filter(|param| param.shape).collect();

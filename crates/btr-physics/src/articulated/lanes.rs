@@ -1,0 +1,352 @@
+//! Numbers of several candidates side by side: one in each lane of a vector register.
+//!
+//! Every operation does in each lane what it does for a single candidate, rounded alike, so that results do not depend on how
+//! many are side by side. Nothing here may be a call that the compiler can leave out of line: what is compiled apart from
+//! [`Simd::vectorize`] knows nothing of the wide registers.
+
+use nalgebra::{Matrix3, Vector3};
+use pulp::Simd;
+use pulp::bytemuck::cast_slice;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// A number of each candidate.
+#[derive(Clone, Copy)]
+pub(super) struct Lanes<S: Simd>(S, S::f64s);
+
+/// A yes or no of each candidate.
+#[derive(Clone, Copy)]
+pub(super) struct Mask<S: Simd>(S, S::m64s);
+
+/// Adding and taking away this rounds to whole numbers, ties to even.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+/// A quarter turn in two parts: the first has so few digits that its multiples are exact.
+const QUARTER: (f64, f64) = (1.570_796_326_734_125_6, 6.077_100_506_506_192e-11);
+/// Coefficients of the sine and the cosine between -45° and 45°: those of fdlibm (Sun Microsystems, 1993).
+const SINE: [f64; 6] = [
+    -1.666_666_666_666_663_2e-1,
+    8.333_333_333_322_49e-3,
+    -1.984_126_982_985_795e-4,
+    2.755_731_370_707_006_8e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_55e-10,
+];
+const COSINE: [f64; 6] = [
+    4.166_666_666_666_66e-2,
+    -1.388_888_888_887_411e-3,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
+];
+
+impl<S: Simd> Lanes<S> {
+    /// The same number for all.
+    #[inline(always)]
+    pub(super) fn all(simd: S, x: f64) -> Self {
+        Lanes(simd, simd.splat_f64s(x))
+    }
+
+    #[inline(always)]
+    pub(super) fn zero(simd: S) -> Self {
+        Lanes::all(simd, 0.0)
+    }
+
+    /// A number for each lane.
+    pub(super) fn of(simd: S, number: impl Fn(usize) -> f64) -> Self {
+        let mut lanes = Lanes::zero(simd);
+        (0..S::F64_LANES).for_each(|lane| lanes.set(lane, number(lane)));
+        lanes
+    }
+
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> f64 {
+        cast_slice::<S::f64s, f64>(std::slice::from_ref(&self.1))[lane]
+    }
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, x: f64) {
+        pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(std::slice::from_mut(&mut self.1))[lane] = x;
+    }
+
+    /// The same number in every lane, of the kind of this one.
+    #[inline(always)]
+    pub(super) fn like(self, x: f64) -> Self {
+        Lanes::all(self.0, x)
+    }
+
+    #[inline(always)]
+    pub(super) fn sqrt(self) -> Self {
+        Lanes(self.0, self.0.sqrt_f64s(self.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn recip(self) -> Self {
+        self.like(1.0) / self
+    }
+
+    #[inline(always)]
+    pub(super) fn abs(self) -> Self {
+        Lanes(self.0, self.0.abs_f64s(self.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn less(self, other: Self) -> Mask<S> {
+        Mask(self.0, self.0.less_than_f64s(self.1, other.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn at_most(self, other: Self) -> Mask<S> {
+        Mask(self.0, self.0.less_than_or_equal_f64s(self.1, other.1))
+    }
+
+    /// The larger one; `other` where either is no number.
+    #[inline(always)]
+    pub(super) fn max(self, other: Self) -> Self {
+        other.less(self).select(self, other)
+    }
+
+    /// The smaller one; `other` where either is no number.
+    #[inline(always)]
+    pub(super) fn min(self, other: Self) -> Self {
+        self.less(other).select(self, other)
+    }
+
+    #[inline(always)]
+    pub(super) fn clamp(self, least: Self, most: Self) -> Self {
+        self.max(least).min(most)
+    }
+
+    /// Sine and cosine; to the last digits up to a hundred thousand turns.
+    #[inline(always)]
+    pub(super) fn sin_cos(self) -> (Self, Self) {
+        let round = self.like(ROUND);
+        let quarters = (self * self.like(std::f64::consts::FRAC_2_PI) + round) - round;
+        let x = (self - quarters * self.like(QUARTER.0)) - quarters * self.like(QUARTER.1);
+        let square = x * x;
+        let sine = x + x * square * polynomial(square, &SINE);
+        let cosine = (self.like(1.0) - square * self.like(0.5)) + square * square * polynomial(square, &COSINE);
+        // Which quarter it is: 0, 1/4, 1/2 or -1/2, -1/4.
+        let turns = quarters * self.like(0.25);
+        let quarter = turns - ((turns + round) - round);
+        let (early, late) = (self.like(0.125), self.like(0.375));
+        let odd = early.less(quarter.abs()).and(quarter.abs().less(late));
+        let half = late.less(quarter.abs());
+        let below = half.or(quarter.less(-early));
+        let left = half.or(early.less(quarter));
+        let (s, c) = (odd.select(cosine, sine), odd.select(sine, cosine));
+        (below.select(-s, s), left.select(-c, c))
+    }
+}
+
+#[inline(always)]
+fn polynomial<S: Simd>(x: Lanes<S>, coefficients: &[f64; 6]) -> Lanes<S> {
+    let mut sum = x.like(coefficients[5]);
+    for k in (0..5).rev() {
+        sum = sum * x + x.like(coefficients[k]);
+    }
+    sum
+}
+
+impl<S: Simd> Mask<S> {
+    #[inline(always)]
+    pub(super) fn select(self, yes: Lanes<S>, no: Lanes<S>) -> Lanes<S> {
+        Lanes(self.0, self.0.select_f64s(self.1, yes.1, no.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn select_vector(self, yes: &V3<S>, no: &V3<S>) -> V3<S> {
+        let mut chosen = *no;
+        for k in 0..3 {
+            chosen.0[k] = self.select(yes.0[k], no.0[k]);
+        }
+        chosen
+    }
+
+    #[inline(always)]
+    pub(super) fn and(self, other: Self) -> Self {
+        Mask(self.0, self.0.and_m64s(self.1, other.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn or(self, other: Self) -> Self {
+        Mask(self.0, self.0.or_m64s(self.1, other.1))
+    }
+
+    #[inline(always)]
+    pub(super) fn not(self) -> Self {
+        Mask(self.0, self.0.not_m64s(self.1))
+    }
+
+    /// Whether it is a yes for this one.
+    pub(super) fn lane(self, lane: usize) -> bool {
+        self.select(Lanes::all(self.0, 1.0), Lanes::zero(self.0)).lane(lane) > 0.5
+    }
+
+    /// Whether it is a yes for any.
+    #[inline(always)]
+    pub(super) fn any(self) -> bool {
+        self.0.first_true_m64s(self.1) < S::F64_LANES
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $simd:ident) => {
+        impl<S: Simd> $trait for Lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Lanes(self.0, self.0.$simd(self.1, other.1))
+            }
+        }
+    };
+}
+operator!(Add, add, add_f64s);
+operator!(Sub, sub, sub_f64s);
+operator!(Mul, mul, mul_f64s);
+operator!(Div, div, div_f64s);
+
+impl<S: Simd> Neg for Lanes<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Lanes(self.0, self.0.neg_f64s(self.1))
+    }
+}
+
+impl<S: Simd> Mul<f64> for Lanes<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, factor: f64) -> Self {
+        self * self.like(factor)
+    }
+}
+
+impl<S: Simd> AddAssign for Lanes<S> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<S: Simd> SubAssign for Lanes<S> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+/// A vector of each candidate.
+#[derive(Clone, Copy)]
+pub(super) struct V3<S: Simd>(pub(super) [Lanes<S>; 3]);
+
+/// A matrix of each candidate, row by row.
+#[derive(Clone, Copy)]
+pub(super) struct M3<S: Simd>(pub(super) [[Lanes<S>; 3]; 3]);
+
+impl<S: Simd> V3<S> {
+    #[inline(always)]
+    pub(super) fn zero(simd: S) -> Self {
+        V3([Lanes::zero(simd); 3])
+    }
+
+    pub(super) fn of(simd: S, vector: impl Fn(usize) -> Vector3<f64>) -> Self {
+        V3([0, 1, 2].map(|k| Lanes::of(simd, |lane| vector(lane)[k])))
+    }
+
+    /// The k-th axis.
+    #[inline(always)]
+    pub(super) fn axis(simd: S, k: usize) -> Self {
+        let mut axis = V3::zero(simd);
+        axis.0[k] = Lanes::all(simd, 1.0);
+        axis
+    }
+
+    pub(super) fn lane(&self, lane: usize) -> Vector3<f64> {
+        let [x, y, z] = &self.0;
+        Vector3::new(x.lane(lane), y.lane(lane), z.lane(lane))
+    }
+
+    pub(super) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
+        self.0.iter_mut().zip(vector.iter()).for_each(|(lanes, x)| lanes.set(lane, *x));
+    }
+
+    #[inline(always)]
+    pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
+        self.0[0] * other.0[0] + self.0[1] * other.0[1] + self.0[2] * other.0[2]
+    }
+
+    #[inline(always)]
+    pub(super) fn cross(&self, other: &Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        V3([b * z - c * y, c * x - a * z, a * y - b * x])
+    }
+
+    #[inline(always)]
+    pub(super) fn norm(&self) -> Lanes<S> {
+        self.dot(self).sqrt()
+    }
+
+    #[inline(always)]
+    pub(super) fn times(&self, factor: Lanes<S>) -> Self {
+        V3([self.0[0] * factor, self.0[1] * factor, self.0[2] * factor])
+    }
+}
+
+impl<S: Simd> Add for V3<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        V3([self.0[0] + other.0[0], self.0[1] + other.0[1], self.0[2] + other.0[2]])
+    }
+}
+
+impl<S: Simd> Sub for V3<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        V3([self.0[0] - other.0[0], self.0[1] - other.0[1], self.0[2] - other.0[2]])
+    }
+}
+
+impl<S: Simd> M3<S> {
+    pub(super) fn of(simd: S, matrix: impl Fn(usize) -> Matrix3<f64>) -> Self {
+        M3([0, 1, 2].map(|i| [0, 1, 2].map(|j| Lanes::of(simd, |lane| matrix(lane)[(i, j)]))))
+    }
+
+    #[inline(always)]
+    pub(super) fn identity(simd: S) -> Self {
+        M3([V3::axis(simd, 0).0, V3::axis(simd, 1).0, V3::axis(simd, 2).0])
+    }
+
+    #[inline(always)]
+    pub(super) fn row(&self, i: usize) -> V3<S> {
+        V3(self.0[i])
+    }
+
+    #[inline(always)]
+    pub(super) fn column(&self, j: usize) -> V3<S> {
+        V3([self.0[0][j], self.0[1][j], self.0[2][j]])
+    }
+
+    #[inline(always)]
+    pub(super) fn turn(&self, v: &V3<S>) -> V3<S> {
+        V3([self.row(0).dot(v), self.row(1).dot(v), self.row(2).dot(v)])
+    }
+
+    /// What the transposed matrix makes of a vector.
+    #[inline(always)]
+    pub(super) fn turn_back(&self, v: &V3<S>) -> V3<S> {
+        V3([self.column(0).dot(v), self.column(1).dot(v), self.column(2).dot(v)])
+    }
+
+    #[inline(always)]
+    pub(super) fn then(&self, other: &Self) -> Self {
+        let mut product = *self;
+        for i in 0..3 {
+            for j in 0..3 {
+                product.0[i][j] = self.row(i).dot(&other.column(j));
+            }
+        }
+        product
+    }
+}
