@@ -1,4 +1,4 @@
-"""btr beside MuJoCo: the same robots, servos, commands and time steps, one core each, in alternation.
+"""btr beside MuJoCo: the same robots, servos, commands and time steps, one core, in alternation.
 
     python3 -m venv venv && venv/bin/pip install mujoco
     venv/bin/python benches/beside_mujoco.py [--rounds 20]
@@ -6,12 +6,15 @@
 btr writes the robot as MJCF (masses, inertias, joints, rotor inertia, servos with their limits, shapes, floor) together
 with the log of its own run; MuJoCo starts where that log starts and gets the log's commands, step by step, inside
 `mujoco.rollout`, so no Python runs between its steps. Its integrator is `implicitfast`, all other settings are its
-defaults. btr's figure holds a whole rollout: world, controller, sensors, log. Processor time is counted, and both take
-turns, so other work on the machine falls on both; trust the ratio of medians rather than either figure alone. Every scene
-is shown with btr's own engine (auto) and with its reference (rapier).
+defaults. btr's figure holds whole rollouts: worlds, controllers, sensors, logs; of a single candidate, and of a population
+with other masses, which is simulated side by side. MuJoCo steps the candidates of a population one by one, so that one
+rollout tells its figure. Processor time is counted, and both take turns, so other work on the machine falls on both; trust
+the ratio of medians rather than either figure alone. Every scene is shown with btr's own engine (auto) and with its
+reference (rapier).
 
-Before any timing, the table's last columns say whether both did the same: how far the base moved along x in 2 s, and its
-height at the end over that at the start. Contacts are of different stiffness in all engines, so only roughly.
+Before any timing, the table's last columns say whether both did the same: how far the base moved along x, and its height at
+the end over that at the start; for a bolted robot, how far the joints' angles are apart at the end. Contacts are of
+different stiffness in all engines, so only roughly.
 """
 
 import argparse
@@ -29,11 +32,25 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 DURATION_S = 2.0
-SCENES = [("nao", 0.055 / 7), ("nao", 0.001), ("ant", 0.055 / 7)]
-ENGINES = ["auto", "rapier"]
-ROLLOUTS_PER_ROUND = 5
+# Robot, time step in s, candidates at once, engine.
+SCENES = [
+    ("nao", 0.001, 64, "auto"),
+    ("nao", 0.001, 1, "auto"),
+    ("nao", 0.001, 1, "rapier"),
+    ("nao", 0.055 / 7, 64, "auto"),
+    ("nao", 0.055 / 7, 1, "auto"),
+    ("ant", 0.001, 64, "auto"),
+    ("ant", 0.001, 1, "auto"),
+    ("ant", 0.001, 1, "rapier"),
+    ("arm", 0.001, 64, "auto"),
+    ("arm", 0.001, 1, "auto"),
+    ("arm", 0.001, 1, "rapier"),
+]
+ROLLOUTS_PER_ROUND = 2
 # Bases may end this far apart (m); a base below this share of its height has fallen.
 APART_M, FALLEN = 0.1, 0.7
+# ... and joints of a bolted robot this far (rad).
+APART_RAD = 0.01
 
 
 def example(name, *arguments):
@@ -45,8 +62,8 @@ def example(name, *arguments):
 class Scene:
     """A robot in MuJoCo and in one of btr's engines."""
 
-    def __init__(self, name, engine, dt_s, folder):
-        self.name, self.engine, self.dt_s = name, engine, dt_s
+    def __init__(self, name, dt_s, population, engine, folder):
+        self.name, self.dt_s, self.population, self.engine = name, dt_s, population, engine
         example("export_mjcf", name, engine, dt_s, DURATION_S, folder)
         self.model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
         self.data = mujoco.MjData(self.model)
@@ -58,14 +75,18 @@ class Scene:
 
     def start_state(self):
         """The log's first row as MuJoCo's full physics state."""
-        axes = ["x", "y", "z", "qw", "qx", "qy", "qz"]
-        self.data.qpos[:7] = [self.log[f"base_{axis}"][0] for axis in axes]
+        if self.floats():
+            axes = ["x", "y", "z", "qw", "qx", "qy", "qz"]
+            self.data.qpos[:7] = [self.log[f"base_{axis}"][0] for axis in axes]
         for joint in self.joints():
             self.data.joint(joint).qpos = self.log[f"q_{joint}"][0]
         spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
         state = np.empty(mujoco.mj_stateSize(self.model, spec))
         mujoco.mj_getState(self.model, self.data, state, spec)
         return state
+
+    def floats(self):
+        return "base_x" in self.log
 
     def joints(self):
         """The driven joints in the order of the actuators."""
@@ -80,7 +101,8 @@ class Scene:
         return mujoco.rollout.rollout(self.model, self.data, self.start, self.commands)[0][0]
 
     def time_btr(self):
-        printed = example("step_speed", self.name, self.engine, self.dt_s, DURATION_S, ROLLOUTS_PER_ROUND)
+        repetitions = 1 if self.population > 1 else ROLLOUTS_PER_ROUND
+        printed = example("step_speed", self.name, self.engine, self.dt_s, DURATION_S, repetitions, self.population)
         self.us["btr"] += [json.loads(line)["us_per_step"] for line in printed.splitlines()]
 
     def time_mujoco(self):
@@ -92,6 +114,9 @@ class Scene:
     def agreement(self):
         """How both moved, and whether that is the same."""
         last = self.mujoco_rollout()[-1]
+        if not self.floats():
+            apart = max(abs(self.log[f"q_{joint}"][-1] - q) for joint, q in zip(self.joints(), last[1:], strict=False))
+            return f"joints apart by {apart:.1e} rad  {'same' if apart < APART_RAD else 'DIFFERENT'}"
         x, _, z = last[1:4]
         start = {axis: self.log[f"base_{axis}"][0] for axis in "xyz"}
         end = {axis: self.log[f"base_{axis}"][-1] for axis in "xyz"}
@@ -104,25 +129,25 @@ class Scene:
     def row(self):
         cell = {engine: f"{min(us):7.1f} /{statistics.median(us):7.1f}" for engine, us in self.us.items()}
         ratio = statistics.median(self.us["btr"]) / statistics.median(self.us["MuJoCo"])
-        label = f"{self.name} {self.dt_s * 1e3:.3f} ms {self.engine}"
-        return f"{label:21}{cell['btr']:>18}{cell['MuJoCo']:>18}{ratio:8.2f}   {self.agreement()}"
+        label = f"{self.name} {self.dt_s * 1e3:.3f} ms {self.population:2} {self.engine}"
+        return f"{label:24}{cell['btr']:>18}{cell['MuJoCo']:>18}{1 / ratio:8.2f}   {self.agreement()}"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=20, help="rounds of 5 rollouts each (default: 20)")
+    parser.add_argument("--rounds", type=int, default=20, help="rounds of both, in alternation (default: 20)")
     rounds = parser.parse_args().rounds
     build = ["cargo", "build", "--release", "--quiet", "-p", "btr-physics", "--examples"]
     subprocess.run(build, cwd=ROOT, check=True)
     with tempfile.TemporaryDirectory() as folder:
-        scenes = [Scene(name, engine, dt_s, Path(folder)) for name, dt_s in SCENES for engine in ENGINES]
+        scenes = [Scene(*scene, Path(folder)) for scene in SCENES]
     for _ in range(rounds):
         for scene in scenes:
             scene.time_btr()
             scene.time_mujoco()
-    print(f"µs of processor time per step, minimum / median of {rounds * ROLLOUTS_PER_ROUND} rollouts of {DURATION_S:g} s; "
-          f"MuJoCo {mujoco.__version__}; base: btr/MuJoCo")
-    print(f"{'':21}{'btr':>18}{'MuJoCo':>18}{'ratio':>8}   moved along x, m  height  agreement")
+    print(f"µs of processor time per step and candidate, minimum / median of {rounds} rounds of rollouts of {DURATION_S:g} s; "
+          f"MuJoCo {mujoco.__version__}; moved and height: btr/MuJoCo")
+    print(f"{'':24}{'btr':>18}{'MuJoCo':>18}{'faster':>8}   moved along x, m  height  agreement")
     for scene in scenes:
         print(scene.row())
 

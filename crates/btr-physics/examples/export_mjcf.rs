@@ -1,4 +1,4 @@
-//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao> <auto|rapier> <dt in s> <duration in s> <folder>` puts
+//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao|arm> <auto|rapier> <dt in s> <duration in s> <folder>` puts
 //! `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run on that engine: commands, joint
 //! angles, base) there.
 //!
@@ -25,7 +25,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::new(name, engine, dt_s.parse()?, duration_s.parse()?)?;
     let folder = Path::new(folder);
     std::fs::write(folder.join("scene.xml"), to_mjcf(&scene.robot, &scene.setup))?;
-    write_log(&folder.join("log.csv"), &scene.run()?, &Meta::default())?;
+    for log in scene.run_all(1)? {
+        write_log(&folder.join("log.csv"), &log, &Meta::default())?;
+    }
     Ok(())
 }
 

@@ -181,6 +181,29 @@ pub fn simulate(
     simulate_led(robot, effects, setup, drive, noise_seed, unled())
 }
 
+/// A robot in its world, and what it is told.
+#[derive(Clone, Copy)]
+pub struct Candidate<'a> {
+    /// In its start state.
+    pub robot: &'a Robot,
+    /// What acts beside it.
+    pub effects: &'a [Placed],
+    /// Everything else about the run.
+    pub setup: &'a Setup,
+    /// What the joints are told.
+    pub drive: &'a dyn Drive,
+    /// For noisy sensors.
+    pub noise_seed: Option<u64>,
+}
+
+/// What [`simulate`] gives for each candidate, bit by bit, on the calling thread. Candidates that follow each other and only differ in
+/// numbers (of the robot, of effects, of the world) and in what they are told are simulated side by side in the machine's vector
+/// registers, as far as they run on the default engine and no joint's motion is prescribed: hand over eight or more at once.
+pub fn simulate_all(candidates: &[Candidate]) -> Vec<Result<Log, WorldError>> {
+    let runs = candidates.iter().map(|c| Run::new(c.robot, c.effects, c.setup, c.drive, c.noise_seed, unled()));
+    abreast::simulate_all(runs.collect())
+}
+
 /// The same where somebody may move the robot to another state: `lead` is called after every step with the time in s, once the
 /// sensors have been read; and once before the first.
 pub(crate) fn simulate_led(

@@ -1,15 +1,16 @@
-//! What is timed: the ant's tripod gait and the Nao's walk, with the sensors that the paper's robots have.
+//! What is timed: the ant's tripod gait and the Nao's walk, with the sensors that the paper's robots have, and an arm of four joints.
 
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_physics::ant;
 use btr_physics::drive::{Drive, MotionError, NaoWalk};
 use btr_physics::nao::{CONTROL_S, nao};
-use btr_physics::robot::{Actuator, Robot};
-use btr_physics::sim::{EngineName, Setup, simulate};
+use btr_physics::robot::{Actuator, Base, Joint, JointKind, Link, Robot};
+use btr_physics::sim::{Candidate, EngineName, Setup, simulate_all};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// The scenes by name.
-pub(crate) const NAMES: [&str; 2] = ["ant", "nao"];
+pub(crate) const NAMES: [&str; 3] = ["ant", "nao", "arm"];
 /// The physics engines as model files name them.
 pub(crate) const ENGINES: [&str; 2] = ["auto", "rapier"];
 
@@ -21,18 +22,38 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// The Nao for the name `nao`, else the ant; on the reference engine for `rapier`, else on the own one.
+    /// The Nao for the name `nao`, an arm for `arm`, else the ant; on the reference engine for `rapier`, else on the own one.
     pub(crate) fn new(name: &str, engine: &str, dt_s: f64, duration_s: f64) -> Result<Self, MotionError> {
         let engine = if engine == "rapier" { EngineName::Rapier } else { EngineName::Auto };
-        let setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, engine, ..Setup::default() };
-        let (mut robot, drive) = if name == "nao" { (nao(), walk(duration_s)?) } else { (ant(), tripod()) };
+        let mut setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, engine, ..Setup::default() };
+        let (mut robot, drive): (Robot, Box<dyn Drive>) = match name {
+            "nao" => (nao(), walk(duration_s)?),
+            "arm" => {
+                setup.ground = None;
+                (arm(), Box::new(Swing))
+            }
+            _ => (ant(), Box::new(ant::tripod())),
+        };
         drive.place(&mut robot);
         Ok(Scene { robot, setup, drive })
     }
 
-    /// Simulates it once, from building the world to the log, which has a sample per step and one before them.
-    pub(crate) fn run(&self) -> Result<Log, WorldError> {
-        simulate(&self.robot, &[], &self.setup, &*self.drive, None)
+    /// The robot with other masses, by up to a tenth: one of a population. The first has its own.
+    fn robot_of(&self, number: usize) -> Robot {
+        let mut robot = self.robot.clone();
+        for (i, link) in robot.links.iter_mut().enumerate() {
+            link.mass_kg *= 1.0 + 0.1 * ((number * (i + 1)) as f64).sin();
+        }
+        robot
+    }
+
+    /// Simulates a population of such robots at once, from building their worlds to their logs, which have a sample per step and one
+    /// before them.
+    pub(crate) fn run_all(&self, population: usize) -> Result<Vec<Log>, WorldError> {
+        let robots: Vec<Robot> = (0..population).map(|number| self.robot_of(number)).collect();
+        let candidate =
+            |robot| Candidate { robot, effects: &[], setup: &self.setup, drive: &*self.drive, noise_seed: None };
+        simulate_all(&robots.iter().map(candidate).collect::<Vec<_>>()).into_iter().collect()
     }
 }
 
@@ -41,8 +62,46 @@ fn walk(duration_s: f64) -> Result<Box<dyn Drive>, MotionError> {
     Ok(Box::new(NaoWalk::new(&nao(), &controller, duration_s)?))
 }
 
-fn tripod() -> Box<dyn Drive> {
-    Box::new(ant::tripod())
+/// Every joint swings, each at its own rate.
+struct Swing;
+
+impl Drive for Swing {
+    fn command(&self, time_s: f64, command: &mut [f64]) {
+        for (i, command) in command.iter_mut().enumerate() {
+            *command = 0.5 * ((2.0 + i as f64) * time_s).sin();
+        }
+    }
+}
+
+/// A bolted arm: a turret, two links that lift and one that rolls, with servos.
+fn arm() -> Robot {
+    let link = |number: usize, axis: Vector3<f64>, length_m: f64| {
+        let origin = Isometry3::translation(0.0, 0.0, if number == 1 { 0.1 } else { 0.2 });
+        let joint = Joint {
+            actuator: Actuator::Position { kp: 20.0, ki: 0.0, kd: 0.5, max_torque: f64::INFINITY },
+            armature: 0.002,
+            ..Joint::new(format!("joint{number}"), JointKind::Revolute, origin, axis)
+        };
+        Link {
+            name: format!("link{number}"),
+            parent: Some(number - 1),
+            joint,
+            mass_kg: 0.5,
+            com_m: Point3::new(0.01, 0.0, 0.5 * length_m),
+            inertia_kg_m2: Matrix3::from_diagonal(&Vector3::new(0.002, 0.002, 0.0004)),
+            shapes: Vec::new(),
+            foot: false,
+        }
+    };
+    let fixed = Joint::new("fixed", JointKind::Fixed, Isometry3::identity(), Vector3::z());
+    let base = Link { name: "base".to_owned(), parent: None, joint: fixed, ..link(1, Vector3::z(), 0.2) };
+    let (z, y) = (Vector3::z(), Vector3::y());
+    Robot {
+        name: "arm".to_owned(),
+        links: vec![base, link(1, z, 0.2), link(2, y, 0.2), link(3, y, 0.2), link(4, z, 0.1)],
+        base: Base::Fixed,
+        start: Isometry3::identity(),
+    }
 }
 
 /// The ant without the integral part of its servos, which MuJoCo's position servos do not have.
