@@ -93,8 +93,9 @@ impl<'a> Control<'a> {
     /// Takes in the references that are valid at `time_s`.
     pub(crate) fn listen(&mut self, time_s: f64) {
         self.reference.advance(time_s);
+        let share = self.reference.share(time_s);
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            joint.command = if joint.led { self.reference.led(i, time_s) } else { self.reference.last[i] };
+            joint.command = if joint.led { self.reference.led(i, share) } else { self.reference.last[i] };
         }
     }
 
@@ -104,18 +105,18 @@ impl<'a> Control<'a> {
             let states = engine.positions().iter().zip(engine.velocities());
             self.load = self.joints.iter().zip(states).map(|(joint, (q, dq))| joint.torque(*q, *dq).abs()).sum();
         }
-        let midway = engine.midway();
+        let (midway, leads) = (engine.midway(), engine.leads());
+        let (in_the_middle, at_the_end) =
+            (self.reference.share(time_s + 0.5 * self.dt_s), self.reference.share(time_s + self.dt_s));
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            let (q, dq) = (engine.positions()[i], engine.velocities()[i]);
+            let (q, dq) = engine.joint(i);
             let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
             // A prescribed joint shall be at its reference when the step ends.
             let command = match course {
                 Some(course) => course.to.value,
-                None if joint.motor.is_prescribed() => self.reference.led(i, time_s + self.dt_s),
+                None if joint.motor.is_prescribed() => self.reference.led(i, at_the_end),
                 // What a step solves for its middle is told what holds there; a digital servo reads at instants.
-                None if joint.led && midway && !joint.motor.is_sampled() => {
-                    self.reference.led(i, time_s + 0.5 * self.dt_s)
-                }
+                None if joint.led && midway && !joint.motor.is_sampled() => self.reference.led(i, in_the_middle),
                 None => joint.command,
             };
             let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
@@ -134,7 +135,7 @@ impl<'a> Control<'a> {
                 load,
                 command,
             };
-            let dof = match course.filter(|_| engine.leads()) {
+            let dof = match course.filter(|_| leads) {
                 Some(course) => joint.follow(course, &state),
                 None => joint.act(&state),
             };
@@ -216,10 +217,14 @@ impl<'a> Reference<'a> {
         Some(Course { from, to })
     }
 
-    /// The reference of joint `i` on the line from the last to the next one.
-    fn led(&self, i: usize, time_s: f64) -> f64 {
+    /// How much of the way from the last reference to the next one is gone.
+    fn share(&self, time_s: f64) -> f64 {
         // Before time zero it rests at the first one.
-        let share = (time_s / self.control_s - self.tick as f64).max(0.0);
+        (time_s / self.control_s - self.tick as f64).max(0.0)
+    }
+
+    /// The reference of joint `i` on the line from the last to the next one.
+    fn led(&self, i: usize, share: f64) -> f64 {
         self.last[i] + share * (self.next[i] - self.last[i])
     }
 }

@@ -76,6 +76,9 @@ impl MotorTorque {
     /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
     /// its bounds.
     pub fn saturated(&self, state: &JointState) -> Affine {
+        if self.limit.is_infinite() {
+            return self.wanted;
+        }
         let (q, dq) = self.wanted.step(state.q, state.dq, state.dt_s, state.inertia);
         let expected = self.wanted.at(q, dq);
         if expected.abs() <= self.limit {

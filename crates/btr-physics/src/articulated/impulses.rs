@@ -5,11 +5,14 @@
 //! Candidates side by side share their rows: a row is there if any of them needs it, and pushes nothing where it is not needed.
 //! Each candidate's sweeps end when its own velocities have settled.
 
+mod stick;
+
 use super::lanes::{Lanes, Mask, V3};
 use super::spatial::{push, solve_way, substitute};
 use super::touch::Touch;
 use super::tree::Tree;
 use pulp::Simd;
+use stick::Guess;
 
 /// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
 const IN_JOINTS: (usize, f64) = (60, 1e-13);
@@ -35,6 +38,9 @@ pub(super) struct Impulses<S: Simd> {
     /// The last impulses of everything that can touch: where the sweeps begin.
     known: Vec<[Lanes<S>; 3]>,
     change: Vec<Lanes<S>>,
+    guess: Guess<S>,
+    /// For whom the sweeps do not end, or did not when they were needed last.
+    hard: Mask<S>,
 }
 
 /// What a row pushes: everything on the ways to one or two degrees of freedom, none of which is on both.
@@ -91,6 +97,8 @@ impl<S: Simd> Impulses<S> {
             answers: Vec::new(),
             known: vec![[Lanes::zero(simd); 3]; slots],
             change: Vec::new(),
+            guess: Guess::new(),
+            hard: Lanes::zero(simd).less(Lanes::zero(simd)),
         }
     }
 
@@ -182,10 +190,14 @@ impl<S: Simd> Impulses<S> {
         let zero = Lanes::zero(self.simd);
         if self.rows.is_empty() {
             self.known.fill([zero; 3]);
+            self.hard = zero.less(zero);
             return;
         }
         self.prepare(tree);
-        self.sweep_until_settled();
+        let hard = self.hard.and(self.touching());
+        let stuck = if hard.any() { self.stick(hard) } else { hard };
+        self.begin(stuck, hard);
+        self.hard = stuck.or(self.sweep_until_settled(stuck.not()));
         self.known.fill([zero; 3]);
         for contact in &self.contacts {
             for k in 0..3 {
@@ -214,7 +226,7 @@ impl<S: Simd> Impulses<S> {
         self.known[slot][0]
     }
 
-    /// What rows do to each other, and the impulses to begin with.
+    /// What rows do to each other.
     #[inline(always)]
     fn prepare(&mut self, tree: &Tree<S>) {
         let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
@@ -245,10 +257,31 @@ impl<S: Simd> Impulses<S> {
             contact.stubborn = (self.answers[row * rows + row] + contact.law.softness).recip();
             let apart = ((a - c) * (a - c) * 0.25 + b * b).sqrt();
             contact.stubborn_across = ((a + c) * 0.5 + apart).recip();
+        }
+    }
+
+    /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
+    #[inline(always)]
+    fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
+        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
+        if !settled.not().any() {
+            return;
+        }
+        if tried.any() {
+            for (speed, alone) in self.speeds.iter_mut().zip(&self.guess.alone) {
+                *speed = settled.select(*speed, *alone);
+            }
+            for single in &self.singles {
+                self.impulses[single.row] = settled.select(self.impulses[single.row], zero);
+            }
+        }
+        for contact in &self.contacts {
             for k in 0..3 {
-                let impulse = contact.there.select(self.known[contact.slot][k], zero);
-                self.impulses[row + k] = impulse;
-                let answers = &self.answers[(row + k) * rows..(row + k + 1) * rows];
+                let row = contact.row + k;
+                let known = contact.there.select(self.known[contact.slot][k], zero);
+                self.impulses[row] = settled.select(self.impulses[row], known);
+                let impulse = settled.select(zero, known);
+                let answers = &self.answers[row * rows..(row + 1) * rows];
                 for (speed, &answer) in self.speeds.iter_mut().zip(answers) {
                     *speed += answer * impulse;
                 }
@@ -256,24 +289,34 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// Sweeps for each candidate until it has settled or may sweep no more.
+    /// Who touches anything.
     #[inline(always)]
-    fn sweep_until_settled(&mut self) {
+    fn touching(&self) -> Mask<S> {
         let zero = Lanes::zero(self.simd);
-        let one = zero.like(1.0);
-        let mut touching = one.less(zero);
+        let mut touching = zero.less(zero);
         for contact in &self.contacts {
             touching = touching.or(contact.there);
         }
+        touching
+    }
+
+    /// Sweeps for each candidate until it has settled or may sweep no more; gives back for whom there was no end.
+    #[inline(always)]
+    fn sweep_until_settled(&mut self, mut moving: Mask<S>) -> Mask<S> {
+        let zero = Lanes::zero(self.simd);
+        let touching = self.touching();
         let settled = touching.select(zero.like(TOUCHING.1), zero.like(IN_JOINTS.1));
         let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
-        let mut moving = zero.less(one);
-        let mut sweep = 0.0;
+        let (mut sweep, mut endless) = (0.0, zero.less(zero));
         while moving.any() {
             let largest = self.sweep(moving);
             sweep += 1.0;
-            moving = moving.and(largest.at_most(settled).not()).and(zero.like(sweep).less(sweeps));
+            moving = moving.and(largest.at_most(settled).not());
+            let last = sweeps.at_most(zero.like(sweep));
+            endless = endless.or(moving.and(last));
+            moving = moving.and(last.not());
         }
+        endless
     }
 
     /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for those that still
