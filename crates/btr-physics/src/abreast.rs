@@ -12,15 +12,16 @@ use crate::robot::Robot;
 use crate::sim::{EngineName, Setup, check, check_sampling, planted, sense};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
+use pulp::Arch;
 use std::borrow::Cow;
 
 /// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as many at a
 /// time as the machine has lanes; what comes out is the same as if each had been simulated alone.
 pub(crate) fn simulate_all(runs: Vec<Result<Run, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
-    let mut group: Vec<Run> = Vec::new();
+    let (most, mut group) = (at_most(), Vec::<Run>::new());
     for run in runs {
-        let joins = |run: &Run| group.len() < articulated::lanes() && group.iter().all(|first| first.is_like(run));
+        let joins = |run: &Run| group.len() < most && group.iter().all(|first| first.is_like(run));
         match run {
             Ok(run) if joins(&run) => group.push(run),
             Ok(run) => logs.extend(side_by_side(std::mem::replace(&mut group, vec![run]))),
@@ -42,8 +43,11 @@ pub(crate) fn at_most() -> usize {
 /// Runs that take equally many steps of equal length.
 fn side_by_side(runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
     let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
-    let engine = if runs.len() < articulated::WORTH_WHILE { None } else { articulated::engine_of_several(&candidates) };
-    match engine {
+    // Registers no wider than it takes.
+    let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
+    let arch = articulated::widths().into_iter().rfind(fits);
+    let worth_while = arch.filter(|_| runs.len() >= articulated::WORTH_WHILE);
+    match worth_while.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
         Some(mut engine) => together(engine.as_mut(), runs),
         None => runs.into_iter().flat_map(|run| together(run.engine().as_mut(), vec![run])).collect(),
     }
@@ -118,7 +122,7 @@ impl<'a> Run<'a> {
 
     fn prepare(&mut self, step: usize, engine: &mut dyn Dynamics) {
         self.control.act(step as f64 * self.setup.dt_s - self.setup.dt_s, engine);
-        if (step - 1) % self.every == 0 {
+        if (step - 1).is_multiple_of(self.every) {
             self.recorder.told(&self.control);
         }
         self.recorder.before_step(engine);
@@ -136,7 +140,7 @@ impl<'a> Run<'a> {
         if step == 1 {
             self.recorder.forces(engine, &self.control);
         }
-        if step % self.every == 0 {
+        if step.is_multiple_of(self.every) {
             self.recorder.state(engine, &self.control);
             if step > 0 {
                 self.recorder.forces(engine, &self.control);
@@ -269,10 +273,12 @@ mod tests {
             let alone: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
             assert!(alone.iter().enumerate().all(|(i, log)| log.is_err() == (i == TORN)), "{name}");
             let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, _)| (robot, setup)).collect();
-            for (lanes, engine) in articulated::engines_of_several() {
+            for arch in articulated::widths() {
+                let lanes = articulated::width(arch);
                 let few = |from: usize| from..(from + lanes).min(CANDIDATES);
                 let together = |from: usize| {
-                    together(engine(&worlds[few(from)]).as_mut(), scenes[few(from)].iter().map(run).collect())
+                    let mut engine = articulated::engine_of_several(arch, &worlds[few(from)]).unwrap();
+                    together(engine.as_mut(), scenes[few(from)].iter().map(run).collect())
                 };
                 let logs: Vec<_> = (0..CANDIDATES).step_by(lanes).flat_map(together).collect();
                 assert!(logs == alone, "{name} in {lanes} lanes");

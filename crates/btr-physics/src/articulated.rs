@@ -9,6 +9,10 @@
 //! the middle that the past predicts: second order. Joints so stiff that the rule would let them ring are advanced by
 //! backward Euler instead. Dry friction, joint limits and contacts are impulses within bounds. A contact is a spring and a
 //! damper that are solved for the step's end, and Coulomb friction that holds; a hard floor is a stiff one.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "what an iterator calls may be left out of line, where it is compiled for narrow registers"
+)]
 
 mod build;
 mod course;
@@ -18,9 +22,7 @@ mod spatial;
 mod touch;
 mod tree;
 
-#[cfg(test)]
-pub(crate) use build::engines_of_several;
-pub(crate) use build::{WORTH_WHILE, engine, engine_of_several, lanes};
+pub(crate) use build::{WORTH_WHILE, engine, engine_of_several, lanes, width, widths};
 
 use crate::engine::{BaseState, Course, Dof, Dynamics, State};
 use impulses::{Impulses, Law, separation};

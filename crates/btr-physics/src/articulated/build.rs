@@ -22,7 +22,21 @@ pub(crate) const WORTH_WHILE: usize = 2;
 
 /// How many candidates this machine can have side by side.
 pub(crate) fn lanes() -> usize {
-    match Arch::new() {
+    widths().first().map_or(1, |arch| width(*arch))
+}
+
+/// What the machine can do, the widest first; the last one has a single lane.
+pub(crate) fn widths() -> Vec<Arch> {
+    #[cfg(target_arch = "x86_64")]
+    let wide = [pulp::x86::V4::try_new().map(Arch::V4), pulp::x86::V3::try_new().map(Arch::V3)];
+    #[cfg(not(target_arch = "x86_64"))]
+    let wide = [None];
+    wide.into_iter().flatten().chain([Arch::Scalar]).collect()
+}
+
+/// How many lanes that has.
+pub(crate) fn width(arch: Arch) -> usize {
+    match arch {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(_) => pulp::x86::V4::F64_LANES,
         #[cfg(target_arch = "x86_64")]
@@ -36,46 +50,20 @@ pub(crate) fn engine(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
     Box::new(Articulated::new(Scalar::new(), Arch::new(), &[World::new(robot, setup)]))
 }
 
-/// The engine for as many candidates as are given, or fewer: those that come first, and as many as there are lanes. None where they
-/// are no robots of one kind.
-pub(crate) fn engine_of_several(candidates: &[(&Robot, &Setup)]) -> Option<Box<dyn Dynamics>> {
+/// The engine for several candidates, of which the first are taken that there are lanes for. None where they are no robots of one
+/// kind.
+pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> Option<Box<dyn Dynamics>> {
     let worlds: Vec<World> = candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect();
     let alike = worlds.iter().all(|world| world.is_like(&worlds[0]));
     alike.then(|| -> Box<dyn Dynamics> {
-        match Arch::new() {
+        match arch {
             #[cfg(target_arch = "x86_64")]
-            Arch::V4(simd) => Box::new(Articulated::new(simd, Arch::new(), &worlds)),
+            Arch::V4(simd) => Box::new(Articulated::new(simd, arch, &worlds)),
             #[cfg(target_arch = "x86_64")]
-            Arch::V3(simd) => Box::new(Articulated::new(simd, Arch::new(), &worlds)),
-            arch => Box::new(Articulated::new(Scalar::new(), arch, &worlds)),
+            Arch::V3(simd) => Box::new(Articulated::new(simd, arch, &worlds)),
+            _ => Box::new(Articulated::new(Scalar::new(), arch, &worlds)),
         }
     })
-}
-
-/// The engines for several candidates that this machine has, with their numbers of lanes.
-#[cfg(test)]
-pub(crate) fn engines_of_several() -> Vec<(usize, fn(&[(&Robot, &Setup)]) -> Box<dyn Dynamics>)> {
-    fn worlds(candidates: &[(&Robot, &Setup)]) -> Vec<World> {
-        candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect()
-    }
-    let mut engines: Vec<(usize, fn(&[(&Robot, &Setup)]) -> Box<dyn Dynamics>)> = Vec::new();
-    #[cfg(target_arch = "x86_64")]
-    {
-        use pulp::x86::{V3, V4};
-        if V3::try_new().is_some() {
-            engines.push((V3::F64_LANES, |few| {
-                Box::new(Articulated::new(V3::try_new().unwrap(), Arch::new(), &worlds(few)))
-            }));
-        }
-        if V4::try_new().is_some() {
-            engines.push((V4::F64_LANES, |few| {
-                Box::new(Articulated::new(V4::try_new().unwrap(), Arch::new(), &worlds(few)))
-            }));
-        }
-    }
-    // What a machine without wide registers does.
-    engines.push((1, |few| Box::new(Articulated::new(Scalar::new(), Arch::Scalar, &worlds(few)))));
-    engines
 }
 
 /// A robot in its world, number by number.

@@ -143,7 +143,7 @@ pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
         for (steps, &i) in above.iter().enumerate() {
             let share = matrix[k * n + i];
             for &j in &above[..=steps] {
-                matrix[i * n + j] = matrix[i * n + j] - share * matrix[k * n + j];
+                matrix[i * n + j] -= share * matrix[k * n + j];
             }
         }
     }
