@@ -236,6 +236,16 @@ impl<S: Simd> Articulated<S> {
         let (dt, s) = (self.dt_s, &mut self.scratch);
         let zero = Lanes::zero(self.simd);
         let (one, endless, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
+        // Most steps of most robots have nothing of the kind.
+        let mut stopped = zero.less(zero);
+        for i in 0..self.inner.len() {
+            let (next, q, limits) = (s.next[self.root + i], self.now.q[i], self.limits[i]);
+            let beyond = next.less((limits.0 - q) * per_s).or(((limits.1 - q) * per_s).less(next));
+            stopped = stopped.or(beyond).or(zero.less(self.inner[i].dry_friction));
+        }
+        if !stopped.any() {
+            return;
+        }
         for i in 0..self.inner.len() {
             if self.courses[i].is_some() {
                 continue;

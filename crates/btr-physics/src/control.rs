@@ -257,6 +257,9 @@ impl JointControl {
     }
 
     fn act(&mut self, state: &JointState) -> Dof {
+        if self.stations.is_empty() {
+            return self.drive(state);
+        }
         // What the servo sees: its own side of the transmission, and the command that reaches it.
         let mut servo = *state;
         for station in &mut self.stations {
@@ -282,6 +285,15 @@ impl JointControl {
         for station in &mut self.stations {
             station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
         }
+        dof.torque.add(&self.acting);
+        dof
+    }
+
+    /// The motor and nothing else.
+    fn drive(&mut self, state: &JointState) -> Dof {
+        self.acting = self.motor.torque(state).saturated(state);
+        self.told = self.motor.is_sampled().then(|| self.acting.at(state.q, state.dq));
+        let mut dof = self.passive;
         dof.torque.add(&self.acting);
         dof
     }

@@ -244,9 +244,9 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }
 
-/// Whether even the leader explains too little to be called an explanation.
+/// Whether even the leader leaves more than noise.
 fn leaves_much(bench: &Bench, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(Logs::Learn)) > EXPLAINED)
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(Logs::Learn)) > NOISE)
 }
 
 /// Those of the candidates `offered` that lead in whole logs, and who was screened for that.

@@ -75,7 +75,7 @@ impl<S: Simd> Impulses<S> {
         rows
     }
 
-    /// Everything that touches sticks; joints that could not be stopped rub.
+    /// What pushed sticks, what did not is away; joints that could not be stopped rub.
     #[inline(always)]
     fn guess(&mut self) {
         let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
@@ -110,7 +110,7 @@ impl<S: Simd> Impulses<S> {
             let share = loads / many.max(one) / load.max(loads * (1.0 / UNEVEN)).max(zero.like(f64::MIN_POSITIVE));
             let share = zero.less(loads).select(share.clamp(zero.like(UNEVEN.recip()), zero.like(UNEVEN)), one);
             for k in 0..3 {
-                g.free[row + k] = contact.there;
+                g.free[row + k] = contact.there.and(zero.less(load));
                 self.impulses[row + k] = zero;
                 let own = self.answers[(row + k) * rows + row + k];
                 g.costs[row + k] = if k == 0 { contact.law.softness + own * COST } else { own * share * ACROSS };
