@@ -6,6 +6,7 @@
 //! explains the error.
 
 mod beginning;
+mod judge;
 mod law;
 mod picture;
 mod race;
@@ -14,9 +15,10 @@ mod state;
 
 pub use law::ResidualLaw;
 
-use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
+use crate::fit::judge::{Measure, NOISE, chi};
 use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use beginning::from_beginnings;
+use judge::judge_rivals;
 use law::residual_law;
 use race::{Rival, last_chance, race};
 use screen::{Start, screen};
@@ -37,7 +39,7 @@ pub mod thresholds {
     /// Above this error what was found does not explain it.
     pub const EXPLAINED: f64 = 1.5;
 }
-use thresholds::{DECISIVE, EXPLAINED, HELD_OUT_FALL, LEARNT_FALL, TIE};
+use thresholds::{EXPLAINED, LEARNT_FALL};
 
 /// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
 const MODEST: f64 = 0.5;
@@ -300,77 +302,6 @@ fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
         first
     });
     rivals
-}
-
-/// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple ones the first of
-/// the library, so that what is the same by mechanics is always called the same. None where others fit decisively better that do
-/// not pass: then the logs to judge on contradict those to learn from.
-fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
-    let measure = Measure::of(bench, &rivals.first()?.fit);
-    rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
-    let before = measure.criterion(&state.fit);
-    let candidates = bench.family.candidates();
-    let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(bench, &r.fit.u));
-    let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
-    let ranked = |(r, squares): (&Rival, &Option<f64>)| Ranked {
-        name: candidates[r.candidate].name(),
-        train: chi(r.fit.squares(), bench.samples(Logs::Learn)),
-        held_out: squares.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
-        delta_bic: before - measure.criterion(&r.fit),
-    };
-    state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
-    // The best that the held-out logs confirm: one that fits by accident is passed over.
-    let confirmed = |squares: Option<f64>| {
-        state.held_out.is_none_or(|base| squares.is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base))
-    };
-    let passes = |(r, squares): &(&Rival, &Option<f64>)| {
-        let learnt = 1.0 - r.fit.squares() / state.fit.squares();
-        before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && confirmed(**squares)
-    };
-    let passing: Vec<&Rival> = rivals.iter().zip(&held_out).filter(passes).map(|(r, _)| r).collect();
-    let best = measure.criterion(&passing.first()?.fit);
-    if best - measure.criterion(&rivals.first()?.fit) > DECISIVE {
-        return None;
-    }
-    let leader = passing.first()?;
-    let inside = &candidates[leader.candidate].contains;
-    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_numbers(bench, &leader.fit, &r.fit);
-    let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
-    let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
-    let belief = |b: f64| (-(b - best) / 2.0).exp();
-    let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let own = if will_do(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
-    let alike: Vec<&Rival> = rivals
-        .iter()
-        .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
-        .collect();
-    if !alike.is_empty() {
-        state.rivals = [&winner].iter().chain(&alike).map(|r| (r.candidate, r.fit.u.clone())).collect();
-    }
-    let found = Found {
-        effect: candidates[winner.candidate].effect.clone(),
-        site: candidates[winner.candidate].site.clone(),
-        alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
-        probability: own / total,
-        delta_bic: before - measure.criterion(&winner.fit),
-        parameters: Vec::new(),
-        candidate: winner.candidate,
-    };
-    Some((winner, found))
-}
-
-/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is certain and
-/// makes next to none is more likely one between simulators than a law.
-fn earns_its_numbers(bench: &Bench, larger: &Fit, inside: &Fit) -> bool {
-    if chi(inside.squares(), bench.samples(Logs::Learn)) > NOISE {
-        return true;
-    }
-    let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
-    let on_held_out = || match (held_out_squares(bench, &inside.u), held_out_squares(bench, &larger.u)) {
-        (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
-        _ => true,
-    };
-    falls(inside.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(Logs::HeldOut).is_empty() || on_held_out())
 }
 
 fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {

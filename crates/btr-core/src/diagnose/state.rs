@@ -1,9 +1,10 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
+use super::judge::earns_its_numbers;
 use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{Found, Ranked, Rung, earns_its_numbers, leaves_something};
+use super::{Found, Ranked, Rung, leaves_something};
 use crate::fit::judge::{Measure, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 

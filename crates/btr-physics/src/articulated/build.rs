@@ -1,21 +1,18 @@
-//! Robots in their worlds as the engine needs them: bodies in a tree, shapes on them, the floor, the ball.
+//! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its lane.
 
 use super::impulses::Impulses;
-use super::lanes::{Lanes, M3, V3};
+use super::lanes::Lanes;
 use super::spatial::Symmetric;
 use super::touch::{self, Form, Hull, Round};
-use super::tree::{Body, Carrier, Pose, Posture, Tree};
+use super::tree::{Body, Pose, Posture, Tree};
+use super::vectors::{M3, V3};
+use super::world::{Plain, Shape, World};
 use super::{Articulated, Floor, Inner, Scratch, Seen};
-use crate::assemble;
 use crate::engine::Dynamics;
-use crate::robot::{Base, Geometry, JointKind, Robot};
-use crate::sim::{Compliance, Setup};
-use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use crate::robot::{Geometry, Robot};
+use crate::sim::Setup;
+use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
-use std::f64::consts::TAU;
-
-/// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
-const HARD_HZ: f64 = 30.0;
 
 /// So many candidates at least are simulated faster side by side than one after the other.
 pub(crate) const WORTH_WHILE: usize = 2;
@@ -64,152 +61,6 @@ pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> 
             _ => Box::new(Articulated::new(Scalar::new(), arch, &worlds)),
         }
     })
-}
-
-/// A robot in its world, number by number.
-struct World {
-    bodies: Vec<Plain>,
-    poses: Vec<Isometry3<f64>>,
-    start: Isometry3<f64>,
-    hulls: Vec<Shape>,
-    q: Vec<f64>,
-    dq: Vec<f64>,
-    limits: Vec<(f64, f64)>,
-    names: Vec<String>,
-    root: usize,
-    feet: usize,
-    mass_kg: f64,
-    setup: Setup,
-}
-
-/// A body of one robot; see [`Body`].
-struct Plain {
-    parent: Option<usize>,
-    carrier: Carrier,
-    /// In the joint's frame; nothing for free bodies.
-    axis: Vector3<f64>,
-    origin: Isometry3<f64>,
-    mass_kg: f64,
-    com_m: Vector3<f64>,
-    inertia_kg_m2: Matrix3<f64>,
-}
-
-/// A shape on a body of one robot; see [`Hull`].
-struct Shape {
-    body: usize,
-    foot: Option<usize>,
-    pose: Isometry3<f64>,
-    geometry: Geometry,
-}
-
-impl World {
-    fn new(robot: &Robot, setup: &Setup) -> Self {
-        let assembled = assemble::bodies(robot);
-        let floats = robot.base == Base::Floating;
-        let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
-        let mut bodies = carried(robot, &assembled);
-        let mut poses = if floats { vec![start] } else { Vec::new() };
-        if let Some(ball) = &setup.ball {
-            bodies.push(Plain::of_ball(ball.mass_kg, ball.radius_m, poses.len()));
-            poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
-        }
-        let joints = || robot.movable().map(|(_, link)| &link.joint);
-        let touchable = setup.ground.is_some() || setup.ball.is_some();
-        let many = joints().count();
-        let moving = setup.start_velocities.iter().copied().chain(std::iter::repeat(0.0));
-        World {
-            bodies,
-            poses,
-            start,
-            hulls: if touchable { shapes(robot, &assembled) } else { Vec::new() },
-            q: joints().map(|joint| joint.start).collect(),
-            dq: moving.take(many).collect(),
-            limits: joints().map(|joint| joint.limits).collect(),
-            names: joints().map(|joint| joint.name.clone()).collect(),
-            root: if floats { 6 } else { 0 },
-            feet: robot.links.iter().filter(|link| link.foot).count(),
-            mass_kg: robot.mass_kg(),
-            setup: setup.clone(),
-        }
-    }
-
-    /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
-    fn is_like(&self, other: &World) -> bool {
-        let body = |a: &Plain, b: &Plain| a.parent == b.parent && a.carrier == b.carrier;
-        let shape = |a: &Shape, b: &Shape| {
-            let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
-            a.body == b.body && a.foot == b.foot && form
-        };
-        let world = |s: &Setup| (s.dt_s.to_bits(), s.substeps, s.ground.is_some(), s.ball.is_some());
-        self.bodies.len() == other.bodies.len()
-            && self.hulls.len() == other.hulls.len()
-            && self.root == other.root
-            && world(&self.setup) == world(&other.setup)
-            && self.bodies.iter().zip(&other.bodies).all(|(a, b)| body(a, b))
-            && self.hulls.iter().zip(&other.hulls).all(|(a, b)| shape(a, b))
-    }
-
-    /// Stiffness and damping of the floor.
-    fn compliance(&self) -> Compliance {
-        let (mass, angular_frequency) = (self.mass_kg, TAU * HARD_HZ);
-        let hard = Compliance { stiffness: mass * angular_frequency.powi(2), damping: 2.0 * mass * angular_frequency };
-        self.setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard)
-    }
-}
-
-impl Plain {
-    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier, axis: Vector3<f64>) -> Self {
-        Plain {
-            parent,
-            carrier,
-            axis,
-            origin: body.origin,
-            mass_kg: body.mass_kg,
-            com_m: body.com_m.coords,
-            inertia_kg_m2: body.inertia_kg_m2,
-        }
-    }
-
-    fn of_ball(mass_kg: f64, radius_m: f64, pose: usize) -> Self {
-        Plain {
-            parent: None,
-            carrier: Carrier::Free { pose },
-            axis: Vector3::zeros(),
-            origin: Isometry3::identity(),
-            mass_kg,
-            com_m: Vector3::zeros(),
-            inertia_kg_m2: Matrix3::identity() * (0.4 * mass_kg * radius_m.powi(2)),
-        }
-    }
-}
-
-/// The bodies that can move: a root that is bolted down is none.
-fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Plain> {
-    let bolted = usize::from(robot.base == Base::Fixed);
-    let body = |(index, body): (usize, &assemble::Body)| {
-        let Some(joint) = index.checked_sub(1) else {
-            return Plain::new(body, None, Carrier::Free { pose: 0 }, Vector3::zeros());
-        };
-        let own = &robot.links[body.link].joint;
-        let carrier = match own.kind {
-            JointKind::Prismatic => Carrier::Slide { joint },
-            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint },
-        };
-        Plain::new(body, body.parent.checked_sub(bolted), carrier, own.axis.normalize())
-    };
-    assembled.iter().enumerate().skip(bolted).map(body).collect()
-}
-
-/// The shapes of the bodies that can move.
-fn shapes(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Shape> {
-    let bolted = usize::from(robot.base == Base::Fixed);
-    let foot =
-        |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
-    let moving = assembled.iter().skip(bolted).enumerate();
-    let all =
-        moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
-    all.map(|(body, link, shape)| Shape { body, foot: foot(link), pose: shape.pose, geometry: shape.geometry.clone() })
-        .collect()
 }
 
 impl<S: Simd> Articulated<S> {

@@ -6,21 +6,15 @@
 //! Each candidate's sweeps end when its own velocities have settled.
 
 mod stick;
+mod sweep;
 
-use super::lanes::{Lanes, Mask, V3};
+use super::lanes::{Lanes, Mask};
 use super::spatial::{push, solve_way, substitute};
 use super::touch::Touch;
 use super::tree::Tree;
+use super::vectors::V3;
 use pulp::Simd;
 use stick::Guess;
-
-/// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
-const IN_JOINTS: (usize, f64) = (60, 1e-13);
-/// The same with contacts: far below what any sensor sees. A sole that slides flat on its corners may share its load among them
-/// in many ways, and would be sorted out for ever.
-const TOUCHING: (usize, f64) = (25, 1e-8);
-/// Sweeps over the rows of one contact at a time.
-const SWEEPS_ALONE: usize = 2;
 
 /// All impulses of a step. Rows belong together: a contact has three.
 pub(super) struct Impulses<S: Simd> {
@@ -260,35 +254,6 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
-    #[inline(always)]
-    fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
-        if !settled.not().any() {
-            return;
-        }
-        if tried.any() {
-            for (speed, alone) in self.speeds.iter_mut().zip(&self.guess.alone) {
-                *speed = settled.select(*speed, *alone);
-            }
-            for single in &self.singles {
-                self.impulses[single.row] = settled.select(self.impulses[single.row], zero);
-            }
-        }
-        for contact in &self.contacts {
-            for k in 0..3 {
-                let row = contact.row + k;
-                let known = contact.there.select(self.known[contact.slot][k], zero);
-                self.impulses[row] = settled.select(self.impulses[row], known);
-                let impulse = settled.select(zero, known);
-                let answers = &self.answers[row * rows..(row + 1) * rows];
-                for (speed, &answer) in self.speeds.iter_mut().zip(answers) {
-                    *speed += answer * impulse;
-                }
-            }
-        }
-    }
-
     /// Who touches anything.
     #[inline(always)]
     fn touching(&self) -> Mask<S> {
@@ -298,102 +263,6 @@ impl<S: Simd> Impulses<S> {
             touching = touching.or(contact.there);
         }
         touching
-    }
-
-    /// Sweeps for each candidate until it has settled or may sweep no more; gives back for whom there was no end.
-    #[inline(always)]
-    fn sweep_until_settled(&mut self, mut moving: Mask<S>) -> Mask<S> {
-        let zero = Lanes::zero(self.simd);
-        let touching = self.touching();
-        let settled = touching.select(zero.like(TOUCHING.1), zero.like(IN_JOINTS.1));
-        let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
-        let (mut sweep, mut endless) = (0.0, zero.less(zero));
-        while moving.any() {
-            let largest = self.sweep(moving);
-            sweep += 1.0;
-            moving = moving.and(largest.at_most(settled).not());
-            let last = sweeps.at_most(zero.like(sweep));
-            endless = endless.or(moving.and(last));
-            moving = moving.and(last.not());
-        }
-        endless
-    }
-
-    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for those that still
-    /// are moving; gives back the largest relative change of a velocity.
-    #[inline(always)]
-    fn sweep(&mut self, moving: Mask<S>) -> Lanes<S> {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
-        let mut largest = zero;
-        for k in 0..self.singles.len() {
-            let Single { row, wanted, least, most } = self.singles[k];
-            let own = self.answers[row * rows + row];
-            let to = (self.impulses[row] + (wanted - self.speeds[row]) / own).clamp(least, most);
-            let change = moving.select(to - self.impulses[row], zero);
-            self.impulses[row] += change;
-            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[row * rows..(row + 1) * rows]) {
-                *speed += answer * change;
-            }
-            largest = largest.max(relative(change * own, self.speeds[row]));
-        }
-        for k in 0..self.contacts.len() {
-            let row = self.contacts[k].row;
-            let found = self.alone(&self.contacts[k]);
-            let mut change = found;
-            for k in 0..3 {
-                change[k] = moving.select(found[k] - self.impulses[row + k], zero);
-                self.impulses[row + k] += change[k];
-            }
-            let (first, rest) = self.answers[row * rows..(row + 3) * rows].split_at(rows);
-            let (second, third) = rest.split_at(rows);
-            for (((speed, &a), &b), &c) in self.speeds.iter_mut().zip(first).zip(second).zip(third) {
-                *speed += a * change[0] + b * change[1] + c * change[2];
-            }
-            for k in 0..3 {
-                let own = self.answers[(row + k) * rows + row + k];
-                largest = largest.max(relative(change[k] * own, self.speeds[row + k]));
-            }
-        }
-        largest
-    }
-
-    /// The impulses of a contact while all others stay: a few sweeps over its three rows, which lean on each other most.
-    #[inline(always)]
-    fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
-        let (rows, row, Law { wanted, softness, friction }) = (self.rows.len(), contact.row, contact.law);
-        let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
-        let mut own = [[zero; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                own[i][j] = self.answers[(row + i) * rows + row + j];
-            }
-        }
-        let mut speed = [self.speeds[row], self.speeds[row + 1], self.speeds[row + 2]];
-        let mut impulse = [self.impulses[row], self.impulses[row + 1], self.impulses[row + 2]];
-        for _ in 0..SWEEPS_ALONE {
-            let missing = wanted - speed[0] - softness * impulse[0];
-            let to = contact.there.select((impulse[0] + missing * contact.stubborn).max(zero), zero);
-            let change = to - impulse[0];
-            impulse[0] = to;
-            for i in 0..3 {
-                speed[i] += own[0][i] * change;
-            }
-            let most = friction * impulse[0];
-            let tried =
-                [impulse[1] - speed[1] * contact.stubborn_across, impulse[2] - speed[2] * contact.stubborn_across];
-            let square = tried[0] * tried[0] + tried[1] * tried[1];
-            let beyond = (most * most).less(square);
-            let shrink = beyond.select(most / beyond.select(square, one).sqrt(), one);
-            for k in 1..3 {
-                let to = tried[k - 1] * shrink;
-                let change = to - impulse[k];
-                impulse[k] = to;
-                for i in 0..3 {
-                    speed[i] += own[k][i] * change;
-                }
-            }
-        }
-        impulse
     }
 }
 
@@ -463,10 +332,4 @@ fn dot<S: Simd>(a: &[Lanes<S>], b: &[Lanes<S>], zero: Lanes<S>) -> Lanes<S> {
         at += 1;
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3])
-}
-
-/// A change of a velocity beside that velocity.
-#[inline(always)]
-fn relative<S: Simd>(change: Lanes<S>, speed: Lanes<S>) -> Lanes<S> {
-    change.abs() / (speed.like(1.0) + speed.abs())
 }

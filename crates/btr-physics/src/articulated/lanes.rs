@@ -4,7 +4,6 @@
 //! many are side by side. Nothing here may be a call that the compiler can leave out of line: what is compiled apart from
 //! [`Simd::vectorize`] knows nothing of the wide registers.
 
-use nalgebra::{Matrix3, Vector3};
 use pulp::Simd;
 use pulp::bytemuck::cast_slice;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -154,15 +153,6 @@ impl<S: Simd> Mask<S> {
     }
 
     #[inline(always)]
-    pub(super) fn select_vector(self, yes: &V3<S>, no: &V3<S>) -> V3<S> {
-        let mut chosen = *no;
-        for k in 0..3 {
-            chosen.0[k] = self.select(yes.0[k], no.0[k]);
-        }
-        chosen
-    }
-
-    #[inline(always)]
     pub(super) fn and(self, other: Self) -> Self {
         Mask(self.0, self.0.and_m64s(self.1, other.1))
     }
@@ -232,121 +222,5 @@ impl<S: Simd> SubAssign for Lanes<S> {
     #[inline(always)]
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
-    }
-}
-
-/// A vector of each candidate.
-#[derive(Clone, Copy)]
-pub(super) struct V3<S: Simd>(pub(super) [Lanes<S>; 3]);
-
-/// A matrix of each candidate, row by row.
-#[derive(Clone, Copy)]
-pub(super) struct M3<S: Simd>(pub(super) [[Lanes<S>; 3]; 3]);
-
-impl<S: Simd> V3<S> {
-    #[inline(always)]
-    pub(super) fn zero(simd: S) -> Self {
-        V3([Lanes::zero(simd); 3])
-    }
-
-    pub(super) fn of(simd: S, vector: impl Fn(usize) -> Vector3<f64>) -> Self {
-        V3([0, 1, 2].map(|k| Lanes::of(simd, |lane| vector(lane)[k])))
-    }
-
-    /// The k-th axis.
-    #[inline(always)]
-    pub(super) fn axis(simd: S, k: usize) -> Self {
-        let mut axis = V3::zero(simd);
-        axis.0[k] = Lanes::all(simd, 1.0);
-        axis
-    }
-
-    pub(super) fn lane(&self, lane: usize) -> Vector3<f64> {
-        let [x, y, z] = &self.0;
-        Vector3::new(x.lane(lane), y.lane(lane), z.lane(lane))
-    }
-
-    pub(super) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
-        self.0.iter_mut().zip(vector.iter()).for_each(|(lanes, x)| lanes.set(lane, *x));
-    }
-
-    #[inline(always)]
-    pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
-        self.0[0] * other.0[0] + self.0[1] * other.0[1] + self.0[2] * other.0[2]
-    }
-
-    #[inline(always)]
-    pub(super) fn cross(&self, other: &Self) -> Self {
-        let ([a, b, c], [x, y, z]) = (self.0, other.0);
-        V3([b * z - c * y, c * x - a * z, a * y - b * x])
-    }
-
-    #[inline(always)]
-    pub(super) fn norm(&self) -> Lanes<S> {
-        self.dot(self).sqrt()
-    }
-
-    #[inline(always)]
-    pub(super) fn times(&self, factor: Lanes<S>) -> Self {
-        V3([self.0[0] * factor, self.0[1] * factor, self.0[2] * factor])
-    }
-}
-
-impl<S: Simd> Add for V3<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        V3([self.0[0] + other.0[0], self.0[1] + other.0[1], self.0[2] + other.0[2]])
-    }
-}
-
-impl<S: Simd> Sub for V3<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        V3([self.0[0] - other.0[0], self.0[1] - other.0[1], self.0[2] - other.0[2]])
-    }
-}
-
-impl<S: Simd> M3<S> {
-    pub(super) fn of(simd: S, matrix: impl Fn(usize) -> Matrix3<f64>) -> Self {
-        M3([0, 1, 2].map(|i| [0, 1, 2].map(|j| Lanes::of(simd, |lane| matrix(lane)[(i, j)]))))
-    }
-
-    #[inline(always)]
-    pub(super) fn identity(simd: S) -> Self {
-        M3([V3::axis(simd, 0).0, V3::axis(simd, 1).0, V3::axis(simd, 2).0])
-    }
-
-    #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> V3<S> {
-        V3(self.0[i])
-    }
-
-    #[inline(always)]
-    pub(super) fn column(&self, j: usize) -> V3<S> {
-        V3([self.0[0][j], self.0[1][j], self.0[2][j]])
-    }
-
-    #[inline(always)]
-    pub(super) fn turn(&self, v: &V3<S>) -> V3<S> {
-        V3([self.row(0).dot(v), self.row(1).dot(v), self.row(2).dot(v)])
-    }
-
-    /// What the transposed matrix makes of a vector.
-    #[inline(always)]
-    pub(super) fn turn_back(&self, v: &V3<S>) -> V3<S> {
-        V3([self.column(0).dot(v), self.column(1).dot(v), self.column(2).dot(v)])
-    }
-
-    #[inline(always)]
-    pub(super) fn then(&self, other: &Self) -> Self {
-        let mut product = *self;
-        for i in 0..3 {
-            for j in 0..3 {
-                product.0[i][j] = self.row(i).dot(&other.column(j));
-            }
-        }
-        product
     }
 }

@@ -1,6 +1,7 @@
 //! Spatial quantities in the world's axes about one point, and the linear algebra of a tree's inertia matrix.
 
-use super::lanes::{Lanes, M3, V3};
+use super::lanes::Lanes;
+use super::vectors::{M3, V3};
 use pulp::Simd;
 
 /// A motion or a force in Pluecker coordinates about one point: angular part (moment), linear part (force).

@@ -1,8 +1,9 @@
 //! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane, and what
 //! is nearest to a ball's centre is known for every primitive.
 
-use super::lanes::{Lanes, M3, Mask, V3};
+use super::lanes::{Lanes, Mask};
 use super::tree::Tree;
+use super::vectors::{M3, V3};
 use pulp::Simd;
 
 /// Points of one shape that may touch at the same time.
@@ -214,8 +215,8 @@ fn touch_ball<S: Simd>(
     if there.any() {
         let share = outside.select(distance, Lanes::all(simd, 1.0)).recip();
         // Who does not touch needs numbers there all the same.
-        let normal = there.select_vector(&away.times(share), &V3::axis(simd, 2));
-        let (point, depth) = (there.select_vector(&point, &middle), ball.radius - distance);
+        let normal = V3::select(there, &away.times(share), &V3::axis(simd, 2));
+        let (point, depth) = (V3::select(there, &point, &middle), ball.radius - distance);
         let slot = number * (POINTS + 1) + POINTS;
         let (hull, body, other) = (Some(number), hull.body, Some(ball.body));
         touches.push(Touch { hull, body, other, point, normal, depth, slot, there });

@@ -1,7 +1,8 @@
 //! The robot as a tree of bodies: where they are, what they weigh, what each joint has to carry.
 
-use super::lanes::{Lanes, M3, V3};
+use super::lanes::Lanes;
 use super::spatial::{Inertia, Spatial, Symmetric};
+use super::vectors::{M3, V3};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 use pulp::Simd;
 
