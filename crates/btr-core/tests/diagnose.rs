@@ -249,3 +249,25 @@ fn nothing_is_called_unexplained_before_everybody_was_tried() {
     let diagnosis = Made::new(&effects, &truth, motion).diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
 }
+
+#[test]
+fn on_the_ground_a_leader_that_leaves_much_is_tried_in_other_places() {
+    // Everybody else seems to know more of the first two logs, and nothing of the one to judge on.
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let known = if log == 2 { 0.0 } else { 0.8 };
+        let other = |i: usize| known * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
+        u[0] * swing(3.0, log, t) + (1..18).map(|i| u[i] * other(i)).sum::<f64>() + 0.3 * u[18] * swing(5.0, log, t)
+    };
+    let effects: Vec<String> = (1..18).map(|i| format!("other{i}")).chain(["payload".to_owned()]).collect();
+    let names_of: Vec<&str> = effects.iter().map(String::as_str).collect();
+    let mut truth = vec![0.0; 19];
+    truth[18] = 30.0;
+    let mut made = Made { contact: true, ..Made::new(&names_of, &truth, motion) };
+    assert_ne!(made.diagnosis().verdict, Verdict::EffectMissing, "nobody of the same name leads");
+    for (place, candidate) in made.candidates.iter_mut().enumerate() {
+        (candidate.effect, candidate.site) = ("payload".to_owned(), format!("place {place}"));
+    }
+    let diagnosis = made.diagnosis();
+    let found = &diagnosis.effects[0];
+    assert_eq!((diagnosis.verdict, &*found.site), (Verdict::EffectMissing, "place 17"));
+}

@@ -235,15 +235,34 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         let others = race(bench, &bases, &starts, Some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
+    if bench.family.has_contact() {
+        let rivals = with_other_sites(bench, state, rivals, &offered);
+        return judge_rivals(bench, state, rivals);
+    }
     let judged = judge_rivals(bench, state, rivals.clone());
-    if judged.is_some() || bench.family.has_contact() || !leaves_much(bench, &rivals) {
+    if judged.is_some() || !leaves_much(bench, &rivals) {
         return judged;
     }
-    let fitted = |candidate: &&usize| rivals.iter().any(|rival| rival.candidate == **candidate);
-    let others: Vec<usize> = offered.iter().filter(|c| !fitted(c)).copied().collect();
+    let others = not_fitted(&rivals, &offered);
     let late = last_chance(bench, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
+}
+
+/// Where a robot may tip over, probes tell an effect rather than its place: what the leader leaves may be because it sits elsewhere.
+fn with_other_sites(bench: &Bench, state: &State, rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
+    let candidates = bench.family.candidates();
+    let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) else { return rivals };
+    let same = |candidate: &usize| candidates[*candidate].effect == candidates[leader.candidate].effect;
+    let elsewhere: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
+    let base = beneath(bench, leader, state).unwrap_or_else(|| state.fit.clone());
+    let late = last_chance(bench, &base, &elsewhere, &leader.fit);
+    best_of_each(rivals.into_iter().chain(late).collect())
+}
+
+fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
+    let fitted = |candidate: &&usize| rivals.iter().any(|rival| rival.candidate == **candidate);
+    offered.iter().filter(|candidate| !fitted(candidate)).copied().collect()
 }
 
 /// Whether even the leader leaves more than noise.
