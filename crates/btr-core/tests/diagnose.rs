@@ -234,9 +234,9 @@ fn a_larger_law_must_earn_its_numbers() {
     assert_eq!(names(&with_a_larger_law(0.7)), ["larger"]);
 }
 
-#[test]
-fn nothing_is_called_unexplained_before_everybody_was_tried() {
-    // Everyone else seems to know more of the first two logs than a small lift does, and nothing of the one to judge on.
+/// Seventeen who seem to know more of the first two logs than a small lift does, and nothing of the one to judge on; and that lift,
+/// many times its usual size, which is what is there.
+fn beside_pretenders() -> Made {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
         let known = if log == 2 { 0.0 } else { 0.8 };
         let other = |i: usize| known * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
@@ -246,23 +246,18 @@ fn nothing_is_called_unexplained_before_everybody_was_tried() {
     let effects: Vec<&str> = others.iter().map(String::as_str).chain(["lift"]).collect();
     let mut truth = vec![0.0; 19];
     truth[18] = 30.0;
-    let diagnosis = Made::new(&effects, &truth, motion).diagnosis();
+    Made::new(&effects, &truth, motion)
+}
+
+#[test]
+fn in_the_air_nothing_is_called_unexplained_before_everybody_was_tried() {
+    let diagnosis = beside_pretenders().diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
 }
 
 #[test]
 fn on_the_ground_a_leader_that_leaves_much_is_tried_in_other_places() {
-    // Everybody else seems to know more of the first two logs, and nothing of the one to judge on.
-    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
-        let known = if log == 2 { 0.0 } else { 0.8 };
-        let other = |i: usize| known * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
-        u[0] * swing(3.0, log, t) + (1..18).map(|i| u[i] * other(i)).sum::<f64>() + 0.3 * u[18] * swing(5.0, log, t)
-    };
-    let effects: Vec<String> = (1..18).map(|i| format!("other{i}")).chain(["payload".to_owned()]).collect();
-    let names_of: Vec<&str> = effects.iter().map(String::as_str).collect();
-    let mut truth = vec![0.0; 19];
-    truth[18] = 30.0;
-    let mut made = Made { contact: true, ..Made::new(&names_of, &truth, motion) };
+    let mut made = Made { contact: true, ..beside_pretenders() };
     assert_ne!(made.diagnosis().verdict, Verdict::EffectMissing, "nobody of the same name leads");
     for (place, candidate) in made.candidates.iter_mut().enumerate() {
         (candidate.effect, candidate.site) = ("payload".to_owned(), format!("place {place}"));

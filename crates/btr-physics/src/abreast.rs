@@ -45,9 +45,8 @@ fn side_by_side(runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
     let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
     // Registers no wider than it takes.
     let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
-    let arch = articulated::widths().into_iter().rfind(fits);
-    let worth_while = arch.filter(|_| runs.len() >= articulated::WORTH_WHILE);
-    match worth_while.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
+    let arch = articulated::widths().into_iter().rfind(fits).filter(|_| runs.len() > 1);
+    match arch.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
         Some(mut engine) => together(engine.as_mut(), runs),
         None => runs.into_iter().flat_map(|run| together(run.engine().as_mut(), vec![run])).collect(),
     }
@@ -162,10 +161,13 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on.
+/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are any.
 pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
     rest(engine, &mut runs);
     for step in 0..=runs.first().map_or(0, Run::steps) {
+        if runs.iter().all(|run| run.failed.is_some()) {
+            break;
+        }
         if step > 0 {
             each(engine, &mut runs, &mut |run, engine| run.prepare(step, engine));
             engine.step();

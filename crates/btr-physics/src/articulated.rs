@@ -25,7 +25,7 @@ mod tree;
 mod vectors;
 mod world;
 
-pub(crate) use build::{WORTH_WHILE, engine, engine_of_several, lanes, width, widths};
+pub(crate) use build::{engine, engine_of_several, lanes, width, widths};
 
 use crate::engine::{BaseState, Course, Dof, Dynamics, State};
 use impulses::Impulses;
@@ -33,6 +33,7 @@ use lanes::{Lanes, Mask};
 use nalgebra::{Isometry3, Point3, Vector3};
 use pulp::{Arch, NullaryFnOnce, Simd};
 use spatial::{factorise, solve};
+use std::ops::Range;
 use touch::{Hull, Round, Touch};
 use tree::{Posture, Tree};
 use vectors::V3;
@@ -219,6 +220,13 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
+    /// The lanes of the candidate that is spoken of: the last one has all that are left, and does the same in each. Left to
+    /// themselves they would fall over, and everybody would wait for them.
+    fn spoken_of(&self) -> Range<usize> {
+        let last = self.lane + 1 == self.seen.len();
+        self.lane..if last { S::F64_LANES } else { self.lane + 1 }
+    }
+
     /// What can be seen of every candidate after a step.
     #[inline(always)]
     fn look(&mut self) {
@@ -254,31 +262,34 @@ impl<S: Simd> Dynamics for Articulated<S> {
     }
 
     fn place(&mut self, state: &State) {
-        let lane = self.lane;
         let root = [state.base.angular_rad_s, state.base.velocity_m_s];
         let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
-        let wanted = root.chain(state.joints.iter().map(|&(_, dq)| dq));
-        for ((now, before), wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(wanted) {
-            // Where nothing jumps, what the velocity was before goes on counting.
-            before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
-            now.set(lane, wanted);
-        }
-        for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
-            now.set(lane, q);
-        }
-        if self.root > 0 {
-            self.now.poses[0].set(lane, &state.base.pose);
+        let wanted: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();
+        for lane in self.spoken_of() {
+            for ((now, before), &wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(&wanted) {
+                // Where nothing jumps, what the velocity was before goes on counting.
+                before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
+                now.set(lane, wanted);
+            }
+            for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
+                now.set(lane, q);
+            }
+            if self.root > 0 {
+                self.now.poses[0].set(lane, &state.base.pose);
+            }
         }
         self.look();
     }
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
-        let (lane, inner) = (self.lane, &mut self.inner[joint]);
-        inner.constant.set(lane, dof.torque.constant);
-        inner.stiffness.set(lane, dof.torque.stiffness);
-        inner.damping.set(lane, dof.torque.damping);
-        inner.dry_friction.set(lane, dof.dry_friction);
-        inner.armature.set(lane, dof.armature);
+        for lane in self.spoken_of() {
+            let inner = &mut self.inner[joint];
+            inner.constant.set(lane, dof.torque.constant);
+            inner.stiffness.set(lane, dof.torque.stiffness);
+            inner.damping.set(lane, dof.torque.damping);
+            inner.dry_friction.set(lane, dof.dry_friction);
+            inner.armature.set(lane, dof.armature);
+        }
         self.courses[joint] = dof.course;
     }
 

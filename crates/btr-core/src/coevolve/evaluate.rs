@@ -72,9 +72,8 @@ pub(super) fn distances(
         return vec![Vec::new(); simulations.len()];
     }
     let results = beside(simulator, simulations, tests, |real, simulated| distance.distance(real, simulated));
-    let failed = || f64::INFINITY;
     let results: Vec<Result<f64, WorldError>> =
-        results.into_iter().map(|r| r.map(|d| d.unwrap_or_else(failed))).collect();
+        results.into_iter().map(|r| r.map(|d| d.unwrap_or(f64::INFINITY))).collect();
     cost.count(&results);
     results
         .chunks(tests.len())

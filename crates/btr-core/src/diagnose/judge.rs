@@ -64,8 +64,8 @@ pub(super) fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Riv
     Some((winner, found))
 }
 
-/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is certain and
-/// makes next to none is more likely one between simulators than a law.
+/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
+/// certain and makes next to none is more likely one between simulators than a law.
 pub(super) fn earns_its_numbers(bench: &Bench, larger: &Fit, inside: &Fit) -> bool {
     if chi(inside.squares(), bench.samples(Logs::Learn)) > NOISE {
         return true;

@@ -14,9 +14,6 @@ use crate::sim::Setup;
 use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
 
-/// So many candidates at least are simulated faster side by side than one after the other.
-pub(crate) const WORTH_WHILE: usize = 2;
-
 /// How many candidates this machine can have side by side.
 pub(crate) fn lanes() -> usize {
     widths().first().map_or(1, |arch| width(*arch))
@@ -225,6 +222,40 @@ impl<S: Simd> Scratch<S> {
             share: vec![zero; n],
             touches: Vec::new(),
             known: Vec::with_capacity(n),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ant;
+    use crate::engine::{Affine, Dof};
+
+    /// Two ants, of which only the second one gives way to its weight.
+    fn two_ants<S: Simd>(simd: S, arch: Arch) {
+        let (robot, setup) = (ant::ant(), Setup::default());
+        let mut engine = Articulated::new(simd, arch, &[World::new(&robot, &setup), World::new(&robot, &setup)]);
+        for lane in 0..2 {
+            engine.turn_to(lane);
+            let torque = Affine { stiffness: 20.0 / (1.0 + 99.0 * lane as f64), damping: 0.1, constant: 0.0 };
+            (0..engine.inner.len()).for_each(|joint| engine.set_joint(joint, &Dof { torque, ..Dof::default() }));
+        }
+        (0..100).for_each(|_| engine.step());
+        let differ = |a: usize, b: usize| engine.now.q.iter().any(|q| q.lane(a) != q.lane(b));
+        assert!(differ(0, 1) && (2..S::F64_LANES).all(|lane| !differ(1, lane)), "{arch:?}");
+    }
+
+    #[test]
+    fn lanes_without_a_candidate_do_as_the_last_one_does() {
+        for arch in widths() {
+            match arch {
+                #[cfg(target_arch = "x86_64")]
+                Arch::V4(simd) => two_ants(simd, arch),
+                #[cfg(target_arch = "x86_64")]
+                Arch::V3(simd) => two_ants(simd, arch),
+                _ => {}
+            }
         }
     }
 }

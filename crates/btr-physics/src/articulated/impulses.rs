@@ -1,6 +1,6 @@
 //! Impulses within bounds: dry friction in the joints, joint limits, contacts. Velocities at the step's end obey the laws
-//! (time stepping after J. J. Moreau), and impulses are found one after the other, sweep by sweep (projected Gauss-Seidel) on
-//! what each does to the others.
+//! (time stepping after J. J. Moreau), and impulses are found on what each does to the others: one after the other, sweep by sweep
+//! (sweep.rs), or, for whom that takes for ever, all at once (stick.rs).
 //!
 //! Candidates side by side share their rows: a row is there if any of them needs it, and pushes nothing where it is not needed.
 //! Each candidate's sweeps end when its own velocities have settled.
@@ -45,6 +45,7 @@ struct Row {
 }
 
 /// A bounded impulse on one joint.
+#[derive(Clone, Copy)]
 struct Single<S: Simd> {
     row: usize,
     /// The velocity that it tries to bring about.
@@ -265,13 +266,6 @@ impl<S: Simd> Impulses<S> {
         touching
     }
 }
-
-impl<S: Simd> Clone for Single<S> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<S: Simd> Copy for Single<S> {}
 
 /// The speed at which two bodies separate where they touch.
 #[inline(always)]

@@ -88,6 +88,8 @@ impl World {
         self.bodies.len() == other.bodies.len()
             && self.hulls.len() == other.hulls.len()
             && self.root == other.root
+            && self.feet == other.feet
+            && self.names == other.names
             && world(&self.setup) == world(&other.setup)
             && self.bodies.iter().zip(&other.bodies).all(|(a, b)| body(a, b))
             && self.hulls.iter().zip(&other.hulls).all(|(a, b)| shape(a, b))
