@@ -16,6 +16,7 @@
 
 mod build;
 mod course;
+mod forward;
 mod impulses;
 mod lanes;
 mod spatial;
@@ -26,6 +27,7 @@ mod vectors;
 mod world;
 
 pub(crate) use build::{engine, engine_of_several, lanes, width, widths};
+pub use forward::forward_dynamics;
 
 use crate::engine::{BaseState, Course, Dof, Dynamics, State};
 use impulses::Impulses;

@@ -1,5 +1,7 @@
 //! The simulation loop: a robot, what is put into its world, a drive; out comes a log.
 
+pub use crate::articulated::forward_dynamics;
+
 use crate::abreast::{self, Lead, Run, unled};
 use crate::drive::Drive;
 use crate::effect::{Placed, SiteKind};

@@ -62,7 +62,7 @@ pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> 
 
 impl<S: Simd> Articulated<S> {
     /// Robots of one kind in their start states; where there are fewer than lanes, the last one stands in.
-    fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
+    pub(super) fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
         let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
         let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];
         let (one, lanes) = (at(0), |number: &dyn Fn(&World) -> f64| Lanes::of(simd, |lane| number(at(lane))));

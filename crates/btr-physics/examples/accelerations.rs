@@ -1,0 +1,59 @@
+//! Forward dynamics of states that it is told: `accelerations <ant|nao|file.urdf>` prints the names of the joints as a JSON list,
+//! then for every line of its input, a state as JSON, the accelerations: of the root where it floats (angular, linear, world's
+//! axes), then of the joints.
+
+use btr_physics::ant::ant;
+use btr_physics::engine::{BaseState, State};
+use btr_physics::nao::nao;
+use btr_physics::robot::Base;
+use btr_physics::sim::{Setup, forward_dynamics};
+use btr_physics::urdf::load_urdf;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+use std::error::Error;
+use std::io::BufRead;
+use std::path::Path;
+
+/// What is read: SI units, the quaternion's real part first.
+#[derive(Deserialize)]
+struct Told {
+    base: [f64; 3],
+    turn: [f64; 4],
+    velocity: [f64; 3],
+    angular: [f64; 3],
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    torques: Vec<f64>,
+}
+
+impl Told {
+    fn state(&self) -> State {
+        let [w, x, y, z] = self.turn;
+        let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        State {
+            joints: self.q.iter().copied().zip(self.dq.iter().copied()).collect(),
+            base: BaseState {
+                pose: Isometry3::from_parts(Translation3::from(Vector3::from(self.base)), turn),
+                velocity_m_s: Vector3::from(self.velocity),
+                angular_rad_s: Vector3::from(self.angular),
+            },
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let name = std::env::args().nth(1).ok_or("usage: accelerations <ant|nao|file.urdf>")?;
+    let robot = match name.as_str() {
+        "ant" => ant(),
+        "nao" => nao(),
+        file => load_urdf(Path::new(file), Base::Fixed)?.0,
+    };
+    let joints: Vec<&str> = robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
+    println!("{}", serde_json::json!(joints));
+    for line in std::io::stdin().lock().lines() {
+        let told: Told = serde_json::from_str(&line?)?;
+        let accelerations = forward_dynamics(&robot, Setup::default().gravity_m_s2, &told.state(), &told.torques);
+        println!("{}", serde_json::json!(accelerations));
+    }
+    Ok(())
+}
