@@ -9,7 +9,7 @@ use btr_physics::sim::{EngineName, Setup};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use proptest::prelude::*;
 
-fn link(name: &str, parent: Option<usize>, joint: Joint, mass_kg: f64, com: [f64; 3]) -> Link {
+pub(crate) fn link(name: &str, parent: Option<usize>, joint: Joint, mass_kg: f64, com: [f64; 3]) -> Link {
     let inertia_kg_m2 = Matrix3::from_diagonal(&Vector3::new(2.0, 3.0, 4.0)) * (mass_kg * 1e-3);
     Link {
         name: name.to_owned(),
@@ -24,7 +24,7 @@ fn link(name: &str, parent: Option<usize>, joint: Joint, mass_kg: f64, com: [f64
 }
 
 /// Two hinges askew with a slide on top, and a second arm on the first link.
-fn tree(actuator: &Actuator) -> Robot {
+pub(crate) fn tree(actuator: &Actuator) -> Robot {
     let joint = |name: &str, kind, at: [f64; 3], turn: [f64; 3], axis: [f64; 3], start| Joint {
         actuator: actuator.clone(),
         start,
@@ -78,7 +78,7 @@ fn apart(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn btr_physi
     robot.movable().map(|(_, link)| difference(&format!("q_{}", link.joint.name), &both[1])).fold(0.0, f64::max)
 }
 
-fn servo() -> Actuator {
+pub(crate) fn servo() -> Actuator {
     Actuator::Position { kp: 30.0, ki: 0.0, kd: 1.0, max_torque: f64::INFINITY }
 }
 

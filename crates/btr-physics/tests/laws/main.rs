@@ -1,6 +1,7 @@
 //! Laws of mechanics that every simulation here must obey, and the habits of the engine that they rest on.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod accuracy;
 mod actuation;
 mod contact;
 mod determinism;
