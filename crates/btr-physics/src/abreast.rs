@@ -9,7 +9,7 @@ use crate::engine::Dynamics;
 use crate::rapier::Rapier;
 use crate::record::Recorder;
 use crate::robot::Robot;
-use crate::sim::{EngineName, Setup, check, check_sampling, planted, sense};
+use crate::sim::{EngineName, Setup, check, check_linkages, check_sampling, planted, sense};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use pulp::Arch;
@@ -94,6 +94,7 @@ impl<'a> Run<'a> {
         let (robot, setup) = planted(robot, &effects, setup)?;
         let control = Control::new(&robot, &effects, &setup, drive)?;
         check_sampling(&robot, &setup)?;
+        check_linkages(&robot, &setup)?;
         let recorder = Recorder::new(&robot, &setup, samples);
         let rests = (setup.rest_s / setup.dt_s).round() as usize;
         Ok(Run { robot, effects, setup, control, recorder, noise_seed, lead, samples, every, rests, failed: None })

@@ -62,6 +62,7 @@ pub(crate) struct Articulated<S: Simd> {
     /// Joints whose motion is prescribed; only where there is a single candidate.
     courses: Vec<Option<Course>>,
     limits: Vec<(Lanes<S>, Lanes<S>)>,
+    followers: Vec<Coupling<S>>,
     names: Vec<String>,
     gravity: V3<S>,
     dt_s: f64,
@@ -92,6 +93,14 @@ struct Inner<S: Simd> {
     damping: Lanes<S>,
     dry_friction: Lanes<S>,
     armature: Lanes<S>,
+}
+
+/// A joint that follows another one.
+struct Coupling<S: Simd> {
+    joint: usize,
+    leader: usize,
+    ratio: Lanes<S>,
+    offset: Lanes<S>,
 }
 
 /// What the floor and the ball do to whatever touches them.
@@ -276,6 +285,11 @@ impl<S: Simd> Dynamics for Articulated<S> {
             for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
                 now.set(lane, q);
             }
+            for Coupling { joint, leader, ratio, offset } in &self.followers {
+                let (q, u) = (self.now.q[*leader], self.now.u[self.root + leader]);
+                self.now.q[*joint].set(lane, (*ratio * q + *offset).lane(lane));
+                self.now.u[self.root + joint].set(lane, (*ratio * u).lane(lane));
+            }
             if self.root > 0 {
                 self.now.poses[0].set(lane, &state.base.pose);
             }
@@ -300,8 +314,9 @@ impl<S: Simd> Dynamics for Articulated<S> {
     }
 
     fn leads(&self) -> bool {
-        // Substeps would have to share a course, and what the floor pushes would have to be known beforehand.
-        self.seen.len() == 1 && self.substeps == 1 && self.root == 0 && self.ball.is_none()
+        // Substeps would have to share a course, and what the floor or a linkage pushes would have to be known beforehand.
+        let pushed = self.root > 0 || self.ball.is_some() || !self.followers.is_empty();
+        self.seen.len() == 1 && self.substeps == 1 && !pushed
     }
 
     fn needed(&mut self, torques: &mut [f64]) {

@@ -123,6 +123,19 @@ pub struct Joint {
     pub actuator: Actuator,
     /// How a digital servo is clocked; a servo without works in continuous time.
     pub sampling: Option<Sampling>,
+    /// The joint that it follows, if any.
+    pub mimic: Option<Mimic>,
+}
+
+/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, without play, whatever that takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mimic {
+    /// Name of the joint that is followed, which follows nobody.
+    pub leader: String,
+    /// Motion per motion of the leader.
+    pub ratio: f64,
+    /// Where it is when the leader is at zero, in rad (m).
+    pub offset: f64,
 }
 
 /// When a digital servo acts: at fixed instants it reads the position and works out what it holds until the next one.
@@ -185,6 +198,15 @@ impl Robot {
         self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
     }
 
+    /// The joints that follow others, each with the one that it follows, both as counted by [`movable`](Self::movable).
+    pub fn followers(&self) -> impl Iterator<Item = (usize, usize, &Mimic)> {
+        let place = |name: &str| self.movable().position(|(_, link)| link.joint.name == name);
+        let joints = self.movable().map(|(_, link)| &link.joint).enumerate();
+        joints.filter_map(move |(i, joint)| {
+            joint.mimic.as_ref().and_then(|mimic| Some((i, place(&mimic.leader)?, mimic)))
+        })
+    }
+
     /// Whether `links` is a tree with the root first and parents before their children.
     pub fn is_tree(&self) -> bool {
         let mut parents = self.links.iter().map(|link| link.parent).enumerate();
@@ -245,6 +267,7 @@ impl Joint {
             dry_friction: 0.0,
             actuator: Actuator::Passive,
             sampling: None,
+            mimic: None,
         }
     }
 

@@ -237,6 +237,22 @@ pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
     Ok(())
 }
 
+/// Only the own engine knows linkages.
+pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+    for (_, link) in robot.movable() {
+        let Some(mimic) = &link.joint.mimic else { continue };
+        let (name, leader) = (&link.joint.name, &mimic.leader);
+        if robot.followers().all(|(_, _, known)| known.leader != *leader) {
+            return Err(setup_error(format!("`{name}` mimics `{leader}`, which is no joint that moves")));
+        }
+        if setup.engine == EngineName::Rapier {
+            let what = format!("`{name}` mimics `{leader}`, which the reference engine cannot simulate");
+            return Err(setup_error(format!("{what}; leave out engine = \"rapier\"")));
+        }
+    }
+    Ok(())
+}
+
 /// Lets the effects that sit on sensors change what those say.
 pub(crate) fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {

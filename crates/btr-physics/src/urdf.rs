@@ -1,7 +1,6 @@
 //! Robots from URDF, and to URDF.
 //!
-//! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; a `<mimic>` joint
-//! moves freely, with a warning; planar, floating and spherical joints are refused; `<transmission>`, `<safety_controller>`
+//! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; planar, floating and spherical joints are refused; `<transmission>`, `<safety_controller>`
 //! and velocity limits are not read. Every joint is passive: the model's file says what drives it.
 
 mod error;
@@ -12,7 +11,7 @@ mod tests;
 pub use error::{UrdfError, UrdfWarning};
 pub use export::to_urdf;
 
-use crate::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
+use crate::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Mimic, Robot, Shape};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -38,6 +37,7 @@ pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), U
         let joint = carrier.map_or(Ok(root_joint()), |j| joint(j, &mut warnings))?;
         links.push(link(&urdf.links[index], parent, joint, &mut warnings)?);
     }
+    resolve_mimics(&mut links)?;
     check_carried_mass(&links)?;
     Ok((Robot { name: urdf.name, base, start: Isometry3::identity(), links }, warnings))
 }
@@ -100,6 +100,7 @@ fn root_joint() -> Joint {
         dry_friction: 0.0,
         actuator: Actuator::Passive,
         sampling: None,
+        mimic: None,
     }
 }
 
@@ -113,9 +114,6 @@ fn joint(j: &urdf_rs::Joint, warnings: &mut Vec<UrdfWarning>) -> Result<Joint, U
             return Err(UrdfError::Kind { joint: j.name.clone(), kind });
         }
     };
-    if let Some(mimic) = &j.mimic {
-        warnings.push(UrdfWarning::Mimic { joint: j.name.clone(), leader: mimic.joint.clone() });
-    }
     let axis = Vector3::from(j.axis.xyz.0);
     let length = axis.norm();
     if kind != JointKind::Fixed && !(length.is_finite() && length > 1e-9) {
@@ -128,7 +126,38 @@ fn joint(j: &urdf_rs::Joint, warnings: &mut Vec<UrdfWarning>) -> Result<Joint, U
     }
     let axis = if length > 1e-9 { axis / length } else { Vector3::x() };
     let (origin, start) = (pose(&j.origin), 0.0_f64.clamp(limits.0, limits.1));
-    Ok(Joint { name: j.name.clone(), kind, origin, axis, limits, start, damping, dry_friction, ..root_joint() })
+    let mimic = j.mimic.as_ref().filter(|_| kind != JointKind::Fixed).map(|mimic| Mimic {
+        leader: mimic.joint.clone(),
+        ratio: mimic.multiplier.unwrap_or(1.0),
+        offset: mimic.offset.unwrap_or(0.0),
+    });
+    Ok(Joint { name: j.name.clone(), kind, origin, axis, limits, start, damping, dry_friction, mimic, ..root_joint() })
+}
+
+/// Whoever follows a follower follows that one's leader.
+fn resolve_mimics(links: &mut [Link]) -> Result<(), UrdfError> {
+    let joints: Vec<Joint> = links.iter().skip(1).map(|link| link.joint.clone()).collect();
+    for joint in links.iter_mut().map(|link| &mut link.joint) {
+        let Some(mimic) = &mut joint.mimic else { continue };
+        let first = mimic.leader.clone();
+        let refuse = |why| Err(UrdfError::Mimic { joint: joint.name.clone(), leader: first.clone(), why });
+        let mut passed = 0;
+        loop {
+            match joints.iter().find(|other| other.name == mimic.leader) {
+                None => return refuse("does not exist, or follows one that does not"),
+                Some(Joint { kind: JointKind::Fixed, .. }) => return refuse("is fixed, or follows one that is"),
+                Some(_) if passed == joints.len() => return refuse("follows it in turn"),
+                Some(Joint { mimic: None, .. }) => break,
+                Some(Joint { mimic: Some(next), .. }) => {
+                    mimic.offset += mimic.ratio * next.offset;
+                    mimic.ratio *= next.ratio;
+                    mimic.leader.clone_from(&next.leader);
+                    passed += 1;
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The range of a joint. An absent `<limit>` reads as zeros, which no hinge or slide means.

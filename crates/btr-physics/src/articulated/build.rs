@@ -7,7 +7,7 @@ use super::touch::{self, Form, Hull, Round};
 use super::tree::{Body, Pose, Posture, Tree};
 use super::vectors::{M3, V3};
 use super::world::{Plain, Shape, World};
-use super::{Articulated, Floor, Inner, Scratch, Seen};
+use super::{Articulated, Coupling, Floor, Inner, Scratch, Seen};
 use crate::engine::Dynamics;
 use crate::robot::{Geometry, Robot};
 use crate::sim::Setup;
@@ -94,6 +94,14 @@ impl<S: Simd> Articulated<S> {
             inner: vec![inner; one.q.len()],
             courses: vec![None; one.q.len()],
             limits: joints.map(|i| (lanes(&|world| world.limits[i].0), lanes(&|world| world.limits[i].1))).collect(),
+            followers: (0..one.followers.len())
+                .map(|k| Coupling {
+                    joint: one.followers[k].joint,
+                    leader: one.followers[k].leader,
+                    ratio: lanes(&|world| world.followers[k].ratio),
+                    offset: lanes(&|world| world.followers[k].offset),
+                })
+                .collect(),
             names: one.names.clone(),
             gravity: V3::of(simd, |lane| at(lane).setup.gravity_m_s2),
             dt_s: one.setup.dt_s / one.setup.substeps as f64,

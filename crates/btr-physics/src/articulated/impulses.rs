@@ -37,7 +37,7 @@ pub(super) struct Impulses<S: Simd> {
     hard: Mask<S>,
 }
 
-/// What a row pushes: everything on the ways to one or two degrees of freedom, none of which is on both.
+/// What a row pushes: everything on the ways to one or two degrees of freedom.
 #[derive(Clone, Copy)]
 struct Row {
     /// Where each way leads, and where its part of the halves begins.
@@ -124,6 +124,30 @@ impl<S: Simd> Impulses<S> {
         self.singles.push(Single { row: self.rows.len(), wanted, least, most });
         self.rows.push(Row { ways: [Some((dof, begin)), None] });
         self.speeds.push(u[dof]);
+    }
+
+    /// Something that lets one degree of freedom move at a ratio to another one and this much faster, whatever that takes.
+    #[inline(always)]
+    pub(super) fn couple(
+        &mut self,
+        [dof, leader]: [usize; 2],
+        [ratio, wanted]: [Lanes<S>; 2],
+        tree: &Tree<S>,
+        factor: &[Lanes<S>],
+        u: &[Lanes<S>],
+    ) {
+        let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
+        let mut ways = [None; 2];
+        for (way, (last, along)) in ways.iter_mut().zip([(dof, one), (leader, -ratio)]) {
+            let (all, begin) = (&tree.ways[last], self.halves.len());
+            self.halves.extend(all.iter().map(|&d| if d == last { along } else { zero }));
+            solve_way(factor, tree.freedom(), all, &mut self.halves[begin..]);
+            *way = Some((last, begin));
+        }
+        let endless = one * f64::INFINITY;
+        self.singles.push(Single { row: self.rows.len(), wanted, least: -endless, most: endless });
+        self.rows.push(Row { ways });
+        self.speeds.push(u[dof] - ratio * u[leader]);
     }
 
     /// A contact.

@@ -3,7 +3,7 @@
 use super::impulses::{Law, separation};
 use super::lanes::{Lanes, Mask};
 use super::touch::{self, Reach};
-use super::{Articulated, Floor};
+use super::{Articulated, Coupling, Floor};
 use pulp::Simd;
 
 /// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is free to do:
@@ -17,9 +17,32 @@ impl<S: Simd> Articulated<S> {
     #[inline(always)]
     pub(super) fn stop(&mut self) {
         self.impulses.clear();
+        self.follow(0.5 / self.dt_s);
         self.rub();
+        self.keep_step();
         self.touch();
         self.impulses.act(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
+    }
+
+    /// Joints that follow others do so at the step's end, and make up for where they are not by so much (in 1/s) of it.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, rate_per_s: f64) {
+        for Coupling { joint, leader, ratio, offset } in &self.followers {
+            let beside = self.now.q[*joint] - *ratio * self.now.q[*leader] - *offset;
+            let dofs = [self.root + joint, self.root + leader];
+            let (tree, s) = (&self.tree, &self.scratch);
+            self.impulses.couple(dofs, [*ratio, beside * -rate_per_s], tree, &s.matrix, &s.next);
+        }
+    }
+
+    /// Who follows is advanced by the same rule as who leads.
+    #[inline(always)]
+    fn keep_step(&mut self) {
+        for Coupling { joint, leader, .. } in &self.followers {
+            let [a, b] = [self.root + joint, self.root + leader];
+            let share = self.scratch.share[a].max(self.scratch.share[b]);
+            (self.scratch.share[a], self.scratch.share[b]) = (share, share);
+        }
     }
 
     /// Dry friction and joint limits stop joints as far as they can.

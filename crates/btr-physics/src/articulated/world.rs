@@ -2,7 +2,7 @@
 
 use super::tree::Carrier;
 use crate::assemble;
-use crate::robot::{Base, Geometry, JointKind, Robot};
+use crate::robot::{Base, Geometry, JointKind, Mimic, Robot};
 use crate::sim::{Compliance, Setup};
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use std::f64::consts::TAU;
@@ -20,10 +20,20 @@ pub(super) struct World {
     pub(super) dq: Vec<f64>,
     pub(super) limits: Vec<(f64, f64)>,
     pub(super) names: Vec<String>,
+    pub(super) followers: Vec<Follower>,
     pub(super) root: usize,
     pub(super) feet: usize,
     pub(super) mass_kg: f64,
     pub(super) setup: Setup,
+}
+
+/// A joint that follows another one.
+#[derive(Clone, Copy)]
+pub(super) struct Follower {
+    pub(super) joint: usize,
+    pub(super) leader: usize,
+    pub(super) ratio: f64,
+    pub(super) offset: f64,
 }
 
 /// A body of one robot; see [`Body`].
@@ -61,15 +71,29 @@ impl World {
         let touchable = setup.ground.is_some() || setup.ball.is_some();
         let many = joints().count();
         let moving = setup.start_velocities.iter().copied().chain(std::iter::repeat(0.0));
+        let follower = |(joint, leader, mimic): (usize, usize, &Mimic)| Follower {
+            joint,
+            leader,
+            ratio: mimic.ratio,
+            offset: mimic.offset,
+        };
+        let followers: Vec<Follower> = robot.followers().map(follower).collect();
+        let mut q: Vec<f64> = joints().map(|joint| joint.start).collect();
+        let mut dq: Vec<f64> = moving.take(many).collect();
+        for Follower { joint, leader, ratio, offset } in &followers {
+            q[*joint] = ratio * q[*leader] + offset;
+            dq[*joint] = ratio * dq[*leader];
+        }
         World {
             bodies,
             poses,
             start,
             hulls: if touchable { shapes(robot, &assembled) } else { Vec::new() },
-            q: joints().map(|joint| joint.start).collect(),
-            dq: moving.take(many).collect(),
+            q,
+            dq,
             limits: joints().map(|joint| joint.limits).collect(),
             names: joints().map(|joint| joint.name.clone()).collect(),
+            followers,
             root: if floats { 6 } else { 0 },
             feet: robot.links.iter().filter(|link| link.foot).count(),
             mass_kg: robot.mass_kg(),
@@ -84,12 +108,16 @@ impl World {
             let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
             a.body == b.body && a.foot == b.foot && form
         };
+        fn pairs(world: &World) -> impl Iterator<Item = (usize, usize)> {
+            world.followers.iter().map(|follower| (follower.joint, follower.leader))
+        }
         let world = |s: &Setup| (s.dt_s.to_bits(), s.substeps, s.ground.is_some(), s.ball.is_some());
         self.bodies.len() == other.bodies.len()
             && self.hulls.len() == other.hulls.len()
             && self.root == other.root
             && self.feet == other.feet
             && self.names == other.names
+            && pairs(self).eq(pairs(other))
             && world(&self.setup) == world(&other.setup)
             && self.bodies.iter().zip(&other.bodies).all(|(a, b)| body(a, b))
             && self.hulls.iter().zip(&other.hulls).all(|(a, b)| shape(a, b))

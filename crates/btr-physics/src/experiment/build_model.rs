@@ -5,7 +5,7 @@ use super::file::{ActuatorSection, EffectSection, NoiseSection, ParameterSection
 use super::parse::FileError;
 use crate::effect::{self, Effect, FormulaError, Placed, SiteKind};
 use crate::parameter::Target;
-use crate::robot::{Actuator, Base, DutyLoop, Robot, Sampling};
+use crate::robot::{Actuator, Base, DutyLoop, Joint, Robot, Sampling};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
 use crate::task::{Fitness, TERMS};
@@ -77,7 +77,11 @@ impl Builder<'_> {
             }
             let sampling =
                 sampling(section).map_err(|(key, message)| self.error(&["actuators", pattern, key], message, None))?;
-            for link in robot.links.iter_mut().skip(1).filter(|link| site::matches(pattern, &link.joint.name)) {
+            // Who follows another joint is driven by it, unless it is called by its name.
+            let meant = |joint: &Joint| {
+                site::matches(pattern, &joint.name) && (joint.mimic.is_none() || *pattern == joint.name)
+            };
+            for link in robot.links.iter_mut().skip(1).filter(|link| meant(&link.joint)) {
                 (link.joint.actuator, link.joint.sampling) = (actuator.clone(), sampling);
             }
         }

@@ -75,6 +75,16 @@ pub enum UrdfError {
         /// Its value.
         value: f64,
     },
+    /// A joint that follows nothing that moves by itself.
+    #[error("joint `{joint}` mimics `{leader}`, which {why}")]
+    Mimic {
+        /// The joint.
+        joint: String,
+        /// The joint it should follow.
+        leader: String,
+        /// What is wrong with that.
+        why: &'static str,
+    },
     /// A joint that moves nothing: no mass beyond it.
     #[error("joint `{joint}` moves `{link}`, which has no mass and carries none; give it an <inertial>")]
     Massless {
@@ -95,14 +105,6 @@ pub enum UrdfWarning {
         link: String,
         /// The mesh's file.
         file: String,
-    },
-    /// A joint that should follow another one.
-    #[error("joint `{joint}` should mimic `{leader}`; it moves on its own")]
-    Mimic {
-        /// The joint.
-        joint: String,
-        /// The joint it should follow.
-        leader: String,
     },
     /// A hinge or slide without a range.
     #[error("joint `{joint}` has no limits; it moves without end")]

@@ -75,6 +75,10 @@ fn push_joint(out: &mut String, joint: &Joint, parent: &str, child: &str) {
     if joint.kind != JointKind::Fixed {
         line!(out, "    <axis xyz=\"{} {} {}\"/>", joint.axis.x, joint.axis.y, joint.axis.z);
         line!(out, "    <dynamics damping=\"{}\" friction=\"{}\"/>", joint.damping, joint.dry_friction);
+        if let Some(mimic) = &joint.mimic {
+            let (leader, ratio, offset) = (escaped(&mimic.leader), mimic.ratio, mimic.offset);
+            line!(out, "    <mimic joint=\"{leader}\" multiplier=\"{ratio}\" offset=\"{offset}\"/>");
+        }
         // URDF demands a range of slides, and an effort and a velocity of every range; 0 would mean none of either.
         if limited || joint.kind == JointKind::Prismatic {
             let (lower, upper) = (joint.limits.0.max(-FAR), joint.limits.1.min(FAR));

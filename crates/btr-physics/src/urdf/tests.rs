@@ -72,14 +72,36 @@ fn parents_come_before_children_whatever_the_files_order() {
 
 #[test]
 fn what_is_left_out_is_told() {
-    let (joint, warnings) = hinge("<mimic joint=\"other\"/>");
+    let (joint, warnings) = hinge("");
     assert_eq!(joint.limits, (f64::NEG_INFINITY, f64::INFINITY));
-    let mimic = UrdfWarning::Mimic { joint: "ab".into(), leader: "other".into() };
-    assert_eq!(warnings, [mimic, UrdfWarning::NoLimits { joint: "ab".into() }]);
+    assert_eq!(warnings, [UrdfWarning::NoLimits { joint: "ab".into() }]);
     let mesh = "<link name=\"a\"><collision><geometry><mesh filename=\"a.stl\"/></geometry></collision></link>";
     let (robot, warnings) = parse_urdf(&robot_text(&[mesh.into()]), Base::Fixed).unwrap();
     assert!(robot.links[0].shapes.is_empty());
     assert_eq!(warnings[0].to_string(), "link `a`: the mesh `a.stl` is left out; only primitives touch things");
+}
+
+#[test]
+fn whoever_follows_a_follower_follows_its_leader() {
+    let mimics = |leader: &str, numbers: &str| format!("<mimic joint=\"{leader}\" {numbers}/>");
+    let parts = |last: &str| {
+        let links = ["a", "b", "c", "d"].map(link_text);
+        let ab = joint_text("ab", "continuous", "a", "b", last);
+        let bc = joint_text("bc", "continuous", "b", "c", &mimics("ab", "multiplier=\"-2\" offset=\"0.5\""));
+        let cd = joint_text("cd", "continuous", "c", "d", &mimics("bc", "multiplier=\"3\""));
+        [links.to_vec(), vec![ab, bc, cd]].concat()
+    };
+    let (robot, warnings) = parse_urdf(&robot_text(&parts("")), Base::Fixed).unwrap();
+    assert_eq!(warnings, []);
+    let follows: Vec<_> = robot.followers().map(|(i, leader, mimic)| (i, leader, mimic.ratio, mimic.offset)).collect();
+    assert_eq!(follows, [(1, 0, -2.0, 0.5), (2, 0, -6.0, 1.5)]);
+    let (again, _) = parse_urdf(&to_urdf(&robot), Base::Fixed).unwrap();
+    assert_eq!(again.links[2].joint.mimic, robot.links[2].joint.mimic);
+    assert_eq!(complaint(&parts(&mimics("cd", ""))), "joint `ab` mimics `cd`, which follows it in turn");
+    assert_eq!(
+        complaint(&parts(&mimics("ef", ""))),
+        "joint `ab` mimics `ef`, which does not exist, or follows one that does not"
+    );
 }
 
 #[test]

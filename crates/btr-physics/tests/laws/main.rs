@@ -14,6 +14,7 @@ mod formula;
 mod free;
 mod friction;
 mod joint;
+mod linkage;
 mod motor;
 mod parameter;
 mod placement;
