@@ -23,7 +23,10 @@ pub(crate) fn quality(log: &Log, robot: &Robot, noise: &Noise) -> Quality {
     }
     // What the limits tell about units need not be guessed from the size of the numbers.
     let told = |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|f| f.channel == finding.channel);
-    quality.findings.retain(|finding| !told(finding));
+    // What a joint is told that follows another one says nothing about it.
+    let led =
+        |finding: &Finding| robot.movable().any(|(_, l)| l.joint.mimic.is_some() && l.joint.name == finding.channel);
+    quality.findings.retain(|finding| !told(finding) && !led(finding));
     quality.add(found);
     quality
 }
@@ -57,7 +60,8 @@ fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
 /// A joint that is told something and has nothing to do it with.
 fn idle(log: &Log, joint: &Joint) -> Option<Finding> {
     let name = format!("cmd_{}", joint.name);
-    let told = joint.actuator == Actuator::Passive && ends(log.channel(&name)?).is_some();
+    let idle = joint.actuator == Actuator::Passive && joint.mimic.is_none();
+    let told = idle && ends(log.channel(&name)?).is_some();
     told.then(|| {
         let joint = &joint.name;
         let sentence =

@@ -22,6 +22,8 @@ pub(crate) struct Control<'a> {
     load: f64,
     /// What prescribed motions need; empty where there are none.
     needed: Vec<f64>,
+    /// Positions and velocities of the joints as the step begins.
+    states: Vec<(f64, f64)>,
 }
 
 /// The drive's references around the present.
@@ -87,7 +89,8 @@ impl<'a> Control<'a> {
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
-        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed })
+        let states = Vec::with_capacity(joints.len());
+        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed, states })
     }
 
     /// Takes in the references that are valid at `time_s`.
@@ -101,15 +104,16 @@ impl<'a> Control<'a> {
 
     /// Sets what acts on the joints during the step that begins at `time_s`.
     pub(crate) fn act(&mut self, time_s: f64, engine: &mut dyn Dynamics) {
+        self.states.clear();
+        self.states.extend(engine.positions().iter().copied().zip(engine.velocities().iter().copied()));
         if self.coupled {
-            let states = engine.positions().iter().zip(engine.velocities());
-            self.load = self.joints.iter().zip(states).map(|(joint, (q, dq))| joint.torque(*q, *dq).abs()).sum();
+            let states = self.joints.iter().zip(&self.states);
+            self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
         let (midway, leads) = (engine.midway(), engine.leads());
         let (in_the_middle, at_the_end) =
             (self.reference.share(time_s + 0.5 * self.dt_s), self.reference.share(time_s + self.dt_s));
-        for (i, joint) in self.joints.iter_mut().enumerate() {
-            let (q, dq) = engine.joint(i);
+        for (i, (joint, &(q, dq))) in self.joints.iter_mut().zip(&self.states).enumerate() {
             let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
             // A prescribed joint shall be at its reference when the step ends.
             let command = match course {
@@ -121,7 +125,9 @@ impl<'a> Control<'a> {
             };
             let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
             let (dt_s, load) = (self.dt_s, self.load);
-            let acceleration = joint.before.map_or(0.0, |before| (dq - before) / dt_s);
+            // Only effects ask for it.
+            let before = joint.before.filter(|_| !joint.stations.is_empty());
+            let acceleration = before.map_or(0.0, |before| (dq - before) / dt_s);
             joint.before = Some(dq);
             let state = JointState {
                 time_s: self.begins_s + time_s,

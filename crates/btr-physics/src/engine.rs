@@ -108,10 +108,6 @@ pub trait Dynamics {
     fn positions(&self) -> &[f64];
     /// Joint velocities in rad/s (m/s).
     fn velocities(&self) -> &[f64];
-    /// Position and velocity of one joint.
-    fn joint(&self, joint: usize) -> (f64, f64) {
-        (self.positions()[joint], self.velocities()[joint])
-    }
     /// Moves everything to another state: the joints' positions and velocities, and a floating root.
     fn place(&mut self, state: &State);
     /// Sets what acts on a joint from now on.

@@ -79,12 +79,14 @@ impl MotorTorque {
         if self.limit.is_infinite() {
             return self.wanted;
         }
-        let (q, dq) = self.wanted.step(state.q, state.dq, state.dt_s, state.inertia);
-        let expected = self.wanted.at(q, dq);
-        if expected.abs() <= self.limit {
+        // What an implicit step (see `Affine::step`) ends with is push·inertia/(inertia + dt·resistance).
+        let Affine { constant, stiffness, damping } = self.wanted;
+        let resistance = damping + state.dt_s * stiffness;
+        let push = constant - stiffness * state.q - resistance * state.dq;
+        if push.abs() * state.inertia <= self.limit * (state.inertia + state.dt_s * resistance) {
             return self.wanted;
         }
-        let constant = self.limit.copysign(expected) + self.droop * state.dq_midway();
+        let constant = self.limit.copysign(push) + self.droop * state.dq_midway();
         Affine { constant, stiffness: 0.0, damping: self.droop }
     }
 }

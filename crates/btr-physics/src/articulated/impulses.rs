@@ -9,17 +9,17 @@ mod stick;
 mod sweep;
 
 use super::lanes::{Lanes, Mask};
-use super::spatial::{push, solve_way, substitute};
+use super::spatial::{solve_way, substitute};
 use super::touch::Touch;
 use super::tree::Tree;
 use super::vectors::V3;
 use pulp::Simd;
 use stick::Guess;
 
-/// All impulses of a step. Rows belong together: a contact has three.
+/// All impulses of a step.
 pub(super) struct Impulses<S: Simd> {
     simd: S,
-    rows: Vec<Row>,
+    blocks: Vec<Block>,
     singles: Vec<Single<S>>,
     contacts: Vec<Contact<S>>,
     /// The velocity along each row, with the impulses found so far; and the impulses.
@@ -37,10 +37,13 @@ pub(super) struct Impulses<S: Simd> {
     hard: Mask<S>,
 }
 
-/// What a row pushes: everything on the ways to one or two degrees of freedom.
+/// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two degrees of
+/// freedom.
 #[derive(Clone, Copy)]
-struct Row {
-    /// Where each way leads, and where its part of the halves begins.
+struct Block {
+    row: usize,
+    rows: usize,
+    /// Where each way leads, and where its part of the halves begins, in which the rows have their entries side by side.
     ways: [Option<(usize, usize)>; 2],
 }
 
@@ -83,7 +86,7 @@ impl<S: Simd> Impulses<S> {
     pub(super) fn new(simd: S, slots: usize) -> Self {
         Impulses {
             simd,
-            rows: Vec::new(),
+            blocks: Vec::new(),
             singles: Vec::new(),
             contacts: Vec::new(),
             speeds: Vec::new(),
@@ -99,7 +102,7 @@ impl<S: Simd> Impulses<S> {
 
     #[inline(always)]
     pub(super) fn clear(&mut self) {
-        self.rows.clear();
+        self.blocks.clear();
         self.singles.clear();
         self.contacts.clear();
         self.speeds.clear();
@@ -120,10 +123,8 @@ impl<S: Simd> Impulses<S> {
         for &d in way {
             self.halves.push(Lanes::all(self.simd, if d == dof { 1.0 } else { 0.0 }));
         }
-        solve_way(factor, tree.freedom(), way, &mut self.halves[begin..]);
-        self.singles.push(Single { row: self.rows.len(), wanted, least, most });
-        self.rows.push(Row { ways: [Some((dof, begin)), None] });
-        self.speeds.push(u[dof]);
+        solve_way::<S, 1>(factor, tree.freedom(), way, &mut self.halves[begin..]);
+        self.single([Some((dof, begin)), None], [wanted, least, most], u[dof]);
     }
 
     /// Something that lets one degree of freedom move at a ratio to another one and this much faster, whatever that takes.
@@ -141,13 +142,24 @@ impl<S: Simd> Impulses<S> {
         for (way, (last, along)) in ways.iter_mut().zip([(dof, one), (leader, -ratio)]) {
             let (all, begin) = (&tree.ways[last], self.halves.len());
             self.halves.extend(all.iter().map(|&d| if d == last { along } else { zero }));
-            solve_way(factor, tree.freedom(), all, &mut self.halves[begin..]);
+            solve_way::<S, 1>(factor, tree.freedom(), all, &mut self.halves[begin..]);
             *way = Some((last, begin));
         }
         let endless = one * f64::INFINITY;
-        self.singles.push(Single { row: self.rows.len(), wanted, least: -endless, most: endless });
-        self.rows.push(Row { ways });
-        self.speeds.push(u[dof] - ratio * u[leader]);
+        self.single(ways, [wanted, -endless, endless], u[dof] - ratio * u[leader]);
+    }
+
+    #[inline(always)]
+    fn single(&mut self, ways: [Option<(usize, usize)>; 2], [wanted, least, most]: [Lanes<S>; 3], speed: Lanes<S>) {
+        let row = self.rows();
+        self.singles.push(Single { row, wanted, least, most });
+        self.blocks.push(Block { row, rows: 1, ways });
+        self.speeds.push(speed);
+    }
+
+    #[inline(always)]
+    fn rows(&self) -> usize {
+        self.speeds.len()
     }
 
     /// A contact.
@@ -161,45 +173,49 @@ impl<S: Simd> Impulses<S> {
         factor: &[Lanes<S>],
         u: &[Lanes<S>],
     ) {
-        let row = self.rows.len();
-        let side = across(self.simd, &touch.normal);
-        let directions = [touch.normal, side, touch.normal.cross(&side)];
-        for direction in &directions {
-            let mut speed = Lanes::zero(self.simd);
-            let own = self.aim(touch, touch.body, direction, tree, factor, u, &mut speed);
-            let mut ways = [Some(own), None];
-            if let Some(other) = touch.other {
-                let away = V3::zero(self.simd) - *direction;
-                ways[1] = Some(self.aim(touch, other, &away, tree, factor, u, &mut speed));
-            }
-            self.rows.push(Row { ways });
-            self.speeds.push(speed);
+        let (row, zero) = (self.rows(), Lanes::zero(self.simd));
+        let mut speeds = [zero; 3];
+        let mut ways = [Some(self.aim(touch, touch.body, zero.like(1.0), tree, factor, u, &mut speeds)), None];
+        if let Some(other) = touch.other {
+            ways[1] = Some(self.aim(touch, other, zero.like(-1.0), tree, factor, u, &mut speeds));
         }
-        let none = Lanes::zero(self.simd);
-        self.contacts.push(Contact { row, slot: touch.slot, law, there, stubborn: none, stubborn_across: none });
+        self.blocks.push(Block { row, rows: 3, ways });
+        self.speeds.extend_from_slice(&speeds);
+        self.contacts.push(Contact { row, slot: touch.slot, law, there, stubborn: zero, stubborn_across: zero });
     }
 
-    /// What a push on a body does along the way to it, and how fast the way moves the body there.
+    /// What pushes on a body along the normal and across, in this sense, do along the way to it, and how fast the way moves the body
+    /// there.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
     fn aim(
         &mut self,
         touch: &Touch<S>,
         body: usize,
-        direction: &V3<S>,
+        sense: Lanes<S>,
         tree: &Tree<S>,
         factor: &[Lanes<S>],
         u: &[Lanes<S>],
-        speed: &mut Lanes<S>,
+        speeds: &mut [Lanes<S>; 3],
     ) -> (usize, usize) {
         let (way, begin) = (tree.way_to(body), self.halves.len());
-        let force = push(&touch.point, direction);
+        let side = across(self.simd, &touch.normal);
+        let directions = [touch.normal, side, touch.normal.cross(&side)];
         for &d in way {
-            let along = tree.axes[d].dot(&force);
-            self.halves.push(along);
-            *speed += along * u[d];
+            let moved = tree.axes[d].at(&touch.point);
+            // On the floor the directions are the world's axes.
+            let mut along = [moved.0[2], moved.0[0], moved.0[1]];
+            if touch.other.is_some() {
+                for k in 0..3 {
+                    along[k] = directions[k].dot(&moved) * sense;
+                }
+            }
+            for k in 0..3 {
+                self.halves.push(along[k]);
+                speeds[k] = speeds[k].add_product(along[k], u[d]);
+            }
         }
-        solve_way(factor, tree.freedom(), way, &mut self.halves[begin..]);
+        solve_way::<S, 3>(factor, tree.freedom(), way, &mut self.halves[begin..]);
         (way[way.len() - 1], begin)
     }
 
@@ -207,7 +223,7 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     pub(super) fn act(&mut self, tree: &Tree<S>, factor: &[Lanes<S>], u: &mut [Lanes<S>]) {
         let zero = Lanes::zero(self.simd);
-        if self.rows.is_empty() {
+        if self.blocks.is_empty() {
             self.known.fill([zero; 3]);
             self.hard = zero.less(zero);
             return;
@@ -225,12 +241,10 @@ impl<S: Simd> Impulses<S> {
         }
         self.change.clear();
         self.change.resize(u.len(), zero);
-        for (row, &impulse) in self.rows.iter().zip(&self.impulses) {
-            for &(last, begin) in row.ways.iter().flatten() {
-                let way = &tree.ways[last];
-                for (&d, &half) in way.iter().zip(&self.halves[begin..begin + way.len()]) {
-                    self.change[d] += half * impulse;
-                }
+        for block in 0..self.blocks.len() {
+            match self.blocks[block].rows {
+                3 => self.add_up::<3>(block, tree),
+                _ => self.add_up::<1>(block, tree),
             }
         }
         substitute(factor, &tree.ways, &mut self.change);
@@ -245,23 +259,34 @@ impl<S: Simd> Impulses<S> {
         self.known[slot][0]
     }
 
+    /// Adds what a block's impulses do to the change.
+    #[inline(always)]
+    fn add_up<const ROWS: usize>(&mut self, block: usize, tree: &Tree<S>) {
+        let Block { row, ways, .. } = self.blocks[block];
+        for &(last, begin) in ways.iter().flatten() {
+            for (step, &d) in tree.ways[last].iter().enumerate() {
+                for k in 0..ROWS {
+                    let half = self.halves[begin + step * ROWS + k];
+                    self.change[d] = self.change[d].add_product(half, self.impulses[row + k]);
+                }
+            }
+        }
+    }
+
     /// What rows do to each other.
     #[inline(always)]
     fn prepare(&mut self, tree: &Tree<S>) {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
-        self.answers.clear();
-        self.answers.resize(rows * rows, zero);
-        for i in 0..rows {
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
+        // All that is read of it is written first.
+        self.answers.resize(self.answers.len().max(rows * rows), zero);
+        for i in 0..self.blocks.len() {
             for j in 0..=i {
-                let mut answer = zero;
-                for &(a, own) in self.rows[i].ways.iter().flatten() {
-                    for &(b, others) in self.rows[j].ways.iter().flatten() {
-                        let shared = shared(&tree.ways[a], &tree.ways[b]);
-                        answer += dot(&self.halves[own..own + shared], &self.halves[others..others + shared], zero);
-                    }
+                match (self.blocks[i].rows, self.blocks[j].rows) {
+                    (3, 3) => self.answer::<3, 3>(i, j, tree),
+                    (3, _) => self.answer::<3, 1>(i, j, tree),
+                    (_, 3) => self.answer::<1, 3>(i, j, tree),
+                    _ => self.answer::<1, 1>(i, j, tree),
                 }
-                self.answers[i * rows + j] = answer;
-                self.answers[j * rows + i] = answer;
             }
         }
         self.impulses.clear();
@@ -276,6 +301,32 @@ impl<S: Simd> Impulses<S> {
             contact.stubborn = (self.answers[row * rows + row] + contact.law.softness).recip();
             let apart = ((a - c) * (a - c) * 0.25 + b * b).sqrt();
             contact.stubborn_across = ((a + c) * 0.5 + apart).recip();
+        }
+    }
+
+    /// What two blocks do to each other.
+    #[inline(always)]
+    fn answer<const OWN: usize, const OTHERS: usize>(&mut self, i: usize, j: usize, tree: &Tree<S>) {
+        let (rows, one, other) = (self.rows(), self.blocks[i], self.blocks[j]);
+        let mut sums = [[Lanes::zero(self.simd); OTHERS]; OWN];
+        for &(a, own) in one.ways.iter().flatten() {
+            for &(b, others) in other.ways.iter().flatten() {
+                for step in 0..shared(&tree.ways[a], &tree.ways[b]) {
+                    let own = &self.halves[own + step * OWN..][..OWN];
+                    let others = &self.halves[others + step * OTHERS..][..OTHERS];
+                    for k in 0..OWN {
+                        for l in 0..OTHERS {
+                            sums[k][l] = sums[k][l].add_product(own[k], others[l]);
+                        }
+                    }
+                }
+            }
+        }
+        for k in 0..OWN {
+            for l in 0..OTHERS {
+                self.answers[(one.row + k) * rows + other.row + l] = sums[k][l];
+                self.answers[(other.row + l) * rows + one.row + k] = sums[k][l];
+            }
         }
     }
 
@@ -294,15 +345,18 @@ impl<S: Simd> Impulses<S> {
 /// The speed at which two bodies separate where they touch.
 #[inline(always)]
 pub(super) fn separation<S: Simd>(touch: &Touch<S>, tree: &Tree<S>, u: &[Lanes<S>]) -> Lanes<S> {
-    let force = push(&touch.point, &touch.normal);
-    let mut speed = force.linear.0[0].like(0.0);
-    for &d in tree.way_to(touch.body) {
-        speed += tree.axes[d].dot(&force) * u[d];
-    }
-    if let Some(other) = touch.other {
-        for &d in tree.way_to(other) {
-            speed -= tree.axes[d].dot(&force) * u[d];
+    let mut speed = touch.depth.like(0.0);
+    let Some(other) = touch.other else {
+        for &d in tree.way_to(touch.body) {
+            speed = speed.add_product(tree.axes[d].at(&touch.point).0[2], u[d]);
         }
+        return speed;
+    };
+    for &d in tree.way_to(touch.body) {
+        speed = speed.add_product(tree.axes[d].at(&touch.point).dot(&touch.normal), u[d]);
+    }
+    for &d in tree.way_to(other) {
+        speed = speed.sub_product(tree.axes[d].at(&touch.point).dot(&touch.normal), u[d]);
     }
     speed
 }
@@ -331,23 +385,4 @@ fn shared(a: &[usize], b: &[usize]) -> usize {
         steps += 1;
     }
     steps
-}
-
-/// In four sums at once.
-#[inline(always)]
-fn dot<S: Simd>(a: &[Lanes<S>], b: &[Lanes<S>], zero: Lanes<S>) -> Lanes<S> {
-    let mut sums = [zero; 4];
-    let whole = a.len() & !3;
-    let mut at = 0;
-    while at < whole {
-        for k in 0..4 {
-            sums[k] += a[at + k] * b[at + k];
-        }
-        at += 4;
-    }
-    while at < a.len() {
-        sums[0] += a[at] * b[at];
-        at += 1;
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }

@@ -73,6 +73,18 @@ impl<S: Simd> Lanes<S> {
         Lanes::all(self.0, x)
     }
 
+    /// This and a product, rounded once.
+    #[inline(always)]
+    pub(super) fn add_product(self, a: Self, b: Self) -> Self {
+        Lanes(self.0, self.0.mul_add_f64s(a.1, b.1, self.1))
+    }
+
+    /// This without a product, rounded once.
+    #[inline(always)]
+    pub(super) fn sub_product(self, a: Self, b: Self) -> Self {
+        Lanes(self.0, self.0.negate_mul_add_f64s(a.1, b.1, self.1))
+    }
+
     #[inline(always)]
     pub(super) fn sqrt(self) -> Self {
         Lanes(self.0, self.0.sqrt_f64s(self.1))
@@ -141,7 +153,7 @@ impl<S: Simd> Lanes<S> {
 fn polynomial<S: Simd>(x: Lanes<S>, coefficients: &[f64; 6]) -> Lanes<S> {
     let mut sum = x.like(coefficients[5]);
     for k in (0..5).rev() {
-        sum = sum * x + x.like(coefficients[k]);
+        sum = x.like(coefficients[k]).add_product(sum, x);
     }
     sum
 }

@@ -44,6 +44,12 @@ impl<S: Simd> Spatial<S> {
         Spatial { angular: self.angular.times(factor), linear: self.linear.times(factor) }
     }
 
+    /// How a motion moves a point.
+    #[inline(always)]
+    pub(super) fn at(&self, point: &V3<S>) -> V3<S> {
+        self.linear + self.angular.cross(point)
+    }
+
     /// How a motion that is fixed to a body changes as the body moves with `self`.
     #[inline(always)]
     pub(super) fn cross_motion(&self, motion: &Self) -> Self {
@@ -102,8 +108,8 @@ impl<S: Simd> Symmetric<S> {
 
     #[inline(always)]
     fn turn(&self, v: &V3<S>) -> V3<S> {
-        let ([xx, yy, zz, xy, xz, yz], [x, y, z]) = (self.0, v.0);
-        V3([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])
+        let [xx, yy, zz, xy, xz, yz] = self.0;
+        V3([V3([xx, xy, xz]).dot(v), V3([xy, yy, yz]).dot(v), V3([xz, yz, zz]).dot(v)])
     }
 }
 
@@ -144,7 +150,7 @@ pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
         for (steps, &i) in above.iter().enumerate() {
             let share = matrix[k * n + i];
             for &j in &above[..=steps] {
-                matrix[i * n + j] -= share * matrix[k * n + j];
+                matrix[i * n + j] = matrix[i * n + j].sub_product(share, matrix[k * n + j]);
             }
         }
     }
@@ -158,22 +164,27 @@ pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [
         let own = x[i] * factor[i * n + i];
         x[i] = own;
         for &j in &ways[i][..ways[i].len() - 1] {
-            x[j] -= factor[i * n + j] * own;
+            x[j] = x[j].sub_product(factor[i * n + j], own);
         }
     }
     substitute(factor, ways, x);
 }
 
-/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an entry for each
-/// step of the way.
+/// Solves Lᵀ·x = b for several b at once, which only are something on the way from the root to one degree of freedom, in place: `x`
+/// has an entry of each for each step of the way.
 #[inline(always)]
-pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
+pub(super) fn solve_way<S: Simd, const MANY: usize>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
     for step in (0..way.len()).rev() {
         let row = way[step] * n;
-        let own = x[step] * factor[row + way[step]];
-        x[step] = own;
-        for (x, &j) in x[..step].iter_mut().zip(way) {
-            *x -= factor[row + j] * own;
+        let (before, own) = x.split_at_mut(step * MANY);
+        for k in 0..MANY {
+            own[k] = own[k] * factor[row + way[step]];
+        }
+        for (before, &j) in before.chunks_exact_mut(MANY).zip(way) {
+            let entry = factor[row + j];
+            for k in 0..MANY {
+                before[k] = before[k].sub_product(entry, own[k]);
+            }
         }
     }
 }
@@ -185,14 +196,8 @@ pub(super) fn substitute<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &
     for i in 0..n {
         let mut own = x[i];
         for &j in &ways[i][..ways[i].len() - 1] {
-            own -= factor[i * n + j] * x[j];
+            own = own.sub_product(factor[i * n + j], x[j]);
         }
         x[i] = own * factor[i * n + i];
     }
-}
-
-/// The force of a push in `direction` at `point`.
-#[inline(always)]
-pub(super) fn push<S: Simd>(point: &V3<S>, direction: &V3<S>) -> Spatial<S> {
-    Spatial { angular: point.cross(direction), linear: *direction }
 }

@@ -52,13 +52,13 @@ impl<S: Simd> V3<S> {
 
     #[inline(always)]
     pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
-        self.0[0] * other.0[0] + self.0[1] * other.0[1] + self.0[2] * other.0[2]
+        (self.0[0] * other.0[0]).add_product(self.0[1], other.0[1]).add_product(self.0[2], other.0[2])
     }
 
     #[inline(always)]
     pub(super) fn cross(&self, other: &Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
-        V3([b * z - c * y, c * x - a * z, a * y - b * x])
+        V3([(b * z).sub_product(c, y), (c * x).sub_product(a, z), (a * y).sub_product(b, x)])
     }
 
     #[inline(always)]

@@ -308,13 +308,13 @@ fn setting(
 }
 
 /// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
-/// say what a joint was told cannot be replayed.
+/// say what a joint with a motor was told cannot be replayed.
 fn start(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
     robot
         .movable()
         .map(|(_, link)| {
             let joint = &link.joint;
-            if joint.actuator != Actuator::Prescribed {
+            if !matches!(joint.actuator, Actuator::Prescribed | Actuator::Passive) {
                 log.values(&format!("cmd_{}", joint.name))?;
             }
             Ok(start_of(log, &joint.name).unwrap_or((joint.start, 0.0)))

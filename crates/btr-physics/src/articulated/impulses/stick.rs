@@ -78,7 +78,7 @@ impl<S: Simd> Impulses<S> {
     /// What pushed sticks, what did not is away; joints that could not be stopped rub.
     #[inline(always)]
     fn guess(&mut self) {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         let (one, all) = (zero.like(1.0), zero.at_most(zero));
         let g = &mut self.guess;
         g.free.clear();
@@ -89,8 +89,8 @@ impl<S: Simd> Impulses<S> {
             numbers.clear();
             numbers.resize(rows, zero);
         }
-        g.factor.clear();
-        g.factor.resize(rows * rows, zero);
+        // All that is read of it is written first.
+        g.factor.resize(g.factor.len().max(rows * rows), zero);
         for &Single { row, wanted, least, most } in &self.singles {
             let own = self.answers[row * rows + row];
             let needed = (wanted - self.speeds[row]) / own;
@@ -119,10 +119,11 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The factor of what the free rows do to each other (A.-L. Cholesky).
+    /// The factor of what the free rows do to each other (A.-L. Cholesky). All sums go row by row, so that rows which only other
+    /// candidates need change no digit.
     #[inline(always)]
     fn factorise(&mut self) {
-        let (rows, zero, g) = (self.rows.len(), Lanes::zero(self.simd), &mut self.guess);
+        let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
         let one = zero.like(1.0);
         for i in 0..rows {
             for j in 0..=i {
@@ -133,7 +134,7 @@ impl<S: Simd> Impulses<S> {
                 }
                 let (a, b) = (&g.factor[i * rows..i * rows + j], &g.factor[j * rows..j * rows + j]);
                 for (a, b) in a.iter().zip(b) {
-                    sum -= *a * *b;
+                    sum = sum.sub_product(*a, *b);
                 }
                 // The diagonal holds reciprocals.
                 g.factor[i * rows + j] = if i == j { sum.sqrt().recip() } else { sum * g.factor[j * rows + j] };
@@ -144,32 +145,33 @@ impl<S: Simd> Impulses<S> {
     /// The impulses of the free rows, and the speeds with all impulses.
     #[inline(always)]
     fn solve(&mut self) {
-        let (rows, zero, g) = (self.rows.len(), Lanes::zero(self.simd), &mut self.guess);
+        let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
         for i in 0..rows {
             let mut missing = g.wanted[i] - g.alone[i];
             for &Single { row, .. } in &self.singles {
                 missing -= g.free[row].select(zero, self.answers[i * rows + row] * self.impulses[row]);
             }
-            let mut sum = g.free[i].select(missing, zero);
-            for j in 0..i {
-                sum -= g.factor[i * rows + j] * g.solution[j];
-            }
-            g.solution[i] = sum * g.factor[i * rows + i];
-        }
-        for i in (0..rows).rev() {
-            let mut sum = g.solution[i];
-            for j in i + 1..rows {
-                sum -= g.factor[j * rows + i] * g.solution[j];
-            }
-            g.solution[i] = sum * g.factor[i * rows + i];
-            self.impulses[i] = g.free[i].select(g.solution[i], self.impulses[i]);
+            g.solution[i] = g.free[i].select(missing, zero);
         }
         for i in 0..rows {
-            let mut speed = g.alone[i];
-            for (answer, impulse) in self.answers[i * rows..(i + 1) * rows].iter().zip(&self.impulses) {
-                speed += *answer * *impulse;
+            let own = g.solution[i] * g.factor[i * rows + i];
+            g.solution[i] = own;
+            for j in i + 1..rows {
+                g.solution[j] = g.solution[j].sub_product(g.factor[j * rows + i], own);
             }
-            self.speeds[i] = speed;
+        }
+        for i in (0..rows).rev() {
+            let own = g.solution[i] * g.factor[i * rows + i];
+            for j in 0..i {
+                g.solution[j] = g.solution[j].sub_product(g.factor[i * rows + j], own);
+            }
+            self.impulses[i] = g.free[i].select(own, self.impulses[i]);
+        }
+        self.speeds.copy_from_slice(&g.alone);
+        for (i, &impulse) in self.impulses.iter().enumerate() {
+            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[i * rows..(i + 1) * rows]) {
+                *speed = speed.add_product(answer, impulse);
+            }
         }
     }
 

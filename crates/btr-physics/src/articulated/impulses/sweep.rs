@@ -16,7 +16,7 @@ impl<S: Simd> Impulses<S> {
     /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
     #[inline(always)]
     pub(super) fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         if !settled.not().any() {
             return;
         }
@@ -36,7 +36,7 @@ impl<S: Simd> Impulses<S> {
                 let impulse = settled.select(zero, known);
                 let answers = &self.answers[row * rows..(row + 1) * rows];
                 for (speed, &answer) in self.speeds.iter_mut().zip(answers) {
-                    *speed += answer * impulse;
+                    *speed = speed.add_product(answer, impulse);
                 }
             }
         }
@@ -65,7 +65,7 @@ impl<S: Simd> Impulses<S> {
     /// are moving; gives back the largest relative change of a velocity.
     #[inline(always)]
     fn sweep(&mut self, moving: Mask<S>) -> Lanes<S> {
-        let (rows, zero) = (self.rows.len(), Lanes::zero(self.simd));
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         let mut largest = zero;
         for k in 0..self.singles.len() {
             let Single { row, wanted, least, most } = self.singles[k];
@@ -74,7 +74,7 @@ impl<S: Simd> Impulses<S> {
             let change = moving.select(to - self.impulses[row], zero);
             self.impulses[row] += change;
             for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[row * rows..(row + 1) * rows]) {
-                *speed += answer * change;
+                *speed = speed.add_product(answer, change);
             }
             largest = largest.max(relative(change * own, self.speeds[row]));
         }
@@ -89,7 +89,7 @@ impl<S: Simd> Impulses<S> {
             let (first, rest) = self.answers[row * rows..(row + 3) * rows].split_at(rows);
             let (second, third) = rest.split_at(rows);
             for (((speed, &a), &b), &c) in self.speeds.iter_mut().zip(first).zip(second).zip(third) {
-                *speed += a * change[0] + b * change[1] + c * change[2];
+                *speed = speed.add_product(a, change[0]).add_product(b, change[1]).add_product(c, change[2]);
             }
             for k in 0..3 {
                 let own = self.answers[(row + k) * rows + row + k];
@@ -102,7 +102,7 @@ impl<S: Simd> Impulses<S> {
     /// The impulses of a contact while all others stay: a few sweeps over its three rows, which lean on each other most.
     #[inline(always)]
     fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
-        let (rows, row, Law { wanted, softness, friction }) = (self.rows.len(), contact.row, contact.law);
+        let (rows, row, Law { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
         let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
         let mut own = [[zero; 3]; 3];
         for i in 0..3 {
@@ -118,20 +118,21 @@ impl<S: Simd> Impulses<S> {
             let change = to - impulse[0];
             impulse[0] = to;
             for i in 0..3 {
-                speed[i] += own[0][i] * change;
+                speed[i] = speed[i].add_product(own[0][i], change);
             }
             let most = friction * impulse[0];
             let tried =
                 [impulse[1] - speed[1] * contact.stubborn_across, impulse[2] - speed[2] * contact.stubborn_across];
             let square = tried[0] * tried[0] + tried[1] * tried[1];
             let beyond = (most * most).less(square);
-            let shrink = beyond.select(most / beyond.select(square, one).sqrt(), one);
+            // Most of what touches sticks.
+            let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
             for k in 1..3 {
                 let to = tried[k - 1] * shrink;
                 let change = to - impulse[k];
                 impulse[k] = to;
                 for i in 0..3 {
-                    speed[i] += own[k][i] * change;
+                    speed[i] = speed[i].add_product(own[k][i], change);
                 }
             }
         }
