@@ -20,7 +20,7 @@ use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
 use beginning::from_beginnings;
 use judge::judge_rivals;
 use law::residual_law;
-use race::{Rival, last_chance, race};
+use race::{Rival, last_chance, last_chance_of_the_best, race};
 use screen::{Start, screen};
 use serde::{Deserialize, Serialize};
 use state::State;
@@ -43,6 +43,9 @@ use thresholds::{EXPLAINED, LEARNT_FALL};
 
 /// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
 const MODEST: f64 = 0.5;
+
+/// The effects of so many of the best are tried in other places where none of them explains enough.
+const ELSEWHERE: usize = 3;
 
 /// How much is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -236,7 +239,7 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
     if bench.family.has_contact() {
-        let rivals = with_other_sites(bench, state, rivals, &offered);
+        let rivals = on_the_ground(bench, state, rivals, &offered);
         return judge_rivals(bench, state, rivals);
     }
     let judged = judge_rivals(bench, state, rivals.clone());
@@ -249,15 +252,32 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }
 
-/// Where a robot may tip over, probes tell an effect rather than its place: what the leader leaves may be because it sits elsewhere.
-fn with_other_sites(bench: &Bench, state: &State, rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
+/// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and then what the
+/// best leave may be because they sit elsewhere.
+fn on_the_ground(bench: &Bench, state: &State, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
     let candidates = bench.family.candidates();
+    if let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) {
+        let base = unbiased(bench, state);
+        let late = last_chance_of_the_best(bench, &base, &not_fitted(&rivals, offered), &leader.fit);
+        rivals = best_of_each(rivals.into_iter().chain(late).collect());
+    }
     let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) else { return rivals };
-    let same = |candidate: &usize| candidates[*candidate].effect == candidates[leader.candidate].effect;
+    let same = |candidate: &usize| {
+        let named = |rival: &Rival| candidates[rival.candidate].effect == candidates[*candidate].effect;
+        rivals.iter().take(ELSEWHERE).any(named)
+    };
     let elsewhere: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
     let base = beneath(bench, leader, state).unwrap_or_else(|| state.fit.clone());
     let late = last_chance(bench, &base, &elsewhere, &leader.fit);
     best_of_each(rivals.into_iter().chain(late).collect())
+}
+
+/// The parameters in doubt as they were given, as long as nothing is found: what is missing may have led them astray.
+fn unbiased(bench: &Bench, state: &State) -> Fit {
+    let origin = || vec![0.0; state.fit.u.len()];
+    let given =
+        state.chosen.is_empty().then(|| Fit::at(bench, state.fit.active.clone(), origin(), &state.fit.step_error));
+    given.flatten().unwrap_or_else(|| state.fit.clone())
 }
 
 fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {

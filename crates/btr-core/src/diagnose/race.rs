@@ -1,6 +1,6 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
-use super::screen::{Start, with};
+use super::screen::{Start, best, has_two_sides, simulate, with};
 use crate::fit::judge::{NOISE, chi};
 use crate::fit::{Bench, Effort, Fit, Logs, columns};
 use nalgebra::DMatrix;
@@ -15,6 +15,9 @@ pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
 /// From where whoever was not looked at closely begins.
 const TYPICAL: f64 = 0.5;
+/// ... or at which sizes it is simulated, and how many of those that do best there run.
+const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
+const CHANCES: usize = 16;
 /// The effort for whoever leads the race, and for each of the others.
 const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
@@ -41,14 +44,31 @@ pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Optio
 pub(super) fn last_chance(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
     let mut base = base.clone();
     base.differentiate(bench);
-    let starts: Vec<Start> = others.iter().map(|&candidate| typical(bench, &base, candidate)).collect();
+    let starts: Vec<Start> = others.iter().map(|&candidate| of_size(bench, &base, candidate, TYPICAL)).collect();
     run(bench, &[base], &starts, Some(leader))
 }
 
-fn typical(bench: &Bench, base: &Fit, candidate: usize) -> Start {
+/// The same where simulating takes long: only those run who do best at one of a few sizes.
+pub(super) fn last_chance_of_the_best(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
+    let signs = |candidate: usize| {
+        let two = has_two_sides(bench, &bench.family.candidates()[candidate]);
+        if two { [1.0, -1.0].iter() } else { [1.0].iter() }
+    };
+    let sizes = |candidate: usize| signs(candidate).flat_map(|sign| SIZES.map(|size| sign * size));
+    let all = others.iter().flat_map(|&c| sizes(c).map(move |size| (c, size)));
+    let mut starts: Vec<Start> = all.map(|(candidate, size)| of_size(bench, base, candidate, size)).collect();
+    simulate(bench, std::slice::from_ref(base), &mut starts);
+    let starts = best(starts, CHANCES);
+    let mut base = base.clone();
+    base.differentiate(bench);
+    run(bench, &[base], &starts, Some(leader))
+}
+
+/// A candidate at so many typical sizes.
+fn of_size(bench: &Bench, base: &Fit, candidate: usize, size: f64) -> Start {
     let own = &bench.family.candidates()[candidate];
     let mut u = base.u.clone();
-    own.amplitudes.iter().for_each(|&knob| u[knob] = bench.family.knobs()[knob].clamp(TYPICAL));
+    own.amplitudes.iter().for_each(|&knob| u[knob] = bench.family.knobs()[knob].clamp(size));
     own.shapes.iter().zip(&own.starts[0]).for_each(|(&knob, &shape)| u[knob] = shape);
     Start { candidate, base: 0, u, cost: f64::INFINITY }
 }

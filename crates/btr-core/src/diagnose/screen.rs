@@ -92,7 +92,7 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
     let mut promising = best(near.concat(), VERIFIED);
     promising.extend(best(far.concat(), STRIKING));
     promising.extend(glanced.iter().take(STRIKING).cloned());
-    verify(bench, bases, promising)
+    verify(bench, bases, &promising)
 }
 
 /// Whether a promise stops where the probes of the closer look are no longer believed, with room beyond.
@@ -106,7 +106,7 @@ fn goes_further(bench: &Bench, start: &Start) -> bool {
 }
 
 /// The best of each candidate, best first, at most so many.
-fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
+pub(super) fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Start> = Vec::new();
     for start in starts {
@@ -132,29 +132,33 @@ impl Start {
 
 /// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In the order of
 /// what came out, but those that promise most are not lost for it.
-fn verify(bench: &Bench, bases: &[Fit], promising: Vec<Start>) -> Vec<Start> {
-    let partly = |start: &Start| SHARES.map(|share| start.partly(bench, &bases[start.base], share));
-    let points: Vec<Vec<f64>> = promising.iter().flat_map(partly).collect();
-    let residuals = bench.residuals(&points, Logs::Learn);
-    let cost = |start: &Start, u: &[f64], residual: Vec<f64>| {
-        let base = &bases[start.base];
-        let active = with(base, &bench.family.candidates()[start.candidate]);
-        crate::fit::cost(bench.family.knobs(), &active, u, &corrected(residual, &base.step_error))
+fn verify(bench: &Bench, bases: &[Fit], promising: &[Start]) -> Vec<Start> {
+    let partly = |start: &Start| {
+        SHARES.map(|share| Start { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
     };
-    let mut simulated = points.into_iter().zip(residuals);
-    let best = |start: Start| {
-        let tried = simulated.by_ref().take(SHARES.len()).filter_map(|(u, residual)| {
-            let cost = cost(&start, &u, residual?);
-            Some(Start { cost, u, ..start.clone() })
-        });
-        tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
-    };
-    let all: Vec<Start> = promising.into_iter().filter_map(best).collect();
+    let mut tried: Vec<Start> = promising.iter().flat_map(partly).collect();
+    simulate(bench, bases, &mut tried);
+    let shares = tried.chunks(SHARES.len());
+    let all: Vec<Start> = shares.filter_map(|shares| best(shares.to_vec(), 1).pop()).collect();
     let beaten = |start: &&Start| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
-    let mut verified: Vec<Start> = all.iter().filter(|start| !beaten(start)).cloned().collect();
+    let mut verified: Vec<Start> =
+        all.iter().filter(|start| start.cost.is_finite() && !beaten(start)).cloned().collect();
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified
+}
+
+/// What starts really cost; more than anything where one blows up.
+pub(super) fn simulate(bench: &Bench, bases: &[Fit], starts: &mut [Start]) {
+    let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
+    for (start, residual) in starts.iter_mut().zip(bench.residuals(&points, Logs::Learn)) {
+        let base = &bases[start.base];
+        let active = with(base, &bench.family.candidates()[start.candidate]);
+        let cost = |residual| {
+            crate::fit::cost(bench.family.knobs(), &active, &start.u, &corrected(residual, &base.step_error))
+        };
+        start.cost = residual.map_or(f64::INFINITY, cost);
+    }
 }
 
 /// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips where one

@@ -55,6 +55,8 @@ struct Single<S: Simd> {
     wanted: Lanes<S>,
     least: Lanes<S>,
     most: Lanes<S>,
+    /// What an impulse has to be to change the velocity by one.
+    stubborn: Lanes<S>,
 }
 
 /// A contact: one row along the normal and two across.
@@ -152,7 +154,7 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     fn single(&mut self, ways: [Option<(usize, usize)>; 2], [wanted, least, most]: [Lanes<S>; 3], speed: Lanes<S>) {
         let row = self.rows();
-        self.singles.push(Single { row, wanted, least, most });
+        self.singles.push(Single { row, wanted, least, most, stubborn: Lanes::zero(self.simd) });
         self.blocks.push(Block { row, rows: 1, ways });
         self.speeds.push(speed);
     }
@@ -201,7 +203,8 @@ impl<S: Simd> Impulses<S> {
         let (way, begin) = (tree.way_to(body), self.halves.len());
         let side = across(self.simd, &touch.normal);
         let directions = [touch.normal, side, touch.normal.cross(&side)];
-        for &d in way {
+        self.halves.resize(begin + 3 * way.len(), sense);
+        for (step, &d) in way.iter().enumerate() {
             let moved = tree.axes[d].at(&touch.point);
             // On the floor the directions are the world's axes.
             let mut along = [moved.0[2], moved.0[0], moved.0[1]];
@@ -211,7 +214,7 @@ impl<S: Simd> Impulses<S> {
                 }
             }
             for k in 0..3 {
-                self.halves.push(along[k]);
+                self.halves[begin + 3 * step + k] = along[k];
                 speeds[k] = speeds[k].add_product(along[k], u[d]);
             }
         }
@@ -291,6 +294,9 @@ impl<S: Simd> Impulses<S> {
         }
         self.impulses.clear();
         self.impulses.resize(rows, zero);
+        for single in &mut self.singles {
+            single.stubborn = self.answers[single.row * rows + single.row].recip();
+        }
         for contact in &mut self.contacts {
             let row = contact.row;
             let (a, b, c) = (

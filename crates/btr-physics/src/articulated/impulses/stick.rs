@@ -28,7 +28,7 @@ pub(super) struct Guess<S: Simd> {
     pub(super) alone: Vec<Lanes<S>>,
     wanted: Vec<Lanes<S>>,
     costs: Vec<Lanes<S>>,
-    /// Row by row the factor of the equations' matrix, and their solution.
+    /// Row by row the upper factor of the equations' matrix, and their solution.
     factor: Vec<Lanes<S>>,
     solution: Vec<Lanes<S>>,
 }
@@ -91,9 +91,9 @@ impl<S: Simd> Impulses<S> {
         }
         // All that is read of it is written first.
         g.factor.resize(g.factor.len().max(rows * rows), zero);
-        for &Single { row, wanted, least, most } in &self.singles {
+        for &Single { row, wanted, least, most, stubborn } in &self.singles {
             let own = self.answers[row * rows + row];
-            let needed = (wanted - self.speeds[row]) / own;
+            let needed = (wanted - self.speeds[row]) * stubborn;
             let inside = least.less(needed).and(needed.less(most));
             (g.free[row], g.wanted[row], g.costs[row]) = (inside, wanted, own * COST);
             self.impulses[row] = inside.select(zero, needed.clamp(least, most));
@@ -119,25 +119,32 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The factor of what the free rows do to each other (A.-L. Cholesky). All sums go row by row, so that rows which only other
-    /// candidates need change no digit.
+    /// The factor UᵀU of what the free rows do to each other (A.-L. Cholesky), with reciprocals on its diagonal. Sums go row by row:
+    /// rows that only other candidates need change no digit.
     #[inline(always)]
     fn factorise(&mut self) {
         let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
         let one = zero.like(1.0);
         for i in 0..rows {
-            for j in 0..=i {
+            for j in i + 1..rows {
                 let both = g.free[i].and(g.free[j]);
-                let mut sum = both.select(self.answers[i * rows + j], zero);
-                if i == j {
-                    sum = both.select(sum + g.costs[i], one);
+                g.factor[i * rows + j] = both.select(self.answers[i * rows + j], zero);
+            }
+            g.factor[i * rows + i] = g.free[i].select(self.answers[i * rows + i] + g.costs[i], one);
+        }
+        for k in 0..rows {
+            let (above, below) = g.factor.split_at_mut((k + 1) * rows);
+            let own = &mut above[k * rows..];
+            let pivot = own[k].sqrt().recip();
+            own[k] = pivot;
+            for entry in &mut own[k + 1..] {
+                *entry = *entry * pivot;
+            }
+            for i in k + 1..rows {
+                let (share, row) = (own[i], (i - k - 1) * rows);
+                for (entry, &other) in below[row + i..row + rows].iter_mut().zip(&own[i..]) {
+                    *entry = entry.sub_product(share, other);
                 }
-                let (a, b) = (&g.factor[i * rows..i * rows + j], &g.factor[j * rows..j * rows + j]);
-                for (a, b) in a.iter().zip(b) {
-                    sum = sum.sub_product(*a, *b);
-                }
-                // The diagonal holds reciprocals.
-                g.factor[i * rows + j] = if i == j { sum.sqrt().recip() } else { sum * g.factor[j * rows + j] };
             }
         }
     }
@@ -156,14 +163,14 @@ impl<S: Simd> Impulses<S> {
         for i in 0..rows {
             let own = g.solution[i] * g.factor[i * rows + i];
             g.solution[i] = own;
-            for j in i + 1..rows {
-                g.solution[j] = g.solution[j].sub_product(g.factor[j * rows + i], own);
+            for (other, &entry) in g.solution[i + 1..rows].iter_mut().zip(&g.factor[i * rows + i + 1..]) {
+                *other = other.sub_product(entry, own);
             }
         }
         for i in (0..rows).rev() {
             let own = g.solution[i] * g.factor[i * rows + i];
             for j in 0..i {
-                g.solution[j] = g.solution[j].sub_product(g.factor[i * rows + j], own);
+                g.solution[j] = g.solution[j].sub_product(g.factor[j * rows + i], own);
             }
             self.impulses[i] = g.free[i].select(own, self.impulses[i]);
         }
@@ -191,7 +198,7 @@ impl<S: Simd> Impulses<S> {
                 self.impulses[row + k] = pulls.select(zero, self.impulses[row + k]);
             }
         }
-        for &Single { row, wanted, least, most } in &self.singles {
+        for &Single { row, wanted, least, most, .. } in &self.singles {
             let (free, impulse) = (g.free[row], self.impulses[row]);
             let beyond = free.and(impulse.less(least).or(most.less(impulse)));
             let behind = self.speeds[row].less(wanted - beside).and(impulse.less(most));

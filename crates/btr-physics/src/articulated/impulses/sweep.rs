@@ -51,9 +51,8 @@ impl<S: Simd> Impulses<S> {
         let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
         let (mut sweep, mut endless) = (0.0, zero.less(zero));
         while moving.any() {
-            let largest = self.sweep(moving);
+            moving = self.sweep(moving, settled);
             sweep += 1.0;
-            moving = moving.and(largest.at_most(settled).not());
             let last = sweeps.at_most(zero.like(sweep));
             endless = endless.or(moving.and(last));
             moving = moving.and(last.not());
@@ -62,21 +61,21 @@ impl<S: Simd> Impulses<S> {
     }
 
     /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for those that still
-    /// are moving; gives back the largest relative change of a velocity.
+    /// are moving; gives back for whom a velocity changed by more than this share of itself.
     #[inline(always)]
-    fn sweep(&mut self, moving: Mask<S>) -> Lanes<S> {
+    fn sweep(&mut self, moving: Mask<S>, settled: Lanes<S>) -> Mask<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
-        let mut largest = zero;
+        let mut still = zero.less(zero);
         for k in 0..self.singles.len() {
-            let Single { row, wanted, least, most } = self.singles[k];
+            let Single { row, wanted, least, most, stubborn } = self.singles[k];
             let own = self.answers[row * rows + row];
-            let to = (self.impulses[row] + (wanted - self.speeds[row]) / own).clamp(least, most);
+            let to = self.impulses[row].add_product(wanted - self.speeds[row], stubborn).clamp(least, most);
             let change = moving.select(to - self.impulses[row], zero);
             self.impulses[row] += change;
             for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[row * rows..(row + 1) * rows]) {
                 *speed = speed.add_product(answer, change);
             }
-            largest = largest.max(relative(change * own, self.speeds[row]));
+            still = still.or(moves(change * own, self.speeds[row], settled));
         }
         for k in 0..self.contacts.len() {
             let row = self.contacts[k].row;
@@ -93,10 +92,10 @@ impl<S: Simd> Impulses<S> {
             }
             for k in 0..3 {
                 let own = self.answers[(row + k) * rows + row + k];
-                largest = largest.max(relative(change[k] * own, self.speeds[row + k]));
+                still = still.or(moves(change[k] * own, self.speeds[row + k], settled));
             }
         }
-        largest
+        moving.and(still)
     }
 
     /// The impulses of a contact while all others stay: a few sweeps over its three rows, which lean on each other most.
@@ -140,8 +139,8 @@ impl<S: Simd> Impulses<S> {
     }
 }
 
-/// A change of a velocity beside that velocity.
+/// Whether a velocity changed by more than this share of itself.
 #[inline(always)]
-fn relative<S: Simd>(change: Lanes<S>, speed: Lanes<S>) -> Lanes<S> {
-    change.abs() / (speed.like(1.0) + speed.abs())
+fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, settled: Lanes<S>) -> Mask<S> {
+    change.abs().at_most(settled.add_product(settled, speed.abs())).not()
 }
