@@ -8,6 +8,7 @@ use crate::report;
 use crate::table::{Table, maybe, number};
 use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
 use btr_core::family::Step;
+use btr_core::fit::{FINE_ENOUGH, FINEST};
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::experiment::Replays;
@@ -30,11 +31,32 @@ pub(crate) struct Outcome {
     pub(crate) comparison: Comparison,
     /// How much the time step alone changes each simulated channel, in noise floors.
     pub(crate) integrator: IndexMap<String, f64>,
+    /// What everything was simulated with.
+    pub(crate) step: Step,
 }
 
 impl Outcome {
     fn integrator_error(&self) -> f64 {
         self.integrator.values().copied().fold(0.0, f64::max)
+    }
+
+    fn time_step_s(&self) -> f64 {
+        self.replays.model.setup.dt_s / f64::from(self.step.divides_by())
+    }
+
+    /// What there is to say about the time step, if anything.
+    pub(crate) fn about_the_step(&self) -> Option<String> {
+        let step_ms = number(1e3 * self.time_step_s());
+        if self.integrator_error() > 0.5 {
+            let error = number(self.integrator_error());
+            let what = format!("The time step alone, {step_ms} ms, errs by {error} noise floors");
+            return Some(format!("{what}: raise simulation.steps_per_control"));
+        }
+        let usual_ms = number(1e3 * self.replays.model.setup.dt_s);
+        let finer = format!(
+            "Simulated in steps of {step_ms} ms: the model's {usual_ms} ms err by more than a fifth of the noise."
+        );
+        (self.step != Step::USUAL).then_some(finer)
     }
 }
 
@@ -64,36 +86,45 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<ExitCode, Failure> 
     Ok(if missed { ExitCode::from(MISSED) } else { ExitCode::SUCCESS })
 }
 
-/// Simulates every log twice, once with half the time step, and compares.
+/// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too coarse.
 fn outcome(replays: Replays, doubts: &[Doubt], args: &Compare) -> Result<Outcome, Failure> {
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let simulate = |k: usize| -> Result<(Log, Log), WorldError> {
-        let run = |step| model.simulate_in_steps(&s, &c, k, None, step);
-        Ok((run(Step::USUAL)?, run(Step::USUAL.halved())?))
+    let simulate = |step: Step| -> Result<Vec<Log>, Failure> {
+        let logs = (0..replays.logs.len()).into_par_iter();
+        let simulated = logs.map(|k| model.simulate_in_steps(&s, &c, k, None, step));
+        simulated.collect::<Result<_, WorldError>>().map_err(|e| Failure::simulation(&e, doubts))
     };
-    let blown = |e: WorldError| Failure::simulation(&e, doubts);
-    let simulated: Vec<(Log, Log)> =
-        (0..replays.logs.len()).into_par_iter().map(simulate).collect::<Result<_, WorldError>>().map_err(blown)?;
-    let names: Vec<String> = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
-    let episodes: Vec<Episode> = names
-        .iter()
-        .zip(&replays.logs)
-        .zip(&simulated)
-        .map(|((name, real), (simulated, _))| Episode { name, real, simulated })
-        .collect();
-    let comparison = compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings));
     let beyond = 1.0 + 1.0 / (2.0f64.powi(model.order()) - 1.0);
-    let integrator =
-        comparison.channels.iter().map(|c| (c.name.clone(), integrator_error(c, beyond, &simulated))).collect();
-    let model = args.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Outcome { model, replays, names, comparison, integrator })
+    let (mut step, mut simulated) = (Step::USUAL, simulate(Step::USUAL)?);
+    loop {
+        let halved = simulate(step.halved())?;
+        let comparison = comparison(&replays, &simulated);
+        let error = |c: &ChannelError| (c.name.clone(), integrator_error(c, beyond, &simulated, &halved));
+        let integrator: IndexMap<String, f64> = comparison.channels.iter().map(error).collect();
+        let coarse = integrator.values().any(|error| *error > FINE_ENOUGH);
+        if coarse && step.divides_by() < FINEST && !model.has_contact() {
+            (step, simulated) = (step.halved(), halved);
+            continue;
+        }
+        let names = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
+        let model = args.model.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        return Ok(Outcome { model, replays, names, comparison, integrator, step });
+    }
+}
+
+fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
+    let model = &replays.model;
+    let scenarios = model.scenarios.iter().zip(&replays.logs).zip(simulated);
+    let episodes: Vec<Episode> =
+        scenarios.map(|((scenario, real), simulated)| Episode { name: &scenario.name, real, simulated }).collect();
+    compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
 }
 
 /// Root mean square error of a simulated channel that comes from its time step, in noise floors: what halving the step changes and
 /// what lies `beyond` that (L. F. Richardson 1911), twice as much in all for a method of first order, 4/3 for one of second.
-fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[(Log, Log)]) -> f64 {
-    let pairs = simulated.iter().filter_map(|(usual, halved)| {
+fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halved: &[Log]) -> f64 {
+    let pairs = simulated.iter().zip(halved).filter_map(|(usual, halved)| {
         Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))
     });
     let (sum, n) = pairs.flat_map(|(usual, halved)| usual.iter().zip(halved)).fold((0.0, 0.0), |(sum, n), (a, b)| {
@@ -162,10 +193,7 @@ fn text(outcome: &Outcome, most: usize) -> String {
         lines.push(format!("  {}", cell.hint));
         lines.push(format!("    {share}; most of it in {}, at {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
     }
-    if outcome.integrator_error() > 0.5 {
-        let error = number(outcome.integrator_error());
-        lines.push(format!("\nThe time step alone errs by {error} noise floors: raise simulation.steps_per_control"));
-    }
+    lines.extend(outcome.about_the_step().map(|step| format!("\n{step}")));
     lines.join("\n")
 }
 
@@ -205,6 +233,7 @@ fn document(outcome: &Outcome) -> Value {
         "channels": outcome.comparison.channels.iter().map(channel).collect::<Vec<_>>(),
         "failures": outcome.comparison.failures().iter().map(failure).collect::<Vec<_>>(),
         "integrator_error": outcome.integrator_error(),
+        "time_step_s": outcome.time_step_s(),
         "not_judged": outcome.replays.not_judged(),
         "warnings": outcome.replays.warnings,
     })

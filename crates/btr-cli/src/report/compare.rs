@@ -29,6 +29,7 @@ fn summary(outcome: &Outcome) -> Section {
         Block::Text("Errors are measured minus simulated.".to_owned()),
         Block::List(LEGEND.map(str::to_owned).into()),
     ];
+    blocks.extend(outcome.about_the_step().map(Block::Text));
     if !outcome.replays.warnings.is_empty() {
         blocks.push(Block::List(outcome.replays.warnings.clone()));
     }

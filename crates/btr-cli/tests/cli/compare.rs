@@ -172,3 +172,51 @@ fn an_output_takes_the_place_of_nothing_but_its_own_kind_and_is_refused_before_a
     lab.ok("convert other.csv new.mcap -q");
     assert_ne!(lab.read("other.csv"), before[0]);
 }
+
+#[test]
+fn steps_that_are_too_coarse_are_halved_and_that_is_said() {
+    let lab = lab(NONE);
+    lab.write(
+        "coarse.toml",
+        &SWING.replace("steps_per_control = 40", "steps_per_control = 1").replace("sample_every = 40", ""),
+    );
+    let found = lab.json("compare coarse.toml log.csv");
+    assert_eq!(found["time_step_s"], 0.005);
+    let said = lab.ok("compare coarse.toml log.csv");
+    assert!(said.contains("Simulated in steps of 5.000 ms: the model's 10.00 ms err by more than a fifth"), "{said}");
+    assert!(!lab.ok("compare swing.toml log.csv").contains("Simulated in steps"));
+}
+
+/// Two fingers, of which the right one follows the left one.
+const GRIPPER: &str = r#"<robot name="gripper"><link name="palm"/>
+<link name="left"><inertial><origin xyz="0 0 0.1"/><mass value="0.2"/>
+  <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="right"><inertial><origin xyz="0 0 0.1"/><mass value="0.2"/>
+  <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="left" type="continuous"><parent link="palm"/><child link="left"/><axis xyz="1 0 0"/></joint>
+<joint name="right" type="continuous"><parent link="palm"/><child link="right"/><axis xyz="1 0 0"/>
+  <mimic joint="left" multiplier="-1"/></joint>
+</robot>"#;
+
+#[test]
+fn nobody_has_to_tell_a_finger_that_follows_another_one() {
+    let lab = Lab::new();
+    lab.write("gripper.urdf", GRIPPER);
+    let model = SWING.replace("builtin = \"pendulum\"\nlength_m = 0.5", "urdf = \"gripper.urdf\"\nbase = \"fixed\"");
+    lab.write("gripper.toml", &model.replace("actuators.hinge", "actuators.\"*\"").replace("@hinge", "@left"));
+    lab.ok("simulate gripper.toml --seed 7 -q -o log.csv");
+    let log = lab.read("log.csv");
+    let mut rows = log.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let header = rows.next().unwrap();
+    let kept = |name: &str| name == "t" || name.ends_with("_left") || name == "q_right";
+    let few = |row: &[&str]| {
+        let cells = row.iter().zip(&header).filter(|(_, name)| kept(name)).map(|(cell, _)| *cell);
+        cells.collect::<Vec<_>>().join(",") + "\n"
+    };
+    lab.write("few.csv", &(few(&header) + &rows.map(|row| few(&row)).collect::<String>()));
+    let found = lab.json("compare gripper.toml few.csv --max-chi 1.3");
+    let right = found["channels"].as_array().unwrap().iter().find(|channel| channel["name"] == "q_right").unwrap();
+    assert!(right["fit_percent"].as_f64().unwrap() > 99.0, "{right}");
+    let checked = lab.run("check gripper.toml few.csv");
+    assert!(checked.status.success(), "{checked:?}");
+}

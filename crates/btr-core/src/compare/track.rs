@@ -24,7 +24,7 @@ pub struct Track {
     /// What the joint was told; empty where the log does not say. NaN switches the torque off.
     pub command: Vec<f64>,
     /// How hard the motor pulls: the measured torque, or else the simulated one, or else how far the command is ahead
-    /// of the simulated position.
+    /// of the simulated position; nothing where there is no command either.
     pub load: Vec<f64>,
     /// What the load is.
     pub load_label: &'static str,
@@ -49,6 +49,7 @@ impl Track {
         let (load, load_label) = match (measured(), simulated()) {
             (Some(tau), _) => (tau, "measured torque"),
             (None, Some(tau)) => (tau, "simulated torque"),
+            (None, None) if command.is_empty() => (vec![0.0; clock_s.len()], "no load"),
             (None, None) => (ahead(), "command minus simulated position"),
         };
         let motion = smooth(clock_s, position);

@@ -12,9 +12,9 @@ use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 const WORST_STEP_ERROR: f64 = 5.0;
 
 /// The integrator's own error, root mean square in noise floors, that needs no finer step...
-const FINE_ENOUGH: f64 = 0.2;
+pub const FINE_ENOUGH: f64 = 0.2;
 /// ... and the finest step there is, as a part of the model's own.
-const FINEST: u32 = 4;
+pub const FINEST: u32 = 4;
 
 /// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
 pub struct Bench<'a> {

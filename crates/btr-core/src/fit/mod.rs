@@ -10,7 +10,7 @@ mod solve;
 mod start;
 mod together;
 
-pub use bench::{Bench, Logs, Residual, corrected, squares};
+pub use bench::{Bench, FINE_ENOUGH, FINEST, Logs, Residual, corrected, squares};
 pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub use fitted::{Fitted, fitted};
