@@ -235,7 +235,7 @@ impl<S: Simd> Impulses<S> {
         let hard = self.hard.and(self.touching());
         let stuck = if hard.any() { self.stick(hard) } else { hard };
         self.begin(stuck, hard);
-        self.hard = stuck.or(self.sweep_until_settled(stuck.not()));
+        self.hard = stuck.or(self.sweep_until_settled(stuck.not(), u));
         self.known.fill([zero; 3]);
         for contact in &self.contacts {
             for k in 0..3 {

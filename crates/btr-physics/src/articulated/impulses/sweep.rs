@@ -6,11 +6,11 @@ use pulp::Simd;
 
 /// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
 const IN_JOINTS: (usize, f64) = (60, 1e-13);
-/// The same with contacts: far below what any sensor sees. A sole that slides flat on its corners may share its load among them
-/// in many ways, and would be sorted out for ever.
-const TOUCHING: (usize, f64) = (25, 1e-8);
-/// Sweeps over the rows of one contact at a time.
-const SWEEPS_ALONE: usize = 2;
+/// The same with contacts, times the fastest speed: far below what any sensor sees. A sole that slides flat on its corners may share
+/// its load among them in many ways, and would be sorted out for ever.
+const TOUCHING: (usize, f64) = (50, 1e-6);
+/// What rests must not creep: speeds below this (rad/s, m/s) count as this.
+const AT_REST: f64 = 0.01;
 
 impl<S: Simd> Impulses<S> {
     /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
@@ -44,10 +44,14 @@ impl<S: Simd> Impulses<S> {
 
     /// Sweeps for each candidate until it has settled or may sweep no more; gives back for whom there was no end.
     #[inline(always)]
-    pub(super) fn sweep_until_settled(&mut self, mut moving: Mask<S>) -> Mask<S> {
+    pub(super) fn sweep_until_settled(&mut self, mut moving: Mask<S>, u: &[Lanes<S>]) -> Mask<S> {
         let zero = Lanes::zero(self.simd);
+        let mut fastest = zero.like(AT_REST);
+        for speed in u {
+            fastest = fastest.max(speed.abs());
+        }
         let touching = self.touching();
-        let settled = touching.select(zero.like(TOUCHING.1), zero.like(IN_JOINTS.1));
+        let settled = touching.select(fastest * TOUCHING.1, zero.like(IN_JOINTS.1));
         let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
         let (mut sweep, mut endless) = (0.0, zero.less(zero));
         while moving.any() {
@@ -98,44 +102,25 @@ impl<S: Simd> Impulses<S> {
         moving.and(still)
     }
 
-    /// The impulses of a contact while all others stay: a few sweeps over its three rows, which lean on each other most.
+    /// The impulses of a contact while all others stay: the normal one, and what that leaves to those across.
     #[inline(always)]
     fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
         let (rows, row, Law { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
         let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
-        let mut own = [[zero; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                own[i][j] = self.answers[(row + i) * rows + row + j];
-            }
+        let before = self.impulses[row];
+        let missing = wanted - self.speeds[row] - softness * before;
+        let normal = contact.there.select(before.add_product(missing, contact.stubborn).max(zero), zero);
+        let mut across = [zero; 2];
+        for k in 0..2 {
+            let speed = self.speeds[row + 1 + k].add_product(self.answers[row * rows + row + 1 + k], normal - before);
+            across[k] = self.impulses[row + 1 + k].sub_product(speed, contact.stubborn_across);
         }
-        let mut speed = [self.speeds[row], self.speeds[row + 1], self.speeds[row + 2]];
-        let mut impulse = [self.impulses[row], self.impulses[row + 1], self.impulses[row + 2]];
-        for _ in 0..SWEEPS_ALONE {
-            let missing = wanted - speed[0] - softness * impulse[0];
-            let to = contact.there.select((impulse[0] + missing * contact.stubborn).max(zero), zero);
-            let change = to - impulse[0];
-            impulse[0] = to;
-            for i in 0..3 {
-                speed[i] = speed[i].add_product(own[0][i], change);
-            }
-            let most = friction * impulse[0];
-            let tried =
-                [impulse[1] - speed[1] * contact.stubborn_across, impulse[2] - speed[2] * contact.stubborn_across];
-            let square = tried[0] * tried[0] + tried[1] * tried[1];
-            let beyond = (most * most).less(square);
-            // Most of what touches sticks.
-            let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
-            for k in 1..3 {
-                let to = tried[k - 1] * shrink;
-                let change = to - impulse[k];
-                impulse[k] = to;
-                for i in 0..3 {
-                    speed[i] = speed[i].add_product(own[k][i], change);
-                }
-            }
-        }
-        impulse
+        let most = friction * normal;
+        let square = across[0] * across[0] + across[1] * across[1];
+        let beyond = (most * most).less(square);
+        // Most of what touches sticks.
+        let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
+        [normal, across[0] * shrink, across[1] * shrink]
     }
 }
 
