@@ -12,6 +12,8 @@ use std::sync::Arc;
 const SAMPLES: usize = 400;
 const PERIOD_S: f64 = 0.01;
 
+type Motion = dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync;
+
 /// Two logs to learn from and one to judge on, of one channel with a noise of 1.
 #[derive(Clone)]
 struct Made {
@@ -23,7 +25,7 @@ struct Made {
     /// How many samples are the beginning of a log, which can be foretold where the rest cannot.
     beginning: Option<usize>,
     /// What is measured at a point, without noise: coordinates, log, time in s, and by what the time step is divided.
-    motion: Arc<dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync>,
+    motion: Arc<Motion>,
 }
 
 /// Divides the time step by so much that nothing is left of it.

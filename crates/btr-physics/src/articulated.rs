@@ -34,7 +34,7 @@ use impulses::Impulses;
 use lanes::{Lanes, Mask};
 use nalgebra::{Isometry3, Point3, Vector3};
 use pulp::{Arch, NullaryFnOnce, Simd};
-use spatial::{factorise, solve};
+use spatial::{Spatial, factorise, solve};
 use std::ops::Range;
 use touch::{Hull, Round, Touch};
 use tree::{Posture, Tree};
@@ -126,6 +126,8 @@ struct Scratch<S: Simd> {
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
     share: Vec<Lanes<S>>,
     touches: Vec<Touch<S>>,
+    /// How every body would move if nothing touched, and how it moves.
+    motions: [Vec<Spatial<S>>; 2],
     /// Accelerations of the joints where they are known.
     known: Vec<Lanes<S>>,
 }

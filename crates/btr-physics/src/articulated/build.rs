@@ -2,7 +2,7 @@
 
 use super::impulses::Impulses;
 use super::lanes::Lanes;
-use super::spatial::Symmetric;
+use super::spatial::{Spatial, Symmetric};
 use super::touch::{self, Form, Hull, Round};
 use super::tree::{Body, Pose, Posture, Tree};
 use super::vectors::{M3, V3};
@@ -117,7 +117,7 @@ impl<S: Simd> Articulated<S> {
             rolling_damping: lanes(&|world| world.setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s)),
             foot_impulses: vec![nothing; one.feet],
             wild: nothing.less(nothing),
-            scratch: Scratch::new(simd, &now),
+            scratch: Scratch::new(simd, &now, one.bodies.len()),
             tree,
             now,
         };
@@ -219,7 +219,7 @@ impl<S: Simd> Round<S> {
 }
 
 impl<S: Simd> Scratch<S> {
-    fn new(simd: S, now: &Posture<S>) -> Self {
+    fn new(simd: S, now: &Posture<S>, bodies: usize) -> Self {
         let (n, zero) = (now.u.len(), Lanes::zero(simd));
         Scratch {
             middle: now.clone(),
@@ -229,6 +229,7 @@ impl<S: Simd> Scratch<S> {
             mean: vec![zero; n],
             share: vec![zero; n],
             touches: Vec::new(),
+            motions: [0, 1].map(|_| vec![Spatial::zero(simd); bodies]),
             known: Vec::with_capacity(n),
         }
     }

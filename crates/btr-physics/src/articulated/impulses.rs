@@ -9,10 +9,9 @@ mod stick;
 mod sweep;
 
 use super::lanes::{Lanes, Mask};
-use super::spatial::{solve_way, substitute};
+use super::spatial::{Spatial, solve_motions, solve_way, substitute};
 use super::touch::Touch;
 use super::tree::Tree;
-use super::vectors::V3;
 use pulp::Simd;
 use stick::Guess;
 
@@ -27,6 +26,9 @@ pub(super) struct Impulses<S: Simd> {
     impulses: Vec<Lanes<S>>,
     /// The directions, seen through half of the inverse inertia: their products are what rows do to each other.
     halves: Vec<Lanes<S>>,
+    /// The same of all pushes and turns on a body, and where those of each that is touched begin.
+    bases: Vec<Spatial<S>>,
+    pushed: Vec<(usize, usize)>,
     /// What every row does to every other one, in 1/kg or the like.
     answers: Vec<Lanes<S>>,
     /// The last impulses of everything that can touch: where the sweeps begin.
@@ -94,6 +96,8 @@ impl<S: Simd> Impulses<S> {
             speeds: Vec::new(),
             impulses: Vec::new(),
             halves: Vec::new(),
+            bases: Vec::new(),
+            pushed: Vec::new(),
             answers: Vec::new(),
             known: vec![[Lanes::zero(simd); 3]; slots],
             change: Vec::new(),
@@ -109,6 +113,8 @@ impl<S: Simd> Impulses<S> {
         self.contacts.clear();
         self.speeds.clear();
         self.halves.clear();
+        self.bases.clear();
+        self.pushed.clear();
     }
 
     /// Something that stops a joint as far as impulses between `least` and `most` can.
@@ -125,7 +131,7 @@ impl<S: Simd> Impulses<S> {
         for &d in way {
             self.halves.push(Lanes::all(self.simd, if d == dof { 1.0 } else { 0.0 }));
         }
-        solve_way::<S, 1>(factor, tree.freedom(), way, &mut self.halves[begin..]);
+        solve_way(factor, tree.freedom(), way, &mut self.halves[begin..]);
         self.single([Some((dof, begin)), None], [wanted, least, most], u[dof]);
     }
 
@@ -144,7 +150,7 @@ impl<S: Simd> Impulses<S> {
         for (way, (last, along)) in ways.iter_mut().zip([(dof, one), (leader, -ratio)]) {
             let (all, begin) = (&tree.ways[last], self.halves.len());
             self.halves.extend(all.iter().map(|&d| if d == last { along } else { zero }));
-            solve_way::<S, 1>(factor, tree.freedom(), all, &mut self.halves[begin..]);
+            solve_way(factor, tree.freedom(), all, &mut self.halves[begin..]);
             *way = Some((last, begin));
         }
         let endless = one * f64::INFINITY;
@@ -173,23 +179,21 @@ impl<S: Simd> Impulses<S> {
         there: Mask<S>,
         tree: &Tree<S>,
         factor: &[Lanes<S>],
-        u: &[Lanes<S>],
+        motions: &[Spatial<S>],
     ) {
-        let (row, zero) = (self.rows(), Lanes::zero(self.simd));
-        let mut speeds = [zero; 3];
-        let mut ways = [Some(self.aim(touch, touch.body, zero.like(1.0), tree, factor, u, &mut speeds)), None];
+        let (row, zero, one) = (self.rows(), Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
+        let mut ways = [Some(self.aim(touch, touch.body, one, tree, factor)), None];
         if let Some(other) = touch.other {
-            ways[1] = Some(self.aim(touch, other, zero.like(-1.0), tree, factor, u, &mut speeds));
+            ways[1] = Some(self.aim(touch, other, -one, tree, factor));
         }
+        let speeds = touch.along(self.simd, &touch.apart(motions));
         self.blocks.push(Block { row, rows: 3, ways });
         self.speeds.extend_from_slice(&speeds);
         self.contacts.push(Contact { row, slot: touch.slot, law, there, stubborn: zero, stubborn_across: zero });
     }
 
-    /// What pushes on a body along the normal and across, in this sense, do along the way to it, and how fast the way moves the body
-    /// there.
+    /// What pushes on a body along the normal and across, in this sense, do along the way to it.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
     fn aim(
         &mut self,
         touch: &Touch<S>,
@@ -197,29 +201,33 @@ impl<S: Simd> Impulses<S> {
         sense: Lanes<S>,
         tree: &Tree<S>,
         factor: &[Lanes<S>],
-        u: &[Lanes<S>],
-        speeds: &mut [Lanes<S>; 3],
     ) -> (usize, usize) {
-        let (way, begin) = (tree.way_to(body), self.halves.len());
-        let side = across(self.simd, &touch.normal);
-        let directions = [touch.normal, side, touch.normal.cross(&side)];
+        let (way, begin, basis) = (tree.way_to(body), self.halves.len(), self.solved(body, tree, factor));
         self.halves.resize(begin + 3 * way.len(), sense);
-        for (step, &d) in way.iter().enumerate() {
-            let moved = tree.axes[d].at(&touch.point);
-            // On the floor the directions are the world's axes.
-            let mut along = [moved.0[2], moved.0[0], moved.0[1]];
-            if touch.other.is_some() {
-                for k in 0..3 {
-                    along[k] = directions[k].dot(&moved) * sense;
-                }
-            }
+        for step in 0..way.len() {
+            let along = touch.along(self.simd, &self.bases[basis + step].at(&touch.point));
             for k in 0..3 {
-                self.halves[begin + 3 * step + k] = along[k];
-                speeds[k] = speeds[k].add_product(along[k], u[d]);
+                self.halves[begin + 3 * step + k] = along[k] * sense;
             }
         }
-        solve_way::<S, 3>(factor, tree.freedom(), way, &mut self.halves[begin..]);
         (way[way.len() - 1], begin)
+    }
+
+    /// Where the halves of all pushes and turns on a body begin: an entry for each step of the way to it.
+    #[inline(always)]
+    fn solved(&mut self, body: usize, tree: &Tree<S>, factor: &[Lanes<S>]) -> usize {
+        for k in 0..self.pushed.len() {
+            if self.pushed[k].0 == body {
+                return self.pushed[k].1;
+            }
+        }
+        let (way, begin) = (tree.way_to(body), self.bases.len());
+        for &d in way {
+            self.bases.push(tree.axes[d]);
+        }
+        solve_motions(factor, tree.freedom(), way, &mut self.bases[begin..]);
+        self.pushed.push((body, begin));
+        begin
     }
 
     /// Finds the impulses and lets them change the velocities.
@@ -346,38 +354,6 @@ impl<S: Simd> Impulses<S> {
         }
         touching
     }
-}
-
-/// The speed at which two bodies separate where they touch.
-#[inline(always)]
-pub(super) fn separation<S: Simd>(touch: &Touch<S>, tree: &Tree<S>, u: &[Lanes<S>]) -> Lanes<S> {
-    let mut speed = touch.depth.like(0.0);
-    let Some(other) = touch.other else {
-        for &d in tree.way_to(touch.body) {
-            speed = speed.add_product(tree.axes[d].at(&touch.point).0[2], u[d]);
-        }
-        return speed;
-    };
-    for &d in tree.way_to(touch.body) {
-        speed = speed.add_product(tree.axes[d].at(&touch.point).dot(&touch.normal), u[d]);
-    }
-    for &d in tree.way_to(other) {
-        speed = speed.sub_product(tree.axes[d].at(&touch.point).dot(&touch.normal), u[d]);
-    }
-    speed
-}
-
-/// A direction across another: x for a vertical one.
-#[inline(always)]
-fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
-    let (x, y) = (V3::axis(simd, 0), V3::axis(simd, 1));
-    let steep = normal.0[0].abs().less(Lanes::all(simd, 0.7));
-    let mut along = x;
-    for k in 0..3 {
-        along.0[k] = steep.select(x.0[k], y.0[k]);
-    }
-    let side = along - normal.times(normal.dot(&along));
-    side.times(side.norm().recip())
 }
 
 /// How many steps two ways from the root have in common: all of them come first.

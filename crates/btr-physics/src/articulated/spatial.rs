@@ -44,6 +44,16 @@ impl<S: Simd> Spatial<S> {
         Spatial { angular: self.angular.times(factor), linear: self.linear.times(factor) }
     }
 
+    #[inline(always)]
+    pub(super) fn add_times(&self, other: &Self, factor: Lanes<S>) -> Self {
+        let mut sum = *self;
+        for k in 0..3 {
+            sum.angular.0[k] = sum.angular.0[k].add_product(other.angular.0[k], factor);
+            sum.linear.0[k] = sum.linear.0[k].add_product(other.linear.0[k], factor);
+        }
+        sum
+    }
+
     /// How a motion moves a point.
     #[inline(always)]
     pub(super) fn at(&self, point: &V3<S>) -> V3<S> {
@@ -170,21 +180,29 @@ pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [
     substitute(factor, ways, x);
 }
 
-/// Solves Lᵀ·x = b for several b at once, which only are something on the way from the root to one degree of freedom, in place: `x`
-/// has an entry of each for each step of the way.
+/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an entry for each
+/// step of the way.
 #[inline(always)]
-pub(super) fn solve_way<S: Simd, const MANY: usize>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
+pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
     for step in (0..way.len()).rev() {
         let row = way[step] * n;
-        let (before, own) = x.split_at_mut(step * MANY);
-        for k in 0..MANY {
-            own[k] = own[k] * factor[row + way[step]];
+        let own = x[step] * factor[row + way[step]];
+        x[step] = own;
+        for (x, &j) in x[..step].iter_mut().zip(way) {
+            *x = x.sub_product(factor[row + j], own);
         }
-        for (before, &j) in before.chunks_exact_mut(MANY).zip(way) {
-            let entry = factor[row + j];
-            for k in 0..MANY {
-                before[k] = before[k].sub_product(entry, own[k]);
-            }
+    }
+}
+
+/// The same for six b at once.
+#[inline(always)]
+pub(super) fn solve_motions<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Spatial<S>]) {
+    for step in (0..way.len()).rev() {
+        let row = way[step] * n;
+        let own = x[step].times(factor[row + way[step]]);
+        x[step] = own;
+        for (x, &j) in x[..step].iter_mut().zip(way) {
+            *x = x.add_times(&own, -factor[row + j]);
         }
     }
 }

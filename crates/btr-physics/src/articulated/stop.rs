@@ -1,6 +1,6 @@
 //! What stops a robot: dry friction, joint limits, the floor and the ball.
 
-use super::impulses::{Law, separation};
+use super::impulses::Law;
 use super::lanes::{Lanes, Mask};
 use super::touch::{self, Reach};
 use super::{Articulated, Coupling, Floor};
@@ -94,9 +94,17 @@ impl<S: Simd> Articulated<S> {
         let height = floor.friction.map(|_| -self.tree.origin.0[2]);
         let reach = Reach { floor: height, gap: zero.like(dt * FASTEST) };
         touch::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
+        if s.touches.is_empty() {
+            return;
+        }
+        let [free, kept] = &mut s.motions;
+        self.tree.motions(&s.next, free);
+        if self.ball.is_some() {
+            self.tree.motions(&self.now.u, kept);
+        }
         for touch in &s.touches {
-            let free = separation(touch, &self.tree, &s.next);
-            let mut there = touch.there.and(((free - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
+            let free_to = touch.along(simd, &touch.apart(free))[0];
+            let mut there = touch.there.and(((free_to - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
             let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
             let apart = touch.depth.less(zero);
             if let Some(ball) = ball {
@@ -110,13 +118,13 @@ impl<S: Simd> Articulated<S> {
             }
             law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
             if let Some(ball) = ball {
-                let kept = -(ball.restitution * separation(touch, &self.tree, &self.now.u));
+                let kept = -(ball.restitution * touch.along(simd, &touch.apart(kept))[0]);
                 // An impact is over within the step: nothing of what is kept goes into a spring.
                 let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
                 law.wanted = bounces.select(kept, law.wanted);
                 law.softness = bounces.select(zero, law.softness);
             }
-            self.impulses.touch(touch, law, there, &self.tree, &s.matrix, &s.next);
+            self.impulses.touch(touch, law, there, &self.tree, &s.matrix, free);
         }
     }
 

@@ -2,6 +2,7 @@
 //! is nearest to a ball's centre is known for every primitive.
 
 use super::lanes::{Lanes, Mask};
+use super::spatial::Spatial;
 use super::tree::Tree;
 use super::vectors::{M3, V3};
 use pulp::Simd;
@@ -54,6 +55,38 @@ pub(super) struct Touch<S: Simd> {
     pub(super) slot: usize,
     /// Who touches there.
     pub(super) there: Mask<S>,
+}
+
+impl<S: Simd> Touch<S> {
+    /// How fast two bodies separate where they touch.
+    #[inline(always)]
+    pub(super) fn apart(&self, motions: &[Spatial<S>]) -> V3<S> {
+        let own = motions[self.body].at(&self.point);
+        self.other.map_or(own, |other| own - motions[other].at(&self.point))
+    }
+
+    /// A vector's parts along the normal and in two directions across. On the floor those are the world's axes.
+    #[inline(always)]
+    pub(super) fn along(&self, simd: S, vector: &V3<S>) -> [Lanes<S>; 3] {
+        if self.other.is_none() {
+            return [vector.0[2], vector.0[0], vector.0[1]];
+        }
+        let side = across(simd, &self.normal);
+        [self.normal.dot(vector), side.dot(vector), self.normal.cross(&side).dot(vector)]
+    }
+}
+
+/// A direction across another: x for a vertical one.
+#[inline(always)]
+fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
+    let (x, y) = (V3::axis(simd, 0), V3::axis(simd, 1));
+    let steep = normal.0[0].abs().less(Lanes::all(simd, 0.7));
+    let mut along = x;
+    for k in 0..3 {
+        along.0[k] = steep.select(x.0[k], y.0[k]);
+    }
+    let side = along - normal.times(normal.dot(&along));
+    side.times(side.norm().recip())
 }
 
 /// Points that may be the lowest of a hull.

@@ -244,6 +244,22 @@ impl<S: Simd> Tree<S> {
         }
     }
 
+    /// How every body moves.
+    #[inline(always)]
+    pub(super) fn motions(&self, u: &[Lanes<S>], motions: &mut [Spatial<S>]) {
+        for i in 0..self.bodies.len() {
+            let first = self.first[i];
+            let mut motion = match self.bodies[i].parent {
+                Some(parent) => motions[parent].add_times(&self.axes[first], u[first]),
+                None => self.axes[first].times(u[first]),
+            };
+            for d in first + 1..first + self.bodies[i].freedom() {
+                motion = motion.add_times(&self.axes[d], u[d]);
+            }
+            motions[i] = motion;
+        }
+    }
+
     /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, without what is zero as
     /// neither moves the other.
     #[inline(always)]
