@@ -3,6 +3,7 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
 use clap_complete::Shell;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// What people come for.
@@ -38,11 +39,11 @@ pub(crate) struct Args {
 
 impl Args {
     /// What was typed; a mistake is told as clap tells it, with what clap cannot know.
-    pub(crate) fn typed() -> Result<Self, Error> {
-        Args::try_parse().map_err(|mut error| {
-            let held_out = || std::env::args_os().any(|argument| argument == "--held-out");
+    pub(crate) fn of(typed: Vec<OsString>) -> Result<Self, Error> {
+        let with_held_out = typed.iter().any(|argument| argument == "--held-out");
+        Args::try_parse_from(typed).map_err(|mut error| {
             let tip = match error.kind() {
-                ErrorKind::MissingRequiredArgument if held_out() => {
+                ErrorKind::MissingRequiredArgument if with_held_out => {
                     Some("put the logs before --held-out, which takes whatever follows".to_owned())
                 }
                 ErrorKind::InvalidSubcommand => Some(format!("verbs: {}", verbs().join(", "))),

@@ -3,14 +3,15 @@
 use btr_core::check::Topic;
 use btr_core::world::WorldError;
 use btr_physics::verbs::{Doubt, ProblemError};
-use std::process::ExitCode;
 
+/// Exit code of a run that was done.
+pub(crate) const DONE: u8 = 0;
 /// Exit code of a run that was done but missed the goal it was given.
 pub(crate) const MISSED: u8 = 1;
 /// Exit code of a run that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
 /// Exit code of everything that cannot be done.
-const REFUSED: u8 = 2;
+pub(crate) const REFUSED: u8 = 2;
 
 /// A simulation that blows up sooner than this, in s, was wrong from the beginning.
 const AT_ONCE_S: f64 = 0.2;
@@ -63,7 +64,7 @@ impl Failure {
     }
 
     /// Says it on stderr, or as a JSON document on stdout.
-    pub(crate) fn report(&self, json: bool) -> ExitCode {
+    pub(crate) fn report(&self, json: bool) -> u8 {
         if json {
             let error = serde_json::json!({ "code": self.code, "message": self.message, "help": self.help });
             println!("{}", serde_json::json!({ "ok": false, "error": error }));
@@ -73,7 +74,7 @@ impl Failure {
                 eprintln!("help: {help}");
             }
         }
-        ExitCode::from(REFUSED)
+        REFUSED
     }
 }
 

@@ -73,7 +73,7 @@ fn the_index_sets_what_it_knows_of_a_log() {
         replays.model.scenarios.iter().map(|s| s.settings.first().map(|(_, mass)| *mass)).collect();
     assert_eq!(masses, [Some(2.0), Some(0.5), None]);
     assert!(replays.warnings.len() == 1 && replays.warnings[0].contains("three.csv"), "{:?}", replays.warnings);
-    let lone = experiment::model_replaying(&source(folder.path(), &text), &logs[1]).unwrap();
+    let lone = experiment::model_replaying(&source(folder.path(), &text), logs[1].clone()).unwrap();
     assert_eq!(lone.scenarios[0].settings.first().map(|(_, mass)| *mass), Some(0.5));
     let wrong = text.replace("\"grams\"", "\"gram\"");
     let error = experiment::replays(&source(folder.path(), &wrong), &logs, &[]).err().unwrap();

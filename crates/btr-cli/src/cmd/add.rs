@@ -3,16 +3,15 @@
 use super::ladder;
 use super::output::{Kind, guard};
 use crate::args::{Add, Global};
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use btr_physics::adapt::{moved, named_files};
 use btr_physics::experiment;
 use btr_physics::io::{IoError, write_whole};
 use btr_physics::verbs::{AddError, Addition, add};
 use std::io::Write;
 use std::path::Path;
-use std::process::ExitCode;
 
-pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Add, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     // A model may grow in its place: nothing in it is lost.
     guard(Kind::Model.at(Some(&args.output)), named_files(&source))?;
@@ -29,7 +28,7 @@ pub(crate) fn run(args: &Add, global: &Global) -> Result<ExitCode, Failure> {
         println!("{}: {} added, free to fit", args.output.display(), args.effects.join(", "));
         println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 /// Writes a text file, whole or not at all.

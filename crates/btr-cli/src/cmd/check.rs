@@ -2,15 +2,14 @@
 
 use super::ladder;
 use crate::args::{Check, Global};
-use crate::failure::{Failure, MISSED};
+use crate::failure::{DONE, Failure, MISSED};
 use crate::table::{Table, maybe, number};
 use btr_core::check::{self, Severity};
 use btr_physics::experiment::{self, Checked};
 use btr_physics::verbs::{self, CheckReport, Told};
 use serde_json::{Value, json};
-use std::process::ExitCode;
 
-pub(crate) fn run(args: &Check, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
     let warnings = replays.warnings.clone();
@@ -23,7 +22,7 @@ pub(crate) fn run(args: &Check, global: &Global) -> Result<ExitCode, Failure> {
         println!("{}", identifiability(&report.told));
     }
     let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
-    Ok(if bad { ExitCode::from(MISSED) } else { ExitCode::SUCCESS })
+    Ok(if bad { MISSED } else { DONE })
 }
 
 pub(super) fn word(severity: Severity) -> &'static str {

@@ -2,7 +2,7 @@
 
 use super::ladder;
 use crate::args::{Coevolve, Global};
-use crate::failure::{Failure, INTERRUPTED, MISSED};
+use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
 use crate::figures;
 use crate::progress::Progress;
 use crate::table::{Table, maybe, number};
@@ -16,7 +16,6 @@ use btr_physics::report::{self, ByDistance, Comparison, Report};
 use btr_physics::run::Run;
 use btr_physics::verbs::LadderStep;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -27,7 +26,7 @@ enum Left {
     Interrupted,
 }
 
-pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<u8, Failure> {
     let mut source = Source::read(&args.experiment)?;
     source.set(&global.settings)?;
     let folder = match &args.out {
@@ -130,13 +129,13 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
     Ok(interrupted)
 }
 
-fn say_interrupted(args: &Coevolve, folder: &Path) -> ExitCode {
+fn say_interrupted(args: &Coevolve, folder: &Path) -> u8 {
     eprintln!(
         "interrupted; go on with: btr coevolve {} --out {} --resume",
         args.experiment.display(),
         folder.display()
     );
-    ExitCode::from(INTERRUPTED)
+    INTERRUPTED
 }
 
 /// The same real tests through the other distances of the experiment; `None` when interrupted.
@@ -166,13 +165,13 @@ fn by_distance(
     Ok(Some(found))
 }
 
-fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<ExitCode, Failure> {
+fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<u8, Failure> {
     let (s, c) = (experiment.model.simulations(), experiment.model.controllers());
     let plan = &experiment.plan;
     if global.json {
         let dims: Vec<_> = s.dims().iter().map(|d| &d.name).collect();
         println!("{}", serde_json::json!({ "ok": true, "dry_run": true, "parameters": dims, "controllers": c.len() }));
-        return Ok(ExitCode::SUCCESS);
+        return Ok(DONE);
     }
     println!("{}: {} iterations, output in {}", experiment.name, plan.iterations, folder.display());
     println!("real tests: {}", plan.real_tests.map_or_else(|| "no limit".to_owned(), |n| format!("at most {n}")));
@@ -182,7 +181,7 @@ fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<Ex
             println!("  {:<32} {} .. {} {}", d.name, number(d.min), number(d.max), d.unit);
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 fn finish(
@@ -191,7 +190,7 @@ fn finish(
     (reason, waiting): (Option<StopReason>, Option<String>),
     others: Vec<ByDistance>,
     (args, global): (&Coevolve, &Global),
-) -> Result<ExitCode, Failure> {
+) -> Result<u8, Failure> {
     let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
     let files = write_files(experiment, run, &report)?;
     if global.json {
@@ -214,13 +213,13 @@ fn finish(
 }
 
 /// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
-fn exit_code(run: &Run, report: &Report) -> ExitCode {
+fn exit_code(run: &Run, report: &Report) -> u8 {
     let goal = run.state().plan().fitness_goal.is_some();
     match report.stop_reason {
-        Some(StopReason::GoalReached) | None => ExitCode::SUCCESS,
-        Some(StopReason::Disengaged | StopReason::NoRealData) => ExitCode::from(MISSED),
-        Some(_) if goal => ExitCode::from(MISSED),
-        Some(_) => ExitCode::SUCCESS,
+        Some(StopReason::GoalReached) | None => DONE,
+        Some(StopReason::Disengaged | StopReason::NoRealData) => MISSED,
+        Some(_) if goal => MISSED,
+        Some(_) => DONE,
     }
 }
 

@@ -2,12 +2,11 @@
 
 use super::output::{Kind, guard};
 use crate::args::Global;
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use btr_physics::io::{self, Mapping, Meta};
 use std::path::Path;
-use std::process::ExitCode;
 
-pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<u8, Failure> {
     guard(Kind::Log { over_measurements: false }.at(Some(to)), [from.to_owned()])?;
     let (log, warnings) = io::read_log(from, &Mapping::default())?;
     io::write_log(to, &log, &Meta::default())?;
@@ -18,5 +17,5 @@ pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<ExitCode, F
         warnings.iter().for_each(|w| eprintln!("warning: {w}"));
         println!("{}: {} samples, {} channels", to.display(), log.len(), log.channels().len());
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }

@@ -3,16 +3,15 @@
 use super::ladder;
 use super::output::{Kind, announce, guard, inputs};
 use crate::args::{Beside, Diagnose, Global};
-use crate::failure::{Failure, MISSED};
+use crate::failure::{DONE, Failure, MISSED};
 use crate::report::{self, Asked};
 use crate::table::{Table, number};
 use btr_core::diagnose::{Question, Verdict};
 use btr_physics::io::{self, Meta};
 use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
     let commands = Kind::Log { over_measurements: false }.at(args.next.as_deref());
     let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
@@ -39,7 +38,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<ExitCode, Failure>
     }
     announce(args.beside.report.as_deref(), "the report", global);
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
-    Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(MISSED) })
+    Ok(if met { DONE } else { MISSED })
 }
 
 /// The commands of the next experiment, for `btr simulate --log` and for the robot.

@@ -1,19 +1,18 @@
 //! `btr effects`: the library, as the registry knows it.
 
 use crate::args::Global;
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use crate::table::{Table, number};
 use btr_physics::effect::{Card, EFFECTS, FORMULA, Param, SiteKind};
 use btr_physics::experiment::suggestion;
 use serde_json::{Value, json};
-use std::process::ExitCode;
 
 /// Every card; formulas share one.
 fn all() -> impl Iterator<Item = &'static Card> {
     EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
 }
 
-pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
     let cards: Vec<&Card> = match name {
         None => all().collect(),
         Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
@@ -26,7 +25,7 @@ pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<ExitCode, Failu
     } else {
         list(&cards);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 fn unknown(name: &str) -> Failure {

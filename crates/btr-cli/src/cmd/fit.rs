@@ -4,15 +4,14 @@ use super::add::write_text;
 use super::ladder;
 use super::output::{Kind, announce, guard, inputs};
 use crate::args::{Fit, Global};
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use crate::report::{self, Asked};
 use crate::table::{Table, number};
 use btr_core::family::Step;
 use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::verbs::{self, FitReport, Problem};
-use std::process::ExitCode;
 
-pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
     let model = Kind::Model.at(args.output.as_deref());
     let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
@@ -53,7 +52,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<ExitCode, Failure> {
     }
     announce(args.output.as_deref(), "the fitted model", global);
     announce(args.beside.report.as_deref(), "the report", global);
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 fn show(report: &FitReport) {

@@ -1,7 +1,7 @@
 //! `btr info`: what a log holds, or what btr knows.
 
 use crate::args::Global;
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use crate::table::{Table, number};
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
@@ -11,16 +11,15 @@ use btr_physics::io::{self, Mapping};
 use btr_physics::task::TERMS;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::ExitCode;
 
-pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<u8, Failure> {
     match path {
         Some(path) => about_log(path, global),
         None => about_btr(global),
     }
 }
 
-fn about_log(path: &Path, global: &Global) -> Result<ExitCode, Failure> {
+fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
     let (log, warnings) = io::read_log(path, &Mapping::default())?;
     let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     let rate_hz = (log.len().saturating_sub(1)) as f64 / log.duration_s();
@@ -31,12 +30,12 @@ fn about_log(path: &Path, global: &Global) -> Result<ExitCode, Failure> {
             json!({ "ok": true, "samples": log.len(), "duration_s": log.duration_s(), "rate_hz": rate_hz,
                     "warnings": warnings, "channels": channels })
         );
-        return Ok(ExitCode::SUCCESS);
+        return Ok(DONE);
     }
     println!("{}: {} samples, {} s, {} Hz", path.display(), log.len(), number(log.duration_s()), number(rate_hz));
     warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     println!("{}", channels(&log).render());
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 fn channels(log: &Log) -> Table {
@@ -62,7 +61,7 @@ fn describe(name: &str, channel: &Channel) -> Value {
             "missing": missing })
 }
 
-fn about_btr(global: &Global) -> Result<ExitCode, Failure> {
+fn about_btr(global: &Global) -> Result<u8, Failure> {
     let terms: Vec<(String, &str)> = TERMS.iter().map(|t| (format!("{} ({})", t.name, t.unit), t.help)).collect();
     if global.json {
         let named =
@@ -74,14 +73,14 @@ fn about_btr(global: &Global) -> Result<ExitCode, Failure> {
             json!({ "ok": true, "drives": named(DRIVES), "distances": named(DISTANCES), "searches": named(SEARCHES),
                     "fitness": terms })
         );
-        return Ok(ExitCode::SUCCESS);
+        return Ok(DONE);
     }
     section("drives", DRIVES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
     section("fitness terms", terms.into_iter());
     section("distances", DISTANCES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
     section("searches", SEARCHES.iter().map(|(n, h)| ((*n).to_owned(), *h)));
     println!("effects: see `btr effects`");
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 fn section<'a>(title: &str, rows: impl Iterator<Item = (String, &'a str)>) {

@@ -3,19 +3,18 @@
 use super::ladder;
 use super::output::{Kind, guard, inputs};
 use crate::args::{Global, Simulate};
-use crate::failure::Failure;
+use crate::failure::{DONE, Failure};
 use crate::table::number;
 use btr_core::world::Simulator;
 use btr_physics::experiment::{self, Source};
 use btr_physics::io::{self, Meta};
-use std::process::ExitCode;
 
-pub(crate) fn run(args: &Simulate, global: &Global) -> Result<ExitCode, Failure> {
+pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     let log = Kind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {
-        (Some(log), _) => experiment::model_replaying(&source, log)?,
+        (Some(log), _) => experiment::model_replaying(&source, log.clone())?,
         (None, Some(drive)) => experiment::model_driven_by(&source, &Source::read(drive)?)?,
         (None, None) => experiment::model(&source)?,
     };
@@ -36,5 +35,5 @@ pub(crate) fn run(args: &Simulate, global: &Global) -> Result<ExitCode, Failure>
         println!("{}: {} samples, {} s", args.output.display(), log.len(), number(log.duration_s()));
         terms.iter().for_each(|(term, x)| println!("  {:<14} {} {}", term.name, number(*x), term.unit));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }

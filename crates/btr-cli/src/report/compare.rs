@@ -2,14 +2,15 @@
 
 use super::joints::{Beside, LOGS_SHOWN, joints};
 use super::{Block, Report, Section};
-use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, Outcome, channel_rows};
+use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use crate::plot::heat::{Heat, heat};
 use btr_core::compare::{Cell, Regime, Track};
+use btr_physics::verbs::Compared;
 
 /// Columns of the map over time.
 const WINDOWS: usize = 12;
 
-pub(crate) fn report(outcome: &Outcome) -> Report {
+pub(crate) fn report(outcome: &Compared) -> Report {
     let mut sections = vec![summary(outcome), failures(outcome)];
     let names = outcome.names.iter().map(String::as_str).collect();
     let beside = Beside { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
@@ -17,7 +18,7 @@ pub(crate) fn report(outcome: &Outcome) -> Report {
     Report { title: format!("{}: where the model fails", outcome.model), sections }
 }
 
-fn summary(outcome: &Outcome) -> Section {
+fn summary(outcome: &Compared) -> Section {
     let logs = outcome.names.join(", ");
     let model = &outcome.model;
     let mut blocks = vec![
@@ -29,14 +30,14 @@ fn summary(outcome: &Outcome) -> Section {
         Block::Text("Errors are measured minus simulated.".to_owned()),
         Block::List(LEGEND.map(str::to_owned).into()),
     ];
-    blocks.extend(outcome.about_the_step().map(Block::Text));
+    blocks.extend(about_the_step(outcome).map(Block::Text));
     if !outcome.replays.warnings.is_empty() {
         blocks.push(Block::List(outcome.replays.warnings.clone()));
     }
     Section { title: "Channels".to_owned(), blocks }
 }
 
-fn failures(outcome: &Outcome) -> Section {
+fn failures(outcome: &Compared) -> Section {
     const LISTED: usize = 12;
     let failures = outcome.comparison.failures();
     let line = |cell: &&Cell| {
@@ -70,7 +71,7 @@ fn failures(outcome: &Outcome) -> Section {
 }
 
 /// The logs, the one with the largest error first.
-fn worst_logs(outcome: &Outcome) -> Vec<usize> {
+fn worst_logs(outcome: &Compared) -> Vec<usize> {
     let squares = |track: &Track| -> f64 {
         track.error.iter().filter(|e| e.is_finite()).map(|e| (e / track.floor).powi(2)).sum()
     };
@@ -81,7 +82,7 @@ fn worst_logs(outcome: &Outcome) -> Vec<usize> {
 }
 
 /// The error of every joint in each twelfth of a log.
-fn by_time(outcome: &Outcome, log: usize) -> Heat {
+fn by_time(outcome: &Compared, log: usize) -> Heat {
     let tracks: Vec<&Track> = outcome.comparison.tracks.iter().filter(|track| track.log == log).collect();
     let long_s = tracks.iter().filter_map(|track| track.clock_s.last().copied()).fold(0.0, f64::max);
     let width_s = long_s / WINDOWS as f64;

@@ -1,7 +1,7 @@
 //! Disengagement: one population no longer exerts selection pressure on the other (the paper's step 4).
 //!
-//! The verdict needs all of: phi has stopped falling, it has stopped well above agreement, and the simulation keeps
-//! mispredicting fresh transfers. The ranks and the pressures stand beside it as evidence for the reader.
+//! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was set for it,
+//! and the simulation keeps mispredicting fresh transfers. The ranks and the pressures stand beside it as evidence for the reader.
 
 use super::history::Iteration;
 use super::plan::DisengagementRule;
@@ -26,8 +26,14 @@ pub struct Evidence {
     pub at_bound: Vec<String>,
 }
 
-/// Whether the last iterations amount to disengagement.
-pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule) -> bool {
+/// Whether the last iterations amount to disengagement. Where phi has been at its goal lately, if it has one, there was nothing left
+/// to learn: that it fell no further tells nothing.
+pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi_goal: Option<f64>) -> bool {
+    let lately = &iterations[iterations.len().saturating_sub(rule.patience)..];
+    let at_goal = |it: &Iteration| it.phi.zip(phi_goal).is_some_and(|(phi, goal)| phi <= goal);
+    if lately.iter().any(at_goal) {
+        return false;
+    }
     let shares: Vec<f64> = iterations.iter().filter_map(|it| it.evidence.phi_share).collect();
     if shares.len() <= rule.patience {
         return false;
@@ -36,8 +42,38 @@ pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule) -> 
     let best = |x: &[f64]| x.iter().copied().fold(f64::INFINITY, f64::min);
     let stalled = best(recent) > best(before) * (1.0 - rule.progress);
     let disagrees = best(recent) > rule.agreement;
-    let mispredicts = iterations[iterations.len() - rule.patience..]
-        .iter()
-        .all(|it| it.evidence.predicted_share.is_some_and(|share| share > rule.agreement));
+    let mispredicts = lately.iter().all(|it| it.evidence.predicted_share.is_some_and(|share| share > rule.agreement));
     stalled && disagrees && mispredicts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn iteration(phi: f64) -> Iteration {
+        let share = Some(phi / 0.036);
+        let evidence = Evidence { phi_share: share, predicted_share: share, ..Evidence::default() };
+        Iteration {
+            i: 0,
+            fitness_sim: None,
+            fitness_real: None,
+            best_real: None,
+            phi_predicted: None,
+            phi: Some(phi),
+            parameters: indexmap::IndexMap::new(),
+            controller: Vec::new(),
+            real_tests: 0,
+            simulated_evaluations: 0,
+            evidence,
+        }
+    }
+
+    #[test]
+    fn who_stands_at_the_goal_has_not_lost_anything() {
+        // In the end something new is tried.
+        let stands: Vec<Iteration> = [0.0164, 0.0167, 0.0163, 0.0159, 0.0161, 0.0668].map(iteration).into();
+        let rule = DisengagementRule::default();
+        assert!(disengaged(&stands, &rule, None) && disengaged(&stands, &rule, Some(0.01)));
+        assert!(!disengaged(&stands, &rule, Some(0.017)));
+    }
 }

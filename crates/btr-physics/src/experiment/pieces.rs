@@ -1,6 +1,7 @@
 //! Logs on their way to a comparison: read, refused where no sense can come of them, and cut at their gaps.
 
 use super::file::File;
+use super::log_source::LogSource;
 use super::parse::FileError;
 use crate::io;
 use btr_core::log::Log;
@@ -23,8 +24,12 @@ pub(super) struct Piece {
 }
 
 /// Reads a log that simulations are to be compared with, from time zero, with what was noticed.
-pub(super) fn read(path: &Path, file: &File) -> Result<(Log, Vec<String>), FileError> {
-    let (log, warnings) = io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?;
+pub(super) fn read(source: &LogSource, file: &File) -> Result<(Log, Vec<String>), FileError> {
+    let (log, warnings) = match source {
+        LogSource::File(path) => io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
+        LogSource::Made { log, .. } => (log.clone().from_zero(), Vec::new()),
+    };
+    let path = source.path();
     if log.len() < 2 {
         return Err(about(path, "a log needs at least two samples", None));
     }

@@ -2,6 +2,7 @@
 
 use super::build::Builder;
 use super::file::{ColumnSection, File, RealitySection};
+use super::log_source::LogSource;
 use super::parse::{FileError, Source};
 use super::pieces;
 use super::scenarios::{self, Reader, Row, Situations};
@@ -67,12 +68,17 @@ impl Replays {
 /// # Errors
 /// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt from and
 /// held out.
-pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Result<Replays, FileError> {
+pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replays, FileError>
+where
+    L: Clone + Into<LogSource>,
+{
+    let given = |logs: &[L]| logs.iter().cloned().map(Into::into).collect::<Vec<LogSource>>();
+    let (learn, held_out) = (given(learn), given(held_out));
     let file = source.parse()?;
     let builder = Builder { file: &file, source };
     let robot = builder.robot()?;
-    if let Some(both) = learn.iter().find(|path| held_out.contains(path)) {
-        let message = format!("{} is to be learnt from and held out at once", both.display());
+    if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
+        let message = format!("{} is to be learnt from and held out at once", both.path().display());
         return Err(source.error(&[], &message, None));
     }
     if learn.is_empty() {
@@ -82,8 +88,8 @@ pub fn replays(source: &Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Resu
     let reader = Reader { file: &file, source, robot: &robot };
     let (mut all, mut wholes) = (Situations::none(), Vec::new());
     let mut floor = 0.0f64;
-    for (k, path) in learn.iter().chain(held_out).enumerate() {
-        let (log, noticed) = pieces::read(path, &file)?;
+    for (k, given) in learn.iter().chain(&held_out).enumerate() {
+        let (path, (log, noticed)) = (given.path(), pieces::read(given, &file)?);
         all.notice(path, noticed.into_iter().chain(known.misses(path)));
         let settings = known.settings(path, &robot, source)?;
         floor = all.add(path, &log, k < learn.len(), &settings, &reader)?.into_iter().fold(floor, f64::max);

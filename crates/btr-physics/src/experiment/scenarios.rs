@@ -1,6 +1,7 @@
 //! Recorded logs as scenarios: each log brings its commands, its start and whatever the index knows of it.
 
 use super::file::{Choice, ColumnSection, File, LogsSection};
+use super::log_source::LogSource;
 use super::parse::{FileError, Source, nearest};
 use super::pieces::{self, Piece, about};
 use crate::drive::Replay;
@@ -59,7 +60,7 @@ pub(super) fn from_logs(
     }
     let mut all = Situations::none();
     for one in &wanted {
-        let (log, noticed) = pieces::read(&one.path, file)?;
+        let (log, noticed) = pieces::read(&LogSource::File(one.path.clone()), file)?;
         all.notice(&one.path, noticed);
         let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
         all.add(&one.path, &log, !one.held_out, &settings, &Reader { file, source, robot })?;

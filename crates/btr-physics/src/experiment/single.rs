@@ -2,12 +2,12 @@
 
 use super::build::Builder;
 use super::file::DriveSection;
+use super::log_source::LogSource;
 use super::parse::{FileError, Source};
 use super::pieces::{self, Piece};
 use super::replays::Known;
 use super::scenarios::{Reader, Situations};
 use crate::model::{Model, Scenario};
-use std::path::Path;
 
 /// The model of a file, with its own drive.
 ///
@@ -41,12 +41,12 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 ///
 /// # Errors
 /// Whatever does not make sense; a log that cannot be read or lacks the robot's joints.
-pub fn model_replaying(source: &Source, log: &Path) -> Result<Model, FileError> {
-    let file = source.parse()?;
+pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
+    let (file, log) = (source.parse()?, log.into());
     let builder = Builder { file: &file, source };
-    let whole = Piece::whole(log, pieces::read(log, &file)?.0);
+    let whole = Piece::whole(log.path(), pieces::read(&log, &file)?.0);
     let robot = builder.robot()?;
-    let settings = Known::of(&file, source)?.settings(log, &robot, source)?;
+    let settings = Known::of(&file, source)?.settings(log.path(), &robot, source)?;
     let reader = Reader { file: &file, source, robot: &robot };
     let scenario = Scenario { settings, ..reader.replaying(&whole)? };
     builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })

@@ -61,6 +61,20 @@ pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
 }
 
+/// A log of columns in memory. Their names mean what a CSV's headers mean: `q_knee_deg` is the knee's position in degrees.
+///
+/// # Errors
+/// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two of one meaning.
+pub fn log_of(name: &Path, clock_s: Vec<f64>, columns: Vec<(String, Vec<f64>)>) -> Result<Log, IoError> {
+    let series = |(source, values): (String, Vec<f64>)| series::Series {
+        meaning: names::Meaning::of_header(&source),
+        source,
+        values,
+    };
+    let columns = columns.into_iter().map(series).collect();
+    series::assemble(name, clock_s, columns, &Mapping::default()).map(|(log, _)| log)
+}
+
 /// Whether a log could be written there.
 ///
 /// # Errors

@@ -2,6 +2,7 @@
 
 mod add;
 mod check;
+mod compare;
 mod diagnose;
 mod fit;
 mod next;
@@ -9,17 +10,17 @@ mod replay;
 
 pub use add::{AddError, Addition, add};
 pub use check::{CheckReport, Told, check};
+pub use compare::{Compared, compare};
 pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
 pub use next::{NextExperiment, Rival, next_experiment};
 pub use replay::Judged;
 
 use crate::beside::Beside;
-use crate::experiment::{Checked, FileError, Replays, Source, replays};
+use crate::experiment::{Checked, FileError, LogSource, Replays, Source, replays};
 use btr_core::check::Finding;
 use btr_core::world::WorldError;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A model beside the logs it is asked about.
@@ -94,7 +95,7 @@ impl Problem {
     ///
     /// # Errors
     /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
-    pub fn new(source: Source, learn: &[PathBuf], held_out: &[PathBuf]) -> Result<Self, ProblemError> {
+    pub fn new<L: Clone + Into<LogSource>>(source: Source, learn: &[L], held_out: &[L]) -> Result<Self, ProblemError> {
         let replays = replays(&source, learn, held_out)?;
         Problem::of(source, replays)
     }
@@ -120,12 +121,12 @@ impl Problem {
     ///
     /// # Errors
     /// See [`new`](Self::new); an effect or a site that is not there.
-    pub fn with(
+    pub fn with<L: Clone + Into<LogSource>>(
         source: Source,
         replays: Replays,
         additions: &[String],
-        learn: &[PathBuf],
-        held_out: &[PathBuf],
+        learn: &[L],
+        held_out: &[L],
     ) -> Result<Self, ProblemError> {
         let bare = Problem::of(source, replays)?;
         if additions.is_empty() {

@@ -285,7 +285,7 @@ impl Coevolution {
 
     /// Whether the evidence so far amounts to disengagement.
     pub fn disengaged(&self) -> bool {
-        disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement)
+        disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement, self.plan.phi_goal)
     }
 
     fn stop(&mut self, reason: StopReason) -> Step {

@@ -1,0 +1,63 @@
+//! The command line of btr, for the program and for the command that comes with the Python package.
+
+mod args;
+mod cmd;
+mod failure;
+mod figures;
+mod plot;
+mod progress;
+mod report;
+mod table;
+
+use args::{Args, Verb};
+use failure::{Failure, REFUSED};
+use std::ffi::OsString;
+
+/// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1 done but the
+/// goal was missed, 2 not possible as asked, 130 interrupted.
+pub fn run(arguments: Vec<OsString>) -> u8 {
+    end_quietly_on_a_closed_pipe();
+    let args = match Args::of(arguments) {
+        Ok(args) => args,
+        Err(error) => {
+            // Help and a version go to stdout, mistakes to stderr; where neither can be written, nobody reads.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(REFUSED);
+        }
+    };
+    answer(&args).unwrap_or_else(|failure| failure.report(args.global.json))
+}
+
+/// `btr info LOG | head -1`: a reader that has enough is no error, but `println!` panics on it.
+fn end_quietly_on_a_closed_pipe() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        let text = info.payload().downcast_ref::<String>();
+        if text.is_some_and(|text| text.starts_with("failed printing to stdout") && text.contains("Broken pipe")) {
+            std::process::exit(0);
+        }
+        report(info);
+    }));
+}
+
+fn answer(args: &Args) -> Result<u8, Failure> {
+    if let Some(threads) = args.global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?;
+    }
+    match &args.verb {
+        Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
+        Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::Check(check) => cmd::check::run(check, &args.global),
+        Verb::Compare(compare) => cmd::compare::run(compare, &args.global),
+        Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),
+        Verb::Add(add) => cmd::add::run(add, &args.global),
+        Verb::Fit(fit) => cmd::fit::run(fit, &args.global),
+        Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
+        Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
+        Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),
+        Verb::Schema => cmd::schema::run(),
+        Verb::Completions { shell } => cmd::completions::run(*shell),
+        Verb::Man => cmd::completions::man(),
+    }
+}

@@ -1,0 +1,71 @@
+//! What Python is told when something cannot be done: the command line's message and its help.
+
+use btr_core::log::LogError;
+use btr_core::world::WorldError;
+use btr_physics::experiment::FileError;
+use btr_physics::io::IoError;
+use btr_physics::verbs::{AddError, ProblemError};
+use pyo3::PyErr;
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+
+create_exception!(
+    btr,
+    BtrError,
+    PyException,
+    "Something that cannot be done as it was asked; the message ends with what to do."
+);
+
+/// An exception with a message and what to do about it.
+pub(crate) fn raised(message: &str, help: Option<String>) -> PyErr {
+    BtrError::new_err(match help {
+        Some(help) => format!("{message}\nhelp: {help}"),
+        None => message.to_owned(),
+    })
+}
+
+/// Whatever btr says when something cannot be done.
+pub(crate) trait Raise {
+    fn raise(self) -> PyErr;
+}
+
+impl Raise for FileError {
+    fn raise(self) -> PyErr {
+        raised(&self.to_string(), self.help)
+    }
+}
+
+impl Raise for IoError {
+    fn raise(self) -> PyErr {
+        raised(&self.to_string(), Some(self.help()))
+    }
+}
+
+impl Raise for AddError {
+    fn raise(self) -> PyErr {
+        raised(&self.to_string(), self.help())
+    }
+}
+
+impl Raise for WorldError {
+    fn raise(self) -> PyErr {
+        raised(&self.to_string(), None)
+    }
+}
+
+impl Raise for LogError {
+    fn raise(self) -> PyErr {
+        raised(&self.to_string(), None)
+    }
+}
+
+impl Raise for ProblemError {
+    fn raise(self) -> PyErr {
+        match self {
+            ProblemError::File(error) => error.raise(),
+            ProblemError::Add(error) => error.raise(),
+            ProblemError::World(error) => error.raise(),
+            ProblemError::Still | ProblemError::Blind => raised(&self.to_string(), self.help()),
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Logs: a clock and channels as NumPy arrays.
+
+use crate::error::Raise;
+use btr_core::log;
+use btr_physics::experiment::LogSource;
+use btr_physics::io::{self, Mapping, Meta};
+use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// What a robot was told and what its sensors said, on one clock.
+#[pyclass(frozen, module = "btr", name = "Log")]
+pub(crate) struct Log {
+    name: PathBuf,
+    pub(crate) log: log::Log,
+}
+
+type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
+
+impl Log {
+    pub(crate) fn new(name: PathBuf, log: log::Log) -> Self {
+        Log { name, log }
+    }
+}
+
+#[pymethods]
+impl Log {
+    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's headers mean:
+    /// `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where nothing is known.
+    #[new]
+    #[pyo3(signature = (clock_s, channels, name = PathBuf::from("log")))]
+    fn made(clock_s: Floats<'_>, channels: &Bound<'_, PyDict>, name: PathBuf) -> PyResult<Self> {
+        let column = |(key, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(String, Vec<f64>)> {
+            Ok((key.extract()?, values.extract::<Floats<'_>>()?.as_array().to_vec()))
+        };
+        let columns = channels.iter().map(column).collect::<PyResult<_>>()?;
+        let log = io::log_of(&name, clock_s.as_array().to_vec(), columns).map_err(Raise::raise)?;
+        Ok(Log { name, log })
+    }
+
+    /// Reads a `.csv`, `.csv.gz` or `.mcap`.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let (log, _) = py.detach(|| io::read_log(&path, &Mapping::default())).map_err(Raise::raise)?;
+        Ok(Log { name: path, log })
+    }
+
+    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
+    }
+
+    /// What it is called in reports: the file's path where it was read.
+    #[getter]
+    fn name(&self) -> &PathBuf {
+        &self.name
+    }
+
+    /// The clock in s.
+    #[getter]
+    fn clock_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.log.clock_s())
+    }
+
+    /// The channels' names.
+    fn keys(&self) -> Vec<&str> {
+        self.log.channels().map(|(name, _)| name).collect()
+    }
+
+    /// The unit of a channel.
+    fn unit(&self, channel: &str) -> PyResult<&str> {
+        let found = self.log.channel(channel).map(|channel| channel.unit.as_str());
+        found.ok_or_else(|| self.missing(channel))
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let found = self.log.channel(channel).ok_or_else(|| self.missing(channel))?;
+        Ok(PyArray1::from_slice(py, &found.values))
+    }
+
+    fn __contains__(&self, channel: &str) -> bool {
+        self.log.channel(channel).is_some()
+    }
+
+    fn __len__(&self) -> usize {
+        self.log.len()
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.log == other.log
+    }
+
+    fn __repr__(&self) -> String {
+        let (samples, seconds, channels) = (self.log.len(), self.log.duration_s(), self.log.channels().len());
+        format!("<Log {}: {samples} samples, {seconds:.3} s, {channels} channels>", self.name.display())
+    }
+}
+
+impl Log {
+    fn missing(&self, channel: &str) -> PyErr {
+        PyKeyError::new_err(format!("no channel {channel}; there are {}", self.keys().join(", ")))
+    }
+}
+
+/// A log that somebody asks about: a path, or a log that is there.
+#[derive(FromPyObject)]
+pub(crate) enum Given {
+    Log(Py<Log>),
+    Path(PathBuf),
+}
+
+impl Given {
+    pub(crate) fn source(self) -> LogSource {
+        match self {
+            Given::Path(path) => LogSource::File(path),
+            Given::Log(log) => {
+                let log = log.get();
+                LogSource::Made { name: log.name.clone(), log: log.log.clone() }
+            }
+        }
+    }
+}

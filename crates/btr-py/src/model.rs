@@ -1,0 +1,86 @@
+//! Models: the text of a model file, and what can be done with it alone.
+
+use crate::error::{Raise, raised};
+use crate::log::{Given, Log};
+use btr_core::world::Simulator;
+use btr_physics::experiment::{self, Source};
+use btr_physics::verbs::{self, Addition};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// A robot's model: the text of its file, and where relative paths in it begin.
+#[pyclass(frozen, module = "btr", name = "Model")]
+pub(crate) struct Model {
+    pub(crate) source: Source,
+}
+
+#[pymethods]
+impl Model {
+    /// A model of a text; `path` is where it stands or would stand.
+    #[new]
+    fn new(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
+        let source = Source { path, text };
+        py.detach(|| experiment::model(&source)).map_err(Raise::raise)?;
+        Ok(Model { source })
+    }
+
+    /// The model of a file, with `key=value` settings as `--set` takes them.
+    #[staticmethod]
+    #[pyo3(signature = (path, settings = vec![]))]
+    fn read(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResult<Self> {
+        let mut source = Source::read(&path).map_err(Raise::raise)?;
+        source.set(&settings).map_err(Raise::raise)?;
+        Model::new(py, source.text, source.path)
+    }
+
+    /// The text of the model file.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.source.text
+    }
+
+    /// Where it stands.
+    #[getter]
+    fn path(&self) -> &PathBuf {
+        &self.source.path
+    }
+
+    /// The joints that can move, in order.
+    #[getter]
+    fn joints(&self) -> PyResult<Vec<String>> {
+        let model = experiment::model(&self.source).map_err(Raise::raise)?;
+        Ok(model.robot.movable().map(|(_, link)| link.joint.name.clone()).collect())
+    }
+
+    /// One rollout: of the model's own drive, or told what a log says the robot was told.
+    #[pyo3(signature = (log = None, seed = None))]
+    fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>) -> PyResult<Log> {
+        let log = log.map(Given::source);
+        let simulated = py.detach(|| {
+            let model = match log {
+                Some(log) => experiment::model_replaying(&self.source, log),
+                None => experiment::model(&self.source),
+            };
+            let model = model.map_err(Raise::raise)?;
+            let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+            model.simulate(&s, &c, 0, seed).map_err(Raise::raise)
+        })?;
+        Ok(Log::new(PathBuf::from("simulated"), simulated))
+    }
+
+    /// The model with effects (`coulomb_friction@knee`) in it, free to fit.
+    fn add(&self, effects: Vec<String>) -> PyResult<Self> {
+        let model = experiment::model(&self.source).map_err(Raise::raise)?;
+        let addition = |text: &String| Addition::parse(text, &model.robot).map_err(Raise::raise);
+        let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?;
+        if additions.is_empty() {
+            return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".to_owned())));
+        }
+        let text = verbs::add(&self.source, &model.robot, &additions).map_err(Raise::raise)?;
+        Ok(Model { source: Source { text, path: self.source.path.clone() } })
+    }
+
+    fn __getnewargs__(&self) -> (String, PathBuf) {
+        (self.source.text.clone(), self.source.path.clone())
+    }
+}

@@ -1,0 +1,107 @@
+//! What people ask of a model and its logs: the answers as the JSON documents of the command line.
+
+use crate::error::{Raise, raised};
+use crate::log::Given;
+use crate::model::Model;
+use btr_core::diagnose::Question;
+use btr_core::family::Step;
+use btr_physics::adapt::{adapted, in_finer_steps};
+use btr_physics::experiment::{self, LogSource, Source};
+use btr_physics::verbs::{self, Problem};
+use pyo3::prelude::*;
+use serde_json::json;
+
+fn sources(logs: Vec<Given>) -> Vec<LogSource> {
+    logs.into_iter().map(Given::source).collect()
+}
+
+/// What logs are worth, and what they tell about the numbers in doubt.
+#[pyfunction]
+pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
+    let logs = sources(logs);
+    py.detach(|| {
+        let report = verbs::check(experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?);
+        let log = |checked: &experiment::Checked| json!({ "log": checked.log, "worst": checked.quality.worst(), "findings": checked.quality.findings });
+        let logs: Vec<_> = report.logs.iter().map(log).collect();
+        Ok(json!({ "ok": true, "logs": logs, "told": report.told }).to_string())
+    })
+}
+
+/// How far the model is off, and where.
+#[pyfunction]
+pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
+    let logs = sources(logs);
+    py.detach(|| {
+        let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
+        Ok(verbs::compare(&model.source, replays).map_err(Raise::raise)?.document().to_string())
+    })
+}
+
+/// Which effect is missing. `tell` is called with every step of the ladder: what was done, the error on the logs to learn from and
+/// on those held out, in multiples of the noise floor.
+#[pyfunction]
+pub(crate) fn diagnose(
+    py: Python<'_>,
+    model: &Model,
+    logs: Vec<Given>,
+    held_out: Vec<Given>,
+    max_effects: usize,
+    tell: Py<PyAny>,
+) -> PyResult<String> {
+    let (logs, held_out) = (sources(logs), sources(held_out));
+    py.detach(|| {
+        let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
+        let question = Question { max_effects, ..Question::default() };
+        let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
+        let (report, _) = verbs::diagnose(&problem, question, &heard).ok_or_else(blown)?;
+        Ok(json!(report).to_string())
+    })
+}
+
+/// The numbers in doubt at their best, with effects added first: the report, and the fitted model.
+#[pyfunction]
+pub(crate) fn fit(
+    py: Python<'_>,
+    model: &Model,
+    logs: Vec<Given>,
+    held_out: Vec<Given>,
+    add: Vec<String>,
+    tell: Py<PyAny>,
+) -> PyResult<(String, Model)> {
+    let (logs, held_out) = (sources(logs), sources(held_out));
+    py.detach(|| {
+        let source = model.source.clone();
+        let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
+        let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
+        let space = &problem.beside.model().simulations;
+        if space.is_empty() {
+            let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
+            return Err(raised("no number of this model is in doubt", Some(help)));
+        }
+        let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
+        let (report, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
+        let folder = problem.source.folder();
+        let text = adapted(&problem.source, space, &problem.values(&fit), folder);
+        let text = match step {
+            Step::USUAL => text,
+            finer => text.and_then(|text| in_finer_steps(&text, finer.divides_by())),
+        };
+        let text = text.map_err(|e| raised(&e.to_string(), None))?;
+        let source = Source { text, path: problem.source.path.clone() };
+        Ok((json!(report).to_string(), Model { source }))
+    })
+}
+
+fn blown() -> PyErr {
+    let help = "simulate it with the same log to see where".to_owned();
+    raised("the model blows up on these logs as it stands", Some(help))
+}
+
+/// Tells a listener in Python; what goes wrong there is shown, and the work goes on.
+fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
+    Python::attach(|py| {
+        if let Err(error) = tell.call1(py, (step, train, held_out)) {
+            error.write_unraisable(py, None);
+        }
+    });
+}
