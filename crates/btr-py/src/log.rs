@@ -1,13 +1,13 @@
 //! Logs: a clock and channels as NumPy arrays.
 
-use crate::error::Raise;
+use crate::error::{Raise, raised};
 use btr_core::log;
 use btr_physics::experiment::LogSource;
 use btr_physics::io::{self, Mapping, Meta};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 
 /// What a robot was told and what its sensors said, on one clock.
@@ -78,6 +78,26 @@ impl Log {
     fn __getitem__<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let found = self.log.channel(channel).ok_or_else(|| self.missing(channel))?;
         Ok(PyArray1::from_slice(py, &found.values))
+    }
+
+    /// The channels by name.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let channels = PyDict::new(py);
+        for (name, channel) in self.log.channels() {
+            channels.set_item(name, PyArray1::from_slice(py, &channel.values))?;
+        }
+        Ok(channels)
+    }
+
+    /// For pickles.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let channels = PyDict::new(py);
+        for (name, channel) in self.log.channels() {
+            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+            channels.set_item(column, PyArray1::from_slice(py, &channel.values))?;
+        }
+        let parts = (self.clock_s(py), channels, self.name.clone());
+        Ok((py.get_type::<Log>().into_any(), parts.into_pyobject(py)?))
     }
 
     fn __contains__(&self, channel: &str) -> bool {

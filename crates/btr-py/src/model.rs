@@ -79,8 +79,4 @@ impl Model {
         let text = verbs::add(&self.source, &model.robot, &additions).map_err(Raise::raise)?;
         Ok(Model { source: Source { text, path: self.source.path.clone() } })
     }
-
-    fn __getnewargs__(&self) -> (String, PathBuf) {
-        (self.source.text.clone(), self.source.path.clone())
-    }
 }

@@ -10,6 +10,7 @@ use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 fn sources(logs: Vec<Given>) -> Vec<LogSource> {
     logs.into_iter().map(Given::source).collect()
@@ -37,7 +38,7 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
     })
 }
 
-/// Which effect is missing. `tell` is called with every step of the ladder: what was done, the error on the logs to learn from and
+/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and
 /// on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
@@ -49,7 +50,7 @@ pub(crate) fn diagnose(
     tell: Py<PyAny>,
 ) -> PyResult<String> {
     let (logs, held_out) = (sources(logs), sources(held_out));
-    py.detach(|| {
+    listening(py, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
@@ -69,7 +70,7 @@ pub(crate) fn fit(
     tell: Py<PyAny>,
 ) -> PyResult<(String, Model)> {
     let (logs, held_out) = (sources(logs), sources(held_out));
-    py.detach(|| {
+    listening(py, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
@@ -97,11 +98,22 @@ fn blown() -> PyErr {
     raised("the model blows up on these logs as it stands", Some(help))
 }
 
-/// Tells a listener in Python; what goes wrong there is shown, and the work goes on.
+/// Tells a listener in Python. What is raised there, or Ctrl-C, ends the work: it unwinds to [`listening`].
 fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
-    Python::attach(|py| {
-        if let Err(error) = tell.call1(py, (step, train, held_out)) {
-            error.write_unraisable(py, None);
-        }
+    let heard = Python::attach(|py| {
+        py.check_signals()?;
+        tell.call1(py, (step, train, held_out))
     });
+    if let Err(error) = heard {
+        resume_unwind(Box::new(error));
+    }
+}
+
+/// Works without Python's lock, and gives back what a listener raised, if it did.
+fn listening<T: Send>(py: Python<'_>, work: impl FnOnce() -> PyResult<T> + Send) -> PyResult<T> {
+    let ended = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
+    ended.unwrap_or_else(|cause| match cause.downcast::<PyErr>() {
+        Ok(error) => Err(*error),
+        Err(other) => resume_unwind(other),
+    })
 }

@@ -75,6 +75,11 @@ pub fn log_of(name: &Path, clock_s: Vec<f64>, columns: Vec<(String, Vec<f64>)>) 
     series::assemble(name, clock_s, columns, &Mapping::default()).map(|(log, _)| log)
 }
 
+/// How a column has to be called to mean this channel; `None` where no name can.
+pub fn column_of(channel: &str) -> Option<String> {
+    names::header(channel)
+}
+
 /// Whether a log could be written there.
 ///
 /// # Errors

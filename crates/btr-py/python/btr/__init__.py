@@ -1,5 +1,34 @@
-"""Back-to-Reality: evolve robot controllers and their simulator against each other."""
+"""Back-to-Reality: compare a model with measurements, learn which physical effect is missing, add it and watch the error fall.
 
-from btr._btr import __version__
+    import btr
 
-__all__ = ["__version__"]
+    model = btr.load_model("leg.toml")
+    answer = btr.diagnose(model, ["monday.mcap"], held_out=["friday.mcap"])
+    fitted = btr.fit(model, ["monday.mcap"], held_out=["friday.mcap"], add=answer.names)
+    fitted.model.save("fitted.toml")
+
+A log is a path (CSV, MCAP), a `Log`, or a pandas or polars frame with a column `t` in seconds. Errors are `BtrError`, with what to do
+about it. Everything that simulates runs on all cores without holding Python's lock.
+"""
+
+from btr._btr import BtrError, Log, __version__
+from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
+from btr.verbs import Model, add, check, compare, diagnose, fit, load_log, load_model
+
+__all__ = [
+    "BtrError",
+    "CheckResult",
+    "CompareResult",
+    "DiagnoseResult",
+    "FitResult",
+    "Log",
+    "Model",
+    "__version__",
+    "add",
+    "check",
+    "compare",
+    "diagnose",
+    "fit",
+    "load_log",
+    "load_model",
+]

@@ -1,0 +1,116 @@
+"""The verbs from Python, on the bundled arm: the journey from a model and a log to a smaller error."""
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import btr
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+ARM = ROBOTS / "arm.toml"
+LEARN = sorted((ROBOTS / "arm").glob("learn_*.csv"))
+HELD_OUT = sorted((ROBOTS / "arm").glob("held_out_*.csv"))
+
+
+@pytest.fixture(scope="module")
+def arm() -> btr.Model:
+    return btr.load_model(ARM)
+
+
+@pytest.fixture(scope="module")
+def answer(arm: btr.Model) -> tuple[btr.DiagnoseResult, list]:
+    heard: list = []
+    found = btr.diagnose(arm, LEARN, held_out=HELD_OUT, tell=lambda *step: heard.append(step))
+    return found, heard
+
+
+def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer: tuple, tmp_path: Path) -> None:
+    found, heard = answer
+    assert (found.verdict, found.names) == ("effect_missing", ["coulomb_friction@yaw"])
+    assert [step for step, *_ in heard] == [step["step"] for step in found.error_ladder]
+    assert "missing: coulomb_friction@yaw" in repr(found) and "<table>" in found._repr_html_()
+    fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add=found.names)
+    assert fitted.held_out < 1.1 and fitted.values["coulomb_friction.torque@yaw"] > 0.1
+    before, after = btr.compare(arm, HELD_OUT), btr.compare(fitted.model, HELD_OUT)
+    worst = [max(channel["chi"] for channel in compared.channels) for compared in (before, after)]
+    assert worst[0] > 10 and worst[1] < 1.2, worst
+    fitted.model.save(tmp_path / "fitted.toml")
+    assert "coulomb_friction.torque@yaw" in (tmp_path / "fitted.toml").read_text()
+
+
+def test_python_and_the_command_line_give_the_same_answer(answer: tuple) -> None:
+    import json
+
+    command = [sys.executable, "-m", "btr", "diagnose", ARM, *LEARN, "--held-out", *HELD_OUT, "--json", "-q"]
+    run = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
+    document, found = json.loads(run.stdout), answer[0].document
+    without_time = [{key: value for key, value in d.items() if key != "seconds"} for d in (document, found)]
+    assert without_time[0] == without_time[1]
+
+
+def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> None:
+    read = btr.load_log(LEARN[0])
+    again = btr.Log(read.clock_s, read.to_dict(), "again")
+    assert again == read and len(read) == len(read["q_yaw"]) and "q_yaw" in read
+    again.write(tmp_path / "log.mcap")
+    assert btr.load_log(tmp_path / "log.mcap").keys() == read.keys()
+    assert pickle.loads(pickle.dumps(read)) == read
+    by_path, by_log = btr.compare(arm, LEARN[0]), btr.compare(arm, read)
+    assert by_path.channels == by_log.channels
+    pandas = pytest.importorskip("pandas")
+    frame = btr.load_log(pandas.DataFrame({"t": read.clock_s, **read.to_dict()}))
+    assert frame == read
+    degrees = btr.Log([0.0, 0.1], {"q_knee_deg": [0, 180]})
+    np.testing.assert_allclose(degrees["q_knee"], [0, np.pi])
+    assert degrees.unit("q_knee") == "rad"
+
+
+def test_a_model_is_a_text(arm: btr.Model) -> None:
+    assert pickle.loads(pickle.dumps(arm)) == arm and "yaw" in arm.joints
+    one, other = arm.simulate(LEARN[0], seed=1), arm.simulate(LEARN[0], seed=1)
+    assert one == other and one != arm.simulate(LEARN[0])
+    more = arm.add("backlash@yaw")
+    assert "backlash.gap@yaw" in more.text and "backlash" not in arm.text
+
+
+def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:
+    checked = btr.check(arm, LEARN)
+    assert len(checked.logs) == len(LEARN) and checked.told["rank"] > 0
+
+
+@pytest.mark.parametrize(
+    ("mistake", "message"),
+    [
+        (lambda arm: btr.load_model("nowhere.toml"), "help: give the path of a model"),
+        (lambda arm: btr.Model('name = "x"\n[robot]\nbuiltin = "cat"'), "cat"),
+        (lambda arm: arm.add("coulomb_frictoin@yaw"), "coulomb_friction"),
+        (lambda arm: arm.add("coulomb_friction@elbows"), "it can sit on"),
+        (lambda arm: btr.Log([0.0, 0.0], {}), "does not increase"),
+        (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": [1.0]}), "1 values where the clock has 2"),
+        (lambda arm: btr.diagnose(arm, "nowhere.csv"), "nowhere.csv"),
+        (lambda arm: btr.diagnose(arm, btr.Log([0.0, 0.01], {"a": [0, 1]})), "cmd_"),
+    ],
+)
+def test_mistakes_are_told_with_what_to_do(arm: btr.Model, mistake, message: str) -> None:
+    with pytest.raises(btr.BtrError, match=message):
+        mistake(arm)
+
+
+def test_wrong_kinds_are_type_errors(arm: btr.Model) -> None:
+    with pytest.raises(TypeError, match="a log is a path"):
+        btr.compare(arm, [3])
+    with pytest.raises(KeyError, match="no channel q_nose"):
+        btr.load_log(LEARN[0])["q_nose"]
+
+
+def test_what_a_listener_raises_ends_the_work_and_arrives(arm: btr.Model) -> None:
+    def tell(step: str, *errors: float) -> None:
+        raise KeyboardInterrupt(step)
+
+    with pytest.raises(KeyboardInterrupt, match="model as it stands"):
+        btr.diagnose(arm, LEARN[:1], tell=tell)
+    assert btr.fit(arm, LEARN[:1]).ok
