@@ -39,7 +39,8 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     worst = [max(channel["chi"] for channel in compared.channels) for compared in (before, after)]
     assert worst[0] > 10 and worst[1] < 1.2, worst
     fitted.model.save(tmp_path / "fitted.toml")
-    assert "coulomb_friction.torque@yaw" in (tmp_path / "fitted.toml").read_text()
+    saved = btr.load_model(tmp_path / "fitted.toml")
+    assert "coulomb_friction.torque@yaw" in saved.text and saved.joints == arm.joints
 
 
 def test_python_and_the_command_line_give_the_same_answer(answer: tuple) -> None:
@@ -72,14 +73,19 @@ def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> Non
 def test_a_model_is_a_text(arm: btr.Model) -> None:
     assert pickle.loads(pickle.dumps(arm)) == arm and "yaw" in arm.joints
     one, other = arm.simulate(LEARN[0], seed=1), arm.simulate(LEARN[0], seed=1)
-    assert one == other and one != arm.simulate(LEARN[0])
+    assert one == other and one != arm.simulate(LEARN[0]) and one.name != other.name
     more = arm.add("backlash@yaw")
     assert "backlash.gap@yaw" in more.text and "backlash" not in arm.text
 
 
 def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:
     checked = btr.check(arm, LEARN)
-    assert len(checked.logs) == len(LEARN) and checked.told["rank"] > 0
+    assert len(checked.logs) == len(LEARN) and checked.rank > 0 and "fine" in repr(checked)
+
+
+def without_positions() -> btr.Log:
+    log = btr.load_log(LEARN[0])
+    return btr.Log(log.clock_s, {name: log[name] for name in log.keys() if name.startswith("cmd_")})
 
 
 @pytest.mark.parametrize(
@@ -92,6 +98,7 @@ def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:
         (lambda arm: btr.Log([0.0, 0.0], {}), "does not increase"),
         (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": [1.0]}), "1 values where the clock has 2"),
         (lambda arm: btr.diagnose(arm, "nowhere.csv"), "nowhere.csv"),
+        (lambda arm: btr.compare(arm, without_positions()), "has no channel `q_yaw`"),
         (lambda arm: btr.diagnose(arm, btr.Log([0.0, 0.01], {"a": [0, 1]})), "cmd_"),
     ],
 )

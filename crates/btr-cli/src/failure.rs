@@ -42,7 +42,7 @@ impl Failure {
             ProblemError::File(error) => error.into(),
             ProblemError::World(error) => Failure::simulation(&error, doubts),
             ProblemError::Add(error) => error.into(),
-            ProblemError::Still | ProblemError::Blind => Failure::new("log", message, help),
+            ProblemError::Still | ProblemError::Blind | ProblemError::Nothing => Failure::new("log", message, help),
         }
     }
 

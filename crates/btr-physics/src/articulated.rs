@@ -277,8 +277,11 @@ impl<S: Simd> Dynamics for Articulated<S> {
     fn place(&mut self, state: &State) {
         let root = [state.base.angular_rad_s, state.base.velocity_m_s];
         let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
-        let wanted: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();
+        let mut wanted: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();
         for lane in self.spoken_of() {
+            for Coupling { joint, leader, ratio, .. } in &self.followers {
+                wanted[self.root + joint] = ratio.lane(lane) * wanted[self.root + leader];
+            }
             for ((now, before), &wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(&wanted) {
                 // Where nothing jumps, what the velocity was before goes on counting.
                 before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
@@ -288,9 +291,8 @@ impl<S: Simd> Dynamics for Articulated<S> {
                 now.set(lane, q);
             }
             for Coupling { joint, leader, ratio, offset } in &self.followers {
-                let (q, u) = (self.now.q[*leader], self.now.u[self.root + leader]);
-                self.now.q[*joint].set(lane, (*ratio * q + *offset).lane(lane));
-                self.now.u[self.root + joint].set(lane, (*ratio * u).lane(lane));
+                let q = *ratio * self.now.q[*leader] + *offset;
+                self.now.q[*joint].set(lane, q.lane(lane));
             }
             if self.root > 0 {
                 self.now.poses[0].set(lane, &state.base.pose);

@@ -207,6 +207,16 @@ impl Robot {
         })
     }
 
+    /// Lets the joints that follow others start where those put them.
+    pub(crate) fn settle_followers(&mut self) {
+        let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();
+        let follows: Vec<(usize, usize, f64, f64)> =
+            self.followers().map(|(joint, leader, mimic)| (joint, leader, mimic.ratio, mimic.offset)).collect();
+        for (joint, leader, ratio, offset) in follows {
+            self.links[movable[joint]].joint.start = ratio * self.links[movable[leader]].joint.start + offset;
+        }
+    }
+
     /// Whether `links` is a tree with the root first and parents before their children.
     pub fn is_tree(&self) -> bool {
         let mut parents = self.links.iter().map(|link| link.parent).enumerate();

@@ -279,6 +279,9 @@ pub(crate) fn planted<'a>(
         return Err(setup_error(format!("the links of `{}` are not a tree with parents first", robot.name)));
     }
     let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
+    if robot.followers().next().is_some() {
+        robot.to_mut().settle_followers();
+    }
     for placed in effects {
         match placed.effect.card().site {
             SiteKind::Joint => {}

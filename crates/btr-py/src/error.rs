@@ -65,7 +65,7 @@ impl Raise for ProblemError {
             ProblemError::File(error) => error.raise(),
             ProblemError::Add(error) => error.raise(),
             ProblemError::World(error) => error.raise(),
-            ProblemError::Still | ProblemError::Blind => raised(&self.to_string(), self.help()),
+            ProblemError::Still | ProblemError::Blind | ProblemError::Nothing => raised(&self.to_string(), self.help()),
         }
     }
 }

@@ -1,20 +1,29 @@
 //! Logs: a clock and channels as NumPy arrays.
 
 use crate::error::{Raise, raised};
+use crate::model::Model;
 use btr_core::log;
 use btr_physics::experiment::LogSource;
 use btr_physics::io::{self, Mapping, Meta};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
-use pyo3::exceptions::PyKeyError;
+use pyo3::exceptions::{PyKeyError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use std::ffi::CString;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a robot was told and what its sensors said, on one clock.
 #[pyclass(frozen, module = "btr", name = "Log")]
 pub(crate) struct Log {
     name: PathBuf,
     pub(crate) log: log::Log,
+}
+
+/// No two logs may be called the same.
+pub(crate) fn numbered(name: &str) -> PathBuf {
+    static MADE: AtomicUsize = AtomicUsize::new(1);
+    PathBuf::from(format!("{name} {}", MADE.fetch_add(1, Ordering::Relaxed)))
 }
 
 type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
@@ -30,8 +39,9 @@ impl Log {
     /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's headers mean:
     /// `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where nothing is known.
     #[new]
-    #[pyo3(signature = (clock_s, channels, name = PathBuf::from("log")))]
-    fn made(clock_s: Floats<'_>, channels: &Bound<'_, PyDict>, name: PathBuf) -> PyResult<Self> {
+    #[pyo3(signature = (clock_s, channels, name = None))]
+    fn made(clock_s: Floats<'_>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
+        let name = name.unwrap_or_else(|| numbered("log"));
         let column = |(key, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(String, Vec<f64>)> {
             Ok((key.extract()?, values.extract::<Floats<'_>>()?.as_array().to_vec()))
         };
@@ -40,10 +50,17 @@ impl Log {
         Ok(Log { name, log })
     }
 
-    /// Reads a `.csv`, `.csv.gz` or `.mcap`.
+    /// Reads a `.csv`, `.csv.gz` or `.mcap`; a model's `[channels]` say what foreign names mean.
     #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let (log, _) = py.detach(|| io::read_log(&path, &Mapping::default())).map_err(Raise::raise)?;
+    #[pyo3(signature = (path, model = None))]
+    fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
+        let file = model.map(|model| model.source.parse().map_err(Raise::raise)).transpose()?;
+        let mapping = file.map_or_else(Mapping::default, |file| file.channels);
+        let (log, warnings) = py.detach(|| io::read_log(&path, &mapping)).map_err(Raise::raise)?;
+        for warning in warnings {
+            let text = CString::new(warning.to_string().replace('\0', ""))?;
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
         Ok(Log { name: path, log })
     }
 
@@ -80,7 +97,7 @@ impl Log {
         Ok(PyArray1::from_slice(py, &found.values))
     }
 
-    /// The channels by name.
+    /// The channels by name. Where a joint's name ends like a unit (`arm_m`), `Log` would read that as one.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let channels = PyDict::new(py);
         for (name, channel) in self.log.channels() {

@@ -1,11 +1,14 @@
 //! Models: the text of a model file, and what can be done with it alone.
 
 use crate::error::{Raise, raised};
-use crate::log::{Given, Log};
+use crate::log::{Given, Log, numbered};
 use btr_core::world::Simulator;
+use btr_physics::adapt::moved;
 use btr_physics::experiment::{self, Source};
+use btr_physics::io::{IoError, write_whole};
 use btr_physics::verbs::{self, Addition};
 use pyo3::prelude::*;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// A robot's model: the text of its file, and where relative paths in it begin.
@@ -52,6 +55,14 @@ impl Model {
         Ok(model.robot.movable().map(|(_, link)| link.joint.name.clone()).collect())
     }
 
+    /// Writes the model file, whole or not at all; the files that it names are found from there.
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        let into = path.parent().unwrap_or(&path);
+        let text = moved(&self.source.text, self.source.folder(), into).map_err(|e| raised(&e.to_string(), None))?;
+        let written = write_whole(&path, |out| out.write_all(text.as_bytes()));
+        written.map_err(|source| IoError::File { path, source }.raise())
+    }
+
     /// One rollout: of the model's own drive, or told what a log says the robot was told.
     #[pyo3(signature = (log = None, seed = None))]
     fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>) -> PyResult<Log> {
@@ -65,7 +76,7 @@ impl Model {
             let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
             model.simulate(&s, &c, 0, seed).map_err(Raise::raise)
         })?;
-        Ok(Log::new(PathBuf::from("simulated"), simulated))
+        Ok(Log::new(numbered("simulated"), simulated))
     }
 
     /// The model with effects (`coulomb_friction@knee`) in it, free to fit.

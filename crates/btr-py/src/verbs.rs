@@ -21,10 +21,8 @@ fn sources(logs: Vec<Given>) -> Vec<LogSource> {
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
     py.detach(|| {
-        let report = verbs::check(experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?);
-        let log = |checked: &experiment::Checked| json!({ "log": checked.log, "worst": checked.quality.worst(), "findings": checked.quality.findings });
-        let logs: Vec<_> = report.logs.iter().map(log).collect();
-        Ok(json!({ "ok": true, "logs": logs, "told": report.told }).to_string())
+        let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
+        Ok(verbs::check(replays).document().to_string())
     })
 }
 

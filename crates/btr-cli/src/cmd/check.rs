@@ -4,20 +4,18 @@ use super::ladder;
 use crate::args::{Check, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::table::{Table, maybe, number};
-use btr_core::check::{self, Severity};
+use btr_core::check::Severity;
 use btr_physics::experiment::{self, Checked};
-use btr_physics::verbs::{self, CheckReport, Told};
-use serde_json::{Value, json};
+use btr_physics::verbs::{self, Told};
 
 pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
-    let warnings = replays.warnings.clone();
     let report = verbs::check(replays);
     if global.json {
-        println!("{}", document(&report, &warnings)?);
+        println!("{}", report.document());
     } else {
-        warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
+        report.warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
         report.logs.iter().for_each(|log| println!("{}\n", text(log, global.verbose)));
         println!("{}", identifiability(&report.told));
     }
@@ -69,28 +67,4 @@ fn identifiability(told: &Told) -> String {
     }
     lines.extend(told.null_directions.iter().map(|direction| direction.sentence.clone()));
     lines.join("\n")
-}
-
-fn document(report: &CheckReport, warnings: &[String]) -> Result<Value, Failure> {
-    let joint = |j: &check::Follows| {
-        let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
-        json!({ "joint": j.joint, "command_lag": lag })
-    };
-    let log = |Checked { log: name, quality }: &Checked| {
-        json!({
-            "log": name,
-            "verdict": quality.worst(),
-            "clock": quality.clock,
-            "channels": quality.sensors,
-            "joints": quality.joints.iter().map(joint).collect::<Vec<_>>(),
-            "findings": quality.findings,
-        })
-    };
-    let logs: Vec<Value> = report.logs.iter().map(log).collect();
-    let mut document = json!({ "ok": true, "logs": logs, "warnings": warnings });
-    let told = serde_json::to_value(&report.told).map_err(|e| Failure::new("output", e.to_string(), None))?;
-    if let (Some(document), Value::Object(told)) = (document.as_object_mut(), told) {
-        document.extend(told);
-    }
-    Ok(document)
 }

@@ -20,6 +20,8 @@ pub(super) struct Impulses<S: Simd> {
     simd: S,
     blocks: Vec<Block>,
     singles: Vec<Single<S>>,
+    /// How many of them couple joints. They come first.
+    couples: usize,
     contacts: Vec<Contact<S>>,
     /// The velocity along each row, with the impulses found so far; and the impulses.
     speeds: Vec<Lanes<S>>,
@@ -92,6 +94,7 @@ impl<S: Simd> Impulses<S> {
             simd,
             blocks: Vec::new(),
             singles: Vec::new(),
+            couples: 0,
             contacts: Vec::new(),
             speeds: Vec::new(),
             impulses: Vec::new(),
@@ -110,6 +113,7 @@ impl<S: Simd> Impulses<S> {
     pub(super) fn clear(&mut self) {
         self.blocks.clear();
         self.singles.clear();
+        self.couples = 0;
         self.contacts.clear();
         self.speeds.clear();
         self.halves.clear();
@@ -155,6 +159,7 @@ impl<S: Simd> Impulses<S> {
         }
         let endless = one * f64::INFINITY;
         self.single(ways, [wanted, -endless, endless], u[dof] - ratio * u[leader]);
+        self.couples += 1;
     }
 
     #[inline(always)]
@@ -240,7 +245,9 @@ impl<S: Simd> Impulses<S> {
             return;
         }
         self.prepare(tree);
-        let hard = self.hard.and(self.touching());
+        // Joints that are coupled push each other: sweep by sweep that takes long, too.
+        let all = zero.at_most(zero);
+        let hard = if self.couples > 0 { all } else { self.hard.and(self.touching()) };
         let stuck = if hard.any() { self.stick(hard) } else { hard };
         self.begin(stuck, hard);
         self.hard = stuck.or(self.sweep_until_settled(stuck.not(), u));

@@ -38,10 +38,12 @@ impl<S: Simd> Articulated<S> {
     /// Who follows is advanced by the same rule as who leads.
     #[inline(always)]
     fn keep_step(&mut self) {
+        let (root, share) = (self.root, &mut self.scratch.share);
         for Coupling { joint, leader, .. } in &self.followers {
-            let [a, b] = [self.root + joint, self.root + leader];
-            let share = self.scratch.share[a].max(self.scratch.share[b]);
-            (self.scratch.share[a], self.scratch.share[b]) = (share, share);
+            share[root + leader] = share[root + leader].max(share[root + joint]);
+        }
+        for Coupling { joint, leader, .. } in &self.followers {
+            share[root + joint] = share[root + leader];
         }
     }
 

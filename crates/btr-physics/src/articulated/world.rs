@@ -78,18 +78,14 @@ impl World {
             offset: mimic.offset,
         };
         let followers: Vec<Follower> = robot.followers().map(follower).collect();
-        let mut q: Vec<f64> = joints().map(|joint| joint.start).collect();
         let mut dq: Vec<f64> = moving.take(many).collect();
-        for Follower { joint, leader, ratio, offset } in &followers {
-            q[*joint] = ratio * q[*leader] + offset;
-            dq[*joint] = ratio * dq[*leader];
-        }
+        followers.iter().for_each(|follower| dq[follower.joint] = follower.ratio * dq[follower.leader]);
         World {
             bodies,
             poses,
             start,
             hulls: if touchable { shapes(robot, &assembled) } else { Vec::new() },
-            q,
+            q: joints().map(|joint| joint.start).collect(),
             dq,
             limits: joints().map(|joint| joint.limits).collect(),
             names: joints().map(|joint| joint.name.clone()).collect(),

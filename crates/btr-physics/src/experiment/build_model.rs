@@ -81,6 +81,11 @@ impl Builder<'_> {
             let meant = |joint: &Joint| {
                 site::matches(pattern, &joint.name) && (joint.mimic.is_none() || *pattern == joint.name)
             };
+            if !robot.movable().any(|(_, link)| meant(&link.joint)) {
+                let message = format!("every joint that `{pattern}` matches follows another one, which drives it");
+                let help = "call a joint by its whole name to give it an actuator of its own".to_owned();
+                return Err(self.error(&["actuators", pattern], message, Some(help)));
+            }
             for link in robot.links.iter_mut().skip(1).filter(|link| meant(&link.joint)) {
                 (link.joint.actuator, link.joint.sampling) = (actuator.clone(), sampling);
             }

@@ -2,9 +2,11 @@
 
 use crate::beside::Beside;
 use crate::experiment::{Checked, Replays};
+use btr_core::check::Follows;
 use btr_core::family::Family;
 use btr_core::fit::{Bench, NullDirection, Sensitivity, identifiable};
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::sync::Arc;
 
 /// The answer.
@@ -12,8 +14,36 @@ use std::sync::Arc;
 pub struct CheckReport {
     /// One per log.
     pub logs: Vec<Checked>,
+    /// What is odd about them, though they can be used.
+    pub warnings: Vec<String>,
     /// What all of them together tell.
     pub told: Told,
+}
+
+impl CheckReport {
+    /// The answer with the keys of `--json`.
+    pub fn document(&self) -> Value {
+        let joint = |j: &Follows| {
+            let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
+            json!({ "joint": j.joint, "command_lag": lag })
+        };
+        let log = |Checked { log: name, quality }: &Checked| {
+            json!({
+                "log": name,
+                "verdict": quality.worst(),
+                "clock": quality.clock,
+                "channels": quality.sensors,
+                "joints": quality.joints.iter().map(joint).collect::<Vec<_>>(),
+                "findings": quality.findings,
+            })
+        };
+        let logs: Vec<Value> = self.logs.iter().map(log).collect();
+        let mut document = json!({ "ok": true, "logs": logs, "warnings": self.warnings });
+        if let (Some(document), Value::Object(told)) = (document.as_object_mut(), json!(self.told)) {
+            document.extend(told);
+        }
+        document
+    }
 }
 
 /// What logs tell about the numbers in doubt, with the keys of `--json`.
@@ -37,7 +67,7 @@ pub struct Told {
 
 /// Looks at the logs, and differentiates the model as it stands by everything in doubt.
 pub fn check(replays: Replays) -> CheckReport {
-    CheckReport { logs: replays.checked.clone(), told: told(replays) }
+    CheckReport { logs: replays.checked.clone(), warnings: replays.warnings.clone(), told: told(replays) }
 }
 
 fn told(replays: Replays) -> Told {

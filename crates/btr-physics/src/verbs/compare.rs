@@ -1,5 +1,6 @@
 //! `compare`: how far a model is off, in multiples of the sensors' noise, and where.
 
+use super::ProblemError;
 use crate::experiment::{Replays, Source};
 use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
 use btr_core::family::Step;
@@ -29,8 +30,8 @@ pub struct Compared {
 /// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too coarse.
 ///
 /// # Errors
-/// A simulation that blew up.
-pub fn compare(source: &Source, replays: Replays) -> Result<Compared, WorldError> {
+/// A simulation that blew up; logs of which no channel is simulated.
+pub fn compare(source: &Source, replays: Replays) -> Result<Compared, ProblemError> {
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |step: Step| -> Result<Vec<Log>, WorldError> {
@@ -42,6 +43,9 @@ pub fn compare(source: &Source, replays: Replays) -> Result<Compared, WorldError
     loop {
         let halved = simulate(step.halved())?;
         let comparison = comparison(&replays, &simulated);
+        if comparison.channels.is_empty() {
+            return Err(ProblemError::Nothing);
+        }
         let error = |c: &ChannelError| (c.name.clone(), integrator_error(c, beyond, &simulated, &halved));
         let integrator: IndexMap<String, f64> = comparison.channels.iter().map(error).collect();
         let coarse = integrator.values().any(|error| *error > FINE_ENOUGH);

@@ -72,6 +72,9 @@ pub enum ProblemError {
     /// Logs that say nothing of what the robot did.
     #[error("no joint's position is measured in the logs to learn from")]
     Blind,
+    /// Logs that have nothing in common with a simulation.
+    #[error("no channel is both measured and simulated")]
+    Nothing,
 }
 
 impl ProblemError {
@@ -81,6 +84,9 @@ impl ProblemError {
             ProblemError::Still => {
                 Some("record the joints while they are driven; `btr check` tells what is in a log".to_owned())
             }
+            ProblemError::Nothing => Some(
+                "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names".to_owned(),
+            ),
             ProblemError::Blind => Some(
                 "the logs need positions q_<joint>; [channels.channels] in the model file maps foreign names"
                     .to_owned(),

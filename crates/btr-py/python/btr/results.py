@@ -77,7 +77,7 @@ class CheckResult(Result):
     """What logs are worth."""
 
     def _headline(self) -> str:
-        return "\n".join(f"{log['log']}: {log['worst']}" for log in self.logs)
+        return "\n".join(f"{log['log']}: {log['verdict']}" for log in self.logs)
 
     def _table(self) -> list[dict[str, Any]]:
         return [

@@ -54,8 +54,8 @@ class Model:
         return Model(added.text, self.path)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model file; relative paths in it have to hold there."""
-        Path(path).write_text(self.text, encoding="utf-8")
+        """Writes the model file, whole or not at all; the files that it names are found from there."""
+        self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Model) and (self.text, self.path) == (other.text, other.path)
@@ -80,28 +80,19 @@ def _toml(value: Any) -> str:
     return json.dumps(value) if isinstance(value, (bool, str, int, float, list)) else str(value)
 
 
-def load_log(source: LogLike, name: str | None = None) -> Log:
+def load_log(source: LogLike, name: str | None = None, *, model: Model | None = None) -> Log:
     """A log of a file, or of a frame with a column `t` in seconds; its other columns are called as in a CSV: `cmd_<joint>`,
-    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees."""
+    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file mean what the `[channels]` of
+    a model say."""
     if isinstance(source, Log):
         return source
     if isinstance(source, (str, os.PathLike)):
-        return Log.read(Path(source))
+        return Log.read(Path(source), None if model is None else model._model)
     columns = getattr(source, "columns", None)
     if columns is None or "t" not in columns:
         raise TypeError(f"a log is a path, a Log, or a frame with a column `t`, not {type(source).__name__}")
     channels = {str(key): _floats(source[key]) for key in columns if key != "t"}
-    return Log(_floats(source["t"]), channels, Path(name or _name()))
-
-
-_made = 0
-
-
-def _name() -> str:
-    """No two logs may be called the same."""
-    global _made
-    _made += 1
-    return f"log {_made}"
+    return Log(_floats(source["t"]), channels, name)
 
 
 def _floats(column: Any) -> np.ndarray:

@@ -91,8 +91,9 @@ impl<S: Simd> Impulses<S> {
         }
         // All that is read of it is written first.
         g.factor.resize(g.factor.len().max(rows * rows), zero);
-        for &Single { row, wanted, least, most, stubborn } in &self.singles {
-            let own = self.answers[row * rows + row];
+        for (k, &Single { row, wanted, least, most, stubborn }) in self.singles.iter().enumerate() {
+            // Couples hold exactly: none of them is one too many.
+            let own = if k < self.couples { zero } else { self.answers[row * rows + row] };
             let needed = (wanted - self.speeds[row]) * stubborn;
             let inside = least.less(needed).and(needed.less(most));
             (g.free[row], g.wanted[row], g.costs[row]) = (inside, wanted, own * COST);

@@ -51,7 +51,10 @@ impl<S: Simd> Impulses<S> {
             fastest = fastest.max(speed.abs());
         }
         let touching = self.touching();
-        let settled = touching.select(fastest * TOUCHING.1, zero.like(IN_JOINTS.1));
+        let settled = [
+            touching.select(fastest * TOUCHING.1, zero.like(IN_JOINTS.1)),
+            touching.select(zero, zero.like(IN_JOINTS.1)),
+        ];
         let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
         let (mut sweep, mut endless) = (0.0, zero.less(zero));
         while moving.any() {
@@ -65,9 +68,9 @@ impl<S: Simd> Impulses<S> {
     }
 
     /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for those that still
-    /// are moving; gives back for whom a velocity changed by more than this share of itself.
+    /// are moving; gives back for whom a velocity changed by more than this and this share of itself.
     #[inline(always)]
-    fn sweep(&mut self, moving: Mask<S>, settled: Lanes<S>) -> Mask<S> {
+    fn sweep(&mut self, moving: Mask<S>, settled: [Lanes<S>; 2]) -> Mask<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         let mut still = zero.less(zero);
         for k in 0..self.singles.len() {
@@ -124,8 +127,8 @@ impl<S: Simd> Impulses<S> {
     }
 }
 
-/// Whether a velocity changed by more than this share of itself.
+/// Whether a velocity changed by more than this and this share of itself.
 #[inline(always)]
-fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, settled: Lanes<S>) -> Mask<S> {
-    change.abs().at_most(settled.add_product(settled, speed.abs())).not()
+fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, [least, share]: [Lanes<S>; 2]) -> Mask<S> {
+    change.abs().at_most(least.add_product(share, speed.abs())).not()
 }
