@@ -11,13 +11,10 @@ np = pytest.importorskip("numpy")
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "target" / "release" / "examples"
+"""Built by `cargo test --release`."""
 STATES = 200
 # Relative to the largest acceleration of the state.
 AGREE = 1e-11
-
-pytestmark = pytest.mark.skipif(
-    not (EXAMPLES / "accelerations").exists(), reason="examples not built: cargo build --release --examples"
-)
 
 
 def model_of(name, folder):

@@ -1,5 +1,6 @@
 """The verbs from Python, on the bundled arm: the journey from a model and a log to a smaller error."""
 
+import json
 import pickle
 import subprocess
 import sys
@@ -43,14 +44,18 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     assert "coulomb_friction.torque@yaw" in saved.text and saved.joints == arm.joints
 
 
-def test_python_and_the_command_line_give_the_same_answer(answer: tuple) -> None:
-    import json
+def said(*arguments: object) -> dict:
+    """What the command line answers, without the time it took."""
+    command = [sys.executable, "-m", "btr", *map(str, arguments), "--json", "-q"]
+    document = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    return {key: value for key, value in document.items() if key != "seconds"}
 
-    command = [sys.executable, "-m", "btr", "diagnose", ARM, *LEARN, "--held-out", *HELD_OUT, "--json", "-q"]
-    run = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
-    document, found = json.loads(run.stdout), answer[0].document
-    without_time = [{key: value for key, value in d.items() if key != "seconds"} for d in (document, found)]
-    assert without_time[0] == without_time[1]
+
+def test_python_and_the_command_line_give_the_same_answer(arm: btr.Model, answer: tuple) -> None:
+    found = {key: value for key, value in answer[0].document.items() if key != "seconds"}
+    assert found == said("diagnose", ARM, *LEARN, "--held-out", *HELD_OUT)
+    assert btr.compare(arm, LEARN).document == said("compare", ARM, *LEARN)
+    assert btr.check(arm, LEARN).document == said("check", ARM, *LEARN)
 
 
 def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> None:
@@ -62,9 +67,9 @@ def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> Non
     assert pickle.loads(pickle.dumps(read)) == read
     by_path, by_log = btr.compare(arm, LEARN[0]), btr.compare(arm, read)
     assert by_path.channels == by_log.channels
-    pandas = pytest.importorskip("pandas")
-    frame = btr.load_log(pandas.DataFrame({"t": read.clock_s, **read.to_dict()}))
-    assert frame == read
+    for library in ("pandas", "polars"):
+        frame = pytest.importorskip(library).DataFrame({"t": read.clock_s, **read.to_dict()})
+        assert btr.load_log(frame) == read
     degrees = btr.Log([0.0, 0.1], {"q_knee_deg": [0, 180]})
     np.testing.assert_allclose(degrees["q_knee"], [0, np.pi])
     assert degrees.unit("q_knee") == "rad"

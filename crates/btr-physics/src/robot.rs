@@ -192,27 +192,39 @@ pub struct DutyLoop {
     pub supply: f64,
 }
 
+/// Who follows whom, both as counted by [`Robot::movable`]: q = ratio·q_leader + offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Follower {
+    /// Whoever follows.
+    pub joint: usize,
+    /// Whoever leads.
+    pub leader: usize,
+    /// See [`Mimic::ratio`].
+    pub ratio: f64,
+    /// See [`Mimic::offset`].
+    pub offset: f64,
+}
+
 impl Robot {
     /// The links whose joint can move, in order: the order of commands and joint states everywhere.
     pub fn movable(&self) -> impl Iterator<Item = (usize, &Link)> {
         self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
     }
 
-    /// The joints that follow others, each with the one that it follows, both as counted by [`movable`](Self::movable).
-    pub fn followers(&self) -> impl Iterator<Item = (usize, usize, &Mimic)> {
+    /// The joints that follow others that are there.
+    pub fn followers(&self) -> Vec<Follower> {
         let place = |name: &str| self.movable().position(|(_, link)| link.joint.name == name);
-        let joints = self.movable().map(|(_, link)| &link.joint).enumerate();
-        joints.filter_map(move |(i, joint)| {
-            joint.mimic.as_ref().and_then(|mimic| Some((i, place(&mimic.leader)?, mimic)))
-        })
+        let follower = |(joint, (_, link)): (usize, (usize, &Link))| {
+            let Mimic { leader, ratio, offset } = link.joint.mimic.as_ref()?;
+            Some(Follower { joint, leader: place(leader)?, ratio: *ratio, offset: *offset })
+        };
+        self.movable().enumerate().filter_map(follower).collect()
     }
 
     /// Lets the joints that follow others start where those put them.
     pub(crate) fn settle_followers(&mut self) {
         let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();
-        let follows: Vec<(usize, usize, f64, f64)> =
-            self.followers().map(|(joint, leader, mimic)| (joint, leader, mimic.ratio, mimic.offset)).collect();
-        for (joint, leader, ratio, offset) in follows {
+        for Follower { joint, leader, ratio, offset } in self.followers() {
             self.links[movable[joint]].joint.start = ratio * self.links[movable[leader]].joint.start + offset;
         }
     }

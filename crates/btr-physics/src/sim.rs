@@ -239,10 +239,11 @@ pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
 
 /// Only the own engine knows linkages.
 pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
-    for (_, link) in robot.movable() {
+    let followers = robot.followers();
+    for (i, (_, link)) in robot.movable().enumerate() {
         let Some(mimic) = &link.joint.mimic else { continue };
         let (name, leader) = (&link.joint.name, &mimic.leader);
-        if robot.followers().all(|(_, _, known)| known.leader != *leader) {
+        if followers.iter().all(|follower| follower.joint != i) {
             return Err(setup_error(format!("`{name}` mimics `{leader}`, which is no joint that moves")));
         }
         if setup.engine == EngineName::Rapier {
@@ -279,7 +280,7 @@ pub(crate) fn planted<'a>(
         return Err(setup_error(format!("the links of `{}` are not a tree with parents first", robot.name)));
     }
     let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
-    if robot.followers().next().is_some() {
+    if !robot.followers().is_empty() {
         robot.to_mut().settle_followers();
     }
     for placed in effects {

@@ -4,8 +4,6 @@ use crate::error::{Raise, raised};
 use crate::log::Given;
 use crate::model::Model;
 use btr_core::diagnose::Question;
-use btr_core::family::Step;
-use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
@@ -72,21 +70,15 @@ pub(crate) fn fit(
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
-        let space = &problem.beside.model().simulations;
-        if space.is_empty() {
+        if problem.beside.model().simulations.is_empty() {
             let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
         let (report, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
-        let folder = problem.source.folder();
-        let text = adapted(&problem.source, space, &problem.values(&fit), folder);
-        let text = match step {
-            Step::USUAL => text,
-            finer => text.and_then(|text| in_finer_steps(&text, finer.divides_by())),
-        };
-        let text = text.map_err(|e| raised(&e.to_string(), None))?;
-        let source = Source { text, path: problem.source.path.clone() };
+        let text =
+            problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
+        let source = Source { text, ..problem.source };
         Ok((json!(report).to_string(), Model { source }))
     })
 }

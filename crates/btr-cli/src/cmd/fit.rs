@@ -7,8 +7,6 @@ use crate::args::{Fit, Global};
 use crate::failure::{DONE, Failure};
 use crate::report::{self, Asked};
 use crate::table::{Table, number};
-use btr_core::family::Step;
-use btr_physics::adapt::{adapted, in_finer_steps};
 use btr_physics::verbs::{self, FitReport, Problem};
 
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
@@ -19,8 +17,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
     let problem = Problem::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
         .map_err(|e| Failure::problem(e, &doubts))?;
-    let space = &problem.beside.model().simulations;
-    if space.is_empty() {
+    if problem.beside.model().simulations.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
@@ -30,12 +27,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     };
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
-        let text = adapted(&problem.source, space, &problem.values(&fit), into);
-        let text = match step {
-            Step::USUAL => text,
-            finer => text.and_then(|text| in_finer_steps(&text, finer.divides_by())),
-        };
-        let text = text.map_err(|e| Failure::new("file", e.to_string(), None))?;
+        let text = problem.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
     if let Some(path) = &args.beside.report {

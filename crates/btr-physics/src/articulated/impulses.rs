@@ -51,7 +51,7 @@ struct Block {
     ways: [Option<(usize, usize)>; 2],
 }
 
-/// A bounded impulse on one joint.
+/// A bounded impulse on one joint, or between two that are coupled.
 #[derive(Clone, Copy)]
 struct Single<S: Simd> {
     row: usize,

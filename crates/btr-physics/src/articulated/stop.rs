@@ -99,14 +99,14 @@ impl<S: Simd> Articulated<S> {
         if s.touches.is_empty() {
             return;
         }
-        let [free, kept] = &mut s.motions;
+        let [free, now] = &mut s.motions;
         self.tree.motions(&s.next, free);
         if self.ball.is_some() {
-            self.tree.motions(&self.now.u, kept);
+            self.tree.motions(&self.now.u, now);
         }
         for touch in &s.touches {
-            let free_to = touch.along(simd, &touch.apart(free))[0];
-            let mut there = touch.there.and(((free_to - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
+            let separation = touch.along(simd, &touch.apart(free))[0];
+            let mut there = touch.there.and(((separation - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
             let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
             let apart = touch.depth.less(zero);
             if let Some(ball) = ball {
@@ -120,7 +120,7 @@ impl<S: Simd> Articulated<S> {
             }
             law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
             if let Some(ball) = ball {
-                let kept = -(ball.restitution * touch.along(simd, &touch.apart(kept))[0]);
+                let kept = -(ball.restitution * touch.along(simd, &touch.apart(now))[0]);
                 // An impact is over within the step: nothing of what is kept goes into a spring.
                 let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
                 law.wanted = bounces.select(kept, law.wanted);

@@ -2,7 +2,7 @@
 
 use super::tree::Carrier;
 use crate::assemble;
-use crate::robot::{Base, Geometry, JointKind, Mimic, Robot};
+use crate::robot::{Base, Follower, Geometry, JointKind, Robot};
 use crate::sim::{Compliance, Setup};
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use std::f64::consts::TAU;
@@ -25,15 +25,6 @@ pub(super) struct World {
     pub(super) feet: usize,
     pub(super) mass_kg: f64,
     pub(super) setup: Setup,
-}
-
-/// A joint that follows another one.
-#[derive(Clone, Copy)]
-pub(super) struct Follower {
-    pub(super) joint: usize,
-    pub(super) leader: usize,
-    pub(super) ratio: f64,
-    pub(super) offset: f64,
 }
 
 /// A body of one robot; see [`Body`].
@@ -71,13 +62,7 @@ impl World {
         let touchable = setup.ground.is_some() || setup.ball.is_some();
         let many = joints().count();
         let moving = setup.start_velocities.iter().copied().chain(std::iter::repeat(0.0));
-        let follower = |(joint, leader, mimic): (usize, usize, &Mimic)| Follower {
-            joint,
-            leader,
-            ratio: mimic.ratio,
-            offset: mimic.offset,
-        };
-        let followers: Vec<Follower> = robot.followers().map(follower).collect();
+        let followers = robot.followers();
         let mut dq: Vec<f64> = moving.take(many).collect();
         followers.iter().for_each(|follower| dq[follower.joint] = follower.ratio * dq[follower.leader]);
         World {

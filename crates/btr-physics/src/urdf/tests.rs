@@ -93,7 +93,7 @@ fn whoever_follows_a_follower_follows_its_leader() {
     };
     let (robot, warnings) = parse_urdf(&robot_text(&parts("")), Base::Fixed).unwrap();
     assert_eq!(warnings, []);
-    let follows: Vec<_> = robot.followers().map(|(i, leader, mimic)| (i, leader, mimic.ratio, mimic.offset)).collect();
+    let follows: Vec<_> = robot.followers().into_iter().map(|f| (f.joint, f.leader, f.ratio, f.offset)).collect();
     assert_eq!(follows, [(1, 0, -2.0, 0.5), (2, 0, -6.0, 1.5)]);
     let (again, _) = parse_urdf(&to_urdf(&robot), Base::Fixed).unwrap();
     assert_eq!(again.links[2].joint.mimic, robot.links[2].joint.mimic);

@@ -1,10 +1,13 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
 use super::{Doubt, Floor, LadderStep, Problem};
+use crate::adapt::{adapted, in_finer_steps};
 use btr_core::family::{Family, Step};
 use btr_core::fit::{Bench, Ended, Estimate, Fit, NullDirection};
 use serde::Serialize;
+use std::path::Path;
 use std::time::Instant;
+use toml_edit::TomlError;
 
 /// The answer, with the keys of `--json`.
 #[derive(Clone, Debug, Serialize)]
@@ -79,6 +82,15 @@ pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, 
 }
 
 impl Problem {
+    /// The text of the fitted model for a file in the folder `into`, with the time step that the fit holds for.
+    ///
+    /// # Errors
+    /// A text that is not TOML; it was read before, so this does not happen.
+    pub fn fitted_text(&self, fit: &Fit, step: Step, into: &Path) -> Result<String, TomlError> {
+        let text = adapted(&self.source, &self.beside.model().simulations, &self.values(fit), into)?;
+        if step == Step::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
+    }
+
     /// The model's time step at so many halvings, in s.
     pub(super) fn time_step_s(&self, step: Step) -> f64 {
         self.beside.model().setup.dt_s / f64::from(step.divides_by())
