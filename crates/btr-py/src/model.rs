@@ -42,6 +42,12 @@ impl Model {
         &self.source.text
     }
 
+    /// What it is called.
+    #[getter]
+    fn name(&self) -> PyResult<String> {
+        Ok(self.source.parse().map_err(Raise::raise)?.name)
+    }
+
     /// Where it stands.
     #[getter]
     fn path(&self) -> &PathBuf {

@@ -3,12 +3,15 @@
 use crate::error::{Raise, raised};
 use crate::log::Given;
 use crate::model::Model;
+use crate::work::{Hands, way, working};
 use btr_core::diagnose::Question;
+use btr_physics::elsewhere::{Served, Way};
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::resume_unwind;
+use std::sync::Arc;
 
 fn sources(logs: Vec<Given>) -> Vec<LogSource> {
     logs.into_iter().map(Given::source).collect()
@@ -34,8 +37,8 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
     })
 }
 
-/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and
-/// on those held out, in multiples of the noise floor.
+/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the
+/// logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -44,13 +47,15 @@ pub(crate) fn diagnose(
     held_out: Vec<Given>,
     max_effects: usize,
     tell: Py<PyAny>,
+    hands: Option<Hands>,
 ) -> PyResult<String> {
-    let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, || {
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands)?);
+    working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
-        let (report, _) = verbs::diagnose(&problem, question, &heard).ok_or_else(blown)?;
+        let family = served(&problem, &logs, &held_out, &way)?;
+        let (report, _) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
         Ok(json!(report).to_string())
     })
 }
@@ -64,9 +69,10 @@ pub(crate) fn fit(
     held_out: Vec<Given>,
     add: Vec<String>,
     tell: Py<PyAny>,
+    hands: Option<Hands>,
 ) -> PyResult<(String, Model)> {
-    let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, || {
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands)?);
+    working(py, &way, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
@@ -75,7 +81,8 @@ pub(crate) fn fit(
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
-        let (report, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
+        let family = served(&problem, &logs, &held_out, &way)?;
+        let (report, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
         let source = Source { text, ..problem.source };
@@ -88,22 +95,15 @@ fn blown() -> PyErr {
     raised("the model blows up on these logs as it stands", Some(help))
 }
 
-/// Tells a listener in Python. What is raised there, or Ctrl-C, ends the work: it unwinds to [`listening`].
+/// Tells a listener in Python. What is raised there ends the work: it unwinds to [`working`].
 fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
-    let heard = Python::attach(|py| {
-        py.check_signals()?;
-        tell.call1(py, (step, train, held_out))
-    });
+    let heard = Python::attach(|py| tell.call1(py, (step, train, held_out)));
     if let Err(error) = heard {
         resume_unwind(Box::new(error));
     }
 }
 
-/// Works without Python's lock, and gives back what a listener raised, if it did.
-fn listening<T: Send>(py: Python<'_>, work: impl FnOnce() -> PyResult<T> + Send) -> PyResult<T> {
-    let ended = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
-    ended.unwrap_or_else(|cause| match cause.downcast::<PyErr>() {
-        Ok(error) => Err(*error),
-        Err(other) => resume_unwind(other),
-    })
+/// The problem's family as `way` serves it.
+fn served(problem: &Problem, logs: &[LogSource], held_out: &[LogSource], way: &Arc<Way>) -> PyResult<Served> {
+    Served::new(problem, logs, held_out, way.clone()).map_err(|why| raised(&why, None))
 }

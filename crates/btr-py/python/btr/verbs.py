@@ -12,6 +12,7 @@ import numpy as np
 
 from btr import _btr
 from btr._btr import Log
+from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
@@ -37,6 +38,11 @@ class Model:
     def path(self) -> Path:
         """Where it stands, or would stand."""
         return Path(self._model.path)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self._model.name
 
     @property
     def joints(self) -> list[str]:
@@ -129,10 +135,12 @@ def diagnose(
     held_out: LogLike | Iterable[LogLike] = (),
     max_effects: int = 3,
     tell: Tell = _silent,
+    executor: ExecutorLike = None,
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing known
-    explains the error. Judged on the held-out logs; without any, on the last part of each log."""
-    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell)
+    explains the error. Judged on the held-out logs; without any, on the last part of each log. `executor` is who does the work, see
+    `btr.executors`."""
+    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell, hands_of(executor))
     return DiagnoseResult(json.loads(answer))
 
 
@@ -148,7 +156,9 @@ def fit(
     held_out: LogLike | Iterable[LogLike] = (),
     add: Iterable[str] = (),
     tell: Tell = _silent,
+    executor: ExecutorLike = None,
 ) -> FitResult:
-    """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first."""
-    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell)
+    """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first. `executor` is who does the work,
+    see `btr.executors`."""
+    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell, hands_of(executor))
     return FitResult(json.loads(document), Model(fitted.text, model.path))
