@@ -145,7 +145,9 @@ class CoevolveResult(Result):
         if self.waiting_for:
             return f"waiting for a real test: {self.waiting_for}"
         simulated = f"{self.real_tests} real tests, {self.simulated_evaluations} simulated"
-        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}"
+        failed = [test["verdict"]["failed"]["why"] for test in self.tests if "failed" in test["verdict"]]
+        why = f"\n{len(failed)} real tests failed, the last one: {failed[-1]}" if failed else ""
+        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}"
 
     def _table(self) -> list[dict[str, Any]]:
         columns = {"i": "iteration", "real_tests": "tests", "phi": "phi", "fitness_sim": "f simulated", "fitness_real": "f real"}
