@@ -6,7 +6,7 @@ mod failure;
 mod figures;
 mod plot;
 mod progress;
-mod report;
+pub mod report;
 mod table;
 
 use args::{Args, Verb};

@@ -6,6 +6,7 @@
 mod error;
 mod log;
 mod model;
+mod page;
 mod verbs;
 
 use pyo3::prelude::*;
@@ -18,10 +19,12 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BtrError", module.py().get_type::<error::BtrError>())?;
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
+    module.add_class::<page::Page>()?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(page::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)
 }
 

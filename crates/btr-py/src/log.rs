@@ -106,14 +106,31 @@ impl Log {
         Ok(channels)
     }
 
+    /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back. Raises
+    /// `ImportError` without pandas.
+    fn to_dataframe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("btr._logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
+    }
+
+    /// Draws channels in their units against the clock in s; without any, what joints were told and what they read. What belongs to one
+    /// joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything. Returns the list of axes. Raises `KeyError`
+    /// for a channel that is not there, `ImportError` without Matplotlib.
+    #[pyo3(signature = (*channels, ax = None))]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        channels: Vec<String>,
+        ax: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("btr.plots")?.call_method1("log", (slf, channels, ax))
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("btr._logs")?.call_method1("table", (slf,))
+    }
+
     /// For pickles.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let channels = PyDict::new(py);
-        for (name, channel) in self.log.channels() {
-            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
-            channels.set_item(column, PyArray1::from_slice(py, &channel.values))?;
-        }
-        let parts = (self.clock_s(py), channels, self.name.clone());
+        let parts = (self.clock_s(py), self.columns(py)?, self.name.clone());
         Ok((py.get_type::<Log>().into_any(), parts.into_pyobject(py)?))
     }
 
@@ -136,6 +153,16 @@ impl Log {
 }
 
 impl Log {
+    /// The channels under names that `Log` reads as what they are.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(py);
+        for (name, channel) in self.log.channels() {
+            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+            columns.set_item(column, PyArray1::from_slice(py, &channel.values))?;
+        }
+        Ok(columns)
+    }
+
     fn missing(&self, channel: &str) -> PyErr {
         PyKeyError::new_err(format!("no channel {channel}; there are {}", self.keys().join(", ")))
     }

@@ -3,15 +3,22 @@
 use crate::error::{Raise, raised};
 use crate::log::Given;
 use crate::model::Model;
+use crate::page::Page;
+use btr_cli::report::{self, Asked};
 use btr_core::diagnose::Question;
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
 
 fn sources(logs: Vec<Given>) -> Vec<LogSource> {
     logs.into_iter().map(Given::source).collect()
+}
+
+fn names(logs: &[LogSource]) -> Vec<PathBuf> {
+    logs.iter().map(|log| log.path().to_owned()).collect()
 }
 
 /// What logs are worth, and what they tell about the numbers in doubt.
@@ -24,18 +31,19 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
     })
 }
 
-/// How far the model is off, and where.
+/// How far the model is off, and where: the answer and its page.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
+pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<(String, Page)> {
     let logs = sources(logs);
     py.detach(|| {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
-        Ok(verbs::compare(&model.source, replays).map_err(Raise::raise)?.document().to_string())
+        let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
+        Ok((outcome.document().to_string(), Page::new(move || report::compare(&outcome))))
     })
 }
 
-/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and
-/// on those held out, in multiples of the noise floor.
+/// Which effect is missing: the answer and its page. `tell`, which may raise to end it, is called with every step of the ladder: what
+/// was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -44,18 +52,22 @@ pub(crate) fn diagnose(
     held_out: Vec<Given>,
     max_effects: usize,
     tell: Py<PyAny>,
-) -> PyResult<String> {
+) -> PyResult<(String, Page)> {
     let (logs, held_out) = (sources(logs), sources(held_out));
     listening(py, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
-        let (report, _) = verbs::diagnose(&problem, question, &heard).ok_or_else(blown)?;
-        Ok(json!(report).to_string())
+        let (found, diagnosis) = verbs::diagnose(&problem, question, &heard).ok_or_else(blown)?;
+        let document = json!(found).to_string();
+        let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
+        let page = move || report::diagnose(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        Ok((document, Page::new(page)))
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the report, and the fitted model.
+/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and the fitted
+/// model.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,
@@ -64,7 +76,7 @@ pub(crate) fn fit(
     held_out: Vec<Given>,
     add: Vec<String>,
     tell: Py<PyAny>,
-) -> PyResult<(String, Model)> {
+) -> PyResult<(String, Page, String, Model)> {
     let (logs, held_out) = (sources(logs), sources(held_out));
     listening(py, || {
         let source = model.source.clone();
@@ -75,11 +87,15 @@ pub(crate) fn fit(
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
-        let (report, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
+        let (found, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
-        let source = Source { text, ..problem.source };
-        Ok((json!(report).to_string(), Model { source }))
+        let fitted = Model { source: Source { text, ..problem.source.clone() } };
+        let (document, space) =
+            (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
+        let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
+        let page = move || report::fit(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        Ok((document, Page::new(page), space, fitted))
     })
 }
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from btr import _btr
 from btr._btr import Log
@@ -91,11 +92,11 @@ def load_log(source: LogLike, name: str | None = None, *, model: Model | None = 
     columns = getattr(source, "columns", None)
     if columns is None or "t" not in columns:
         raise TypeError(f"a log is a path, a Log, or a frame with a column `t`, not {type(source).__name__}")
-    channels = {str(key): _floats(source[key]) for key in columns if key != "t"}
+    channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
     return Log(_floats(source["t"]), channels, name)
 
 
-def _floats(column: Any) -> np.ndarray:
+def _floats(column: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(np.asarray(column, dtype=np.float64))
 
 
@@ -104,8 +105,9 @@ def _given(log: LogLike) -> Log | Path:
 
 
 def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
-    one = isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns")
-    return [_given(log) for log in ([logs] if one else logs)]
+    if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
+        return [_given(logs)]
+    return [_given(log) for log in logs]
 
 
 def _silent(step: str, train: float, held_out: float | None) -> None:
@@ -119,7 +121,8 @@ def check(model: Model, logs: LogLike | Iterable[LogLike]) -> CheckResult:
 
 def compare(model: Model, logs: LogLike | Iterable[LogLike]) -> CompareResult:
     """How far the model is off on every channel, in multiples of the noise floor, and where."""
-    return CompareResult(json.loads(_btr.compare(model._model, _all(logs))))
+    document, page = _btr.compare(model._model, _all(logs))
+    return CompareResult(json.loads(document), page)
 
 
 def diagnose(
@@ -132,8 +135,8 @@ def diagnose(
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing known
     explains the error. Judged on the held-out logs; without any, on the last part of each log."""
-    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell)
-    return DiagnoseResult(json.loads(answer))
+    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell)
+    return DiagnoseResult(json.loads(document), page)
 
 
 def add(model: Model, *effects: str) -> Model:
@@ -150,5 +153,5 @@ def fit(
     tell: Tell = _silent,
 ) -> FitResult:
     """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first."""
-    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell)
-    return FitResult(json.loads(document), Model(fitted.text, model.path))
+    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell)
+    return FitResult(json.loads(document), page, json.loads(space), Model(fitted.text, model.path))
