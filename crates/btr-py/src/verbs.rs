@@ -42,8 +42,8 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
     })
 }
 
-/// Which effect is missing: the answer and its page. `tell`, which may raise to end it, is called with every step of the ladder: what
-/// was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
+/// Which effect is missing: the answer and its page. `tell`, which may raise to end it, is called with every step of the
+/// ladder: what was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -66,8 +66,8 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and the fitted
-/// model.
+/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and the
+/// fitted model.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,

@@ -49,8 +49,8 @@ impl Asked<'_> {
         reserve(&self.problem.doubts, &self.problem.not_judged).into_iter().map(Block::Text)
     }
 
-    /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there. That
-    /// these cannot be simulated in the model's own time step is said, and takes nothing from the answer.
+    /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
+    /// That these cannot be simulated in the model's own time step is said, and takes nothing from the answer.
     pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Vec<Section> {
         self.simulated(u, what).unwrap_or_else(|error| {
             let text = format!("These logs could not be simulated as a whole: {error}.");
@@ -147,4 +147,31 @@ pub(super) fn fine_print(problem: &Problem, floors: &[Floor], integrator: &str, 
 /// A file's name without its folder: where it lay is of no use to whoever gets the report.
 fn file(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use btr_core::family::Family;
+    use btr_physics::experiment::Source;
+
+    #[test]
+    fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {
+        let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+        let logs = [robots.join("arm/learn_1.csv")];
+        let problem = Problem::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
+        let asked = Asked { problem: &problem, logs: &logs, held_out: &[] };
+        let knobs = problem.beside.knobs().len();
+        let shown = |u: f64| {
+            let mut html = String::new();
+            let sections = asked.before_and_after(&vec![u; knobs], "");
+            sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
+            html
+        };
+        let (whole, said) = (shown(0.0), shown(f64::NAN));
+        assert!(whole.contains("Residual in") && !whole.contains("could not be simulated"));
+        assert!(said.contains("could not be simulated as a whole: ") && !said.contains("Residual in"), "{said}");
+    }
 }

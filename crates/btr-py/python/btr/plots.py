@@ -1,7 +1,7 @@
 """Pictures of answers and logs, with Matplotlib (`pip install 'btr[plot]'`), in the colours of the reports.
 
-Usually called as `result.plot()` and `log.plot()`. Each function draws on the axes that it is given or on a new figure and gives the
-axes back; without Matplotlib it raises `ImportError`.
+Usually called as `result.plot()` and `log.plot()`. Each function draws on the axes that it is given or on a new figure and
+gives the axes back; without Matplotlib it raises `ImportError`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from btr.results import CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
-"""A colour by what it is for: the simulated, the measured or held out, what was before, what stands where it should not, what is
-true."""
+"""A colour by what it is for: the simulated, the measured or held out, what was before, what stands where it should not, what
+is true."""
 
 _JOINT_CHANNELS = ("cmd", "q", "dq", "tau")
 _FLOORS = "error (noise floors)"
@@ -132,9 +132,9 @@ def _share(dim: dict[str, Any], value: float | None) -> float:
 
 
 def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[Axes]:
-    """Channels in their units against the clock in s; without any named, what joints were told and what they read (all channels of a
-    log without joints). What belongs to one joint and has one unit shares an axes; `ax` takes everything. Raises `KeyError` for a channel
-    that is not there."""
+    """Channels in their units against the clock in s; without any named, what joints were told and what they read (all channels
+    of a log without joints). What belongs to one joint and has one unit shares an axes; `ax` takes everything. Raises
+    `KeyError` for a channel that is not there."""
     joints = [name for name in of.keys() if name.startswith(("cmd_", "q_"))]
     names = list(channels) or joints or of.keys()
     groups: dict[tuple[str, str], list[str]] = {}

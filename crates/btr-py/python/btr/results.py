@@ -65,8 +65,8 @@ class Reported(Result):
         self._page: Page | str = page
 
     def report(self, path: str | os.PathLike[str]) -> None:
-        """Writes the report, one HTML file with plots that needs no other, whole or not at all. Raises `BtrError` where the name does not
-        end in `.html` or the file cannot be written."""
+        """Writes the report, one HTML file with plots that needs no other, whole or not at all. Raises `BtrError` where the
+        name does not end in `.html` or the file cannot be written."""
         write_report(Path(path), self._html())
 
     def _html(self) -> str:
@@ -116,8 +116,8 @@ class CompareResult(Reported):
         return [{key: channel[key] for key in keys} for channel in self.channels]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draws the error of every channel in noise floors, on Matplotlib's `ax` or a new figure; returns the axes. Raises `ImportError`
-        without Matplotlib."""
+        """Draws the error of every channel in noise floors, on Matplotlib's `ax` or a new figure; returns the axes. Raises
+        `ImportError` without Matplotlib."""
         return plots.compare(self, ax)
 
 
@@ -143,15 +143,15 @@ class DiagnoseResult(Reported):
         return _ladder(self.error_ladder)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draws how the error fell, learnt from and held out, in noise floors, on Matplotlib's `ax` or a new figure; returns the axes.
-        Raises `ImportError` without Matplotlib."""
+        """Draws how the error fell, learnt from and held out, in noise floors, on Matplotlib's `ax` or a new figure; returns
+        the axes. Raises `ImportError` without Matplotlib."""
         return plots.diagnose(self, ax)
 
 
 class FitResult(Reported):
-    """The numbers in doubt at their best (`parameters`), and the fitted `model`. `space` has the numbers as they were before, each with
-    its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or `log`) and `nominal` value (None where there was none).
-    """
+    """The numbers in doubt at their best (`parameters`), and the fitted `model`. `space` has the numbers as they were before,
+    each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or `log`) and `nominal` value (None
+    where there was none)."""
 
     def __init__(self, document: dict[str, Any], page: Page, space: list[dict[str, Any]], model: Model) -> None:
         super().__init__(document, page)
@@ -182,6 +182,6 @@ class FitResult(Reported):
         ]
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draws every value with its 95 % interval between its bounds, and how the error fell, on a pair of Matplotlib's axes or a new
-        figure; returns the pair. Raises `ImportError` without Matplotlib."""
+        """Draws every value with its 95 % interval between its bounds, and how the error fell, on a pair of Matplotlib's axes
+        or a new figure; returns the pair. Raises `ImportError` without Matplotlib."""
         return plots.fit(self, ax)
