@@ -11,6 +11,7 @@ A log is a path (CSV, MCAP), a `Log`, or a pandas or polars frame with a column 
 about it. Everything that simulates runs on all cores without holding Python's lock.
 """
 
+from btr import distance, search
 from btr._btr import BtrError, Log, __version__
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 from btr.verbs import Model, add, check, compare, diagnose, fit, load_log, load_model
@@ -28,7 +29,9 @@ __all__ = [
     "check",
     "compare",
     "diagnose",
+    "distance",
     "fit",
     "load_log",
     "load_model",
+    "search",
 ]
