@@ -155,6 +155,7 @@ def test_arrays_dicts_frames_and_logs_are_the_same() -> None:
     one, other = btr.Log(t, {"q_a": x, "cmd_a": x}), btr.Log(t, {"q_a": late, "cmd_a": x, "q_b": x})
     value = distance.rmse(x, late)
     assert distance.rmse(one, other) == distance.rmse(one.to_dict(), other.to_dict()) == value
+    assert distance.rmse(list(x), late[:, None]) == value
     assert distance.rmse(np.c_[x, x], np.c_[late, x], channels="0") == value
     assert distance.rmse({"q_a": x, "b": x}, {"q_a": late, "b": x}, channels=["q_*"]) == value
     # Commands are for phi_2 alone, in dicts as in logs.

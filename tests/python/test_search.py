@@ -2,8 +2,10 @@
 
 import inspect
 import json
+import multiprocessing
 import pickle
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -90,6 +92,17 @@ def test_the_best_is_the_best_ever_told(algorithm, seed) -> None:
         assert (result.nfev, result.nit) == (result.evaluations, result.iterations) == (len(costs), generation + 1)
 
 
+def test_asking_again_is_no_step_and_restarts_double_the_population() -> None:
+    es, sizes = CMAES(SQUARE, restarts=2), []
+    while not es.stop():
+        solutions = es.ask()
+        np.testing.assert_array_equal(solutions, es.ask())
+        es.tell(solutions, np.ones(len(solutions)))
+        sizes.append(len(solutions))
+    assert sizes == sorted(sizes) and set(sizes) == {6, 12, 24}
+    assert list(es.stop()) == ["tolfunhist"]
+
+
 def test_nothing_is_best_where_everything_fails() -> None:
     es = CMAES(SQUARE).optimize(lambda x: np.nan)
     assert es.best.x is None and es.best.f == np.inf and "failures" in es.stop()
@@ -147,8 +160,10 @@ def test_limits_end_it_under_the_names_of_pycma() -> None:
 @pytest.mark.parametrize("algorithm", ["ga", "real_ga", "cma_es"])
 def test_any_executor_gives_the_same(algorithm: str) -> None:
     alone = minimize(rosenbrock, SQUARE, algorithm, maxiter=15)
-    for kind in (ThreadPoolExecutor, ProcessPoolExecutor):
-        with kind(3) as executor:
+    # Spawned, as forks of a process with threads may wait for ever.
+    spawned = ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))
+    for executor in (ThreadPoolExecutor(3), spawned):
+        with executor:
             assert repr(minimize(rosenbrock, SQUARE, algorithm, maxiter=15, executor=executor)) == repr(alone)
 
 
@@ -165,8 +180,7 @@ def test_what_raises_leaves_the_search_before_that_generation(algorithm, threads
             raise KeyboardInterrupt
         return 1.0
 
-    executor = None if threads is None else ThreadPoolExecutor(threads)
-    with pytest.raises(KeyboardInterrupt):
+    with nullcontext() if threads is None else ThreadPoolExecutor(threads) as executor, pytest.raises(KeyboardInterrupt):
         es.optimize(breaks, executor=executor)
     np.testing.assert_array_equal(before, es.ask())
     assert repr(es.optimize(ellipsoid, 4).result) == repr(whole.result)
@@ -227,6 +241,8 @@ def test_mistakes_are_told(mistake, message: str) -> None:
         (lambda: CMAES(SQUARE, popsize="7"), "popsize cannot be '7'"),
         (lambda: CMAES(SQUARE).optimize(lambda x: None), "a cost is one number, not NoneType"),
         (lambda: CMAES(SQUARE).optimize(lambda x: x), "a cost is one number, not ndarray"),
+        (lambda: CMAES(SQUARE).optimize(ellipsoid, executor=3), "an executor has a method `submit`"),
+        (lambda: CMAES(SQUARE, scale=3), 'give "linear" or "log"'),
         (lambda: wrong_population(lambda es, x, f: es.tell(x, "costs")), "costs are one number"),
         (lambda: minimize(ellipsoid, SQUARE, "ga", sigma0=1), "sigma0"),
     ],

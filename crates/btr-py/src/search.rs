@@ -116,7 +116,7 @@ impl Search {
         self.evaluations
     }
 
-    /// The best point told, its cost, and the how manieth evaluation it was.
+    /// The best point told, its cost, and which evaluation it was, counted from 1.
     #[getter]
     fn best<'py>(&self, py: Python<'py>) -> Option<(Point<'py>, f64, u64)> {
         let (unit, cost) = self.search.best()?;

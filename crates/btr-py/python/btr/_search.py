@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
@@ -28,7 +28,7 @@ class Executor(Protocol):
 
 
 class Best(NamedTuple):
-    """The best solution told, its cost, and the how manieth evaluation it was; (None, inf, 0) before any success."""
+    """The best solution told, its cost, and which evaluation it was, counted from 1; (None, inf, 0) before any success."""
 
     x: NDArray[np.float64] | None
     f: float
@@ -43,7 +43,7 @@ class SearchResult(NamedTuple):
     fbest: float
     """Its cost; inf before any success."""
     evals_best: int
-    """The how manieth evaluation it was, from 1."""
+    """Which evaluation it was, counted from 1; 0 before any success."""
     evaluations: int
     """How many costs were told."""
     iterations: int
@@ -194,8 +194,10 @@ def _pairs(bounds: ArrayLike) -> list[tuple[float, float]]:
 
 
 def _log_scales(scale: Scale | Sequence[Scale], dims: int) -> list[bool]:
-    scales = [scale] * dims if isinstance(scale, str) else list(scale)
     expected = 'give "linear" or "log", or one of them for each dimension'
+    if not isinstance(scale, Iterable):
+        raise TypeError(f"{expected}, not {type(scale).__name__}")
+    scales = [scale] * dims if isinstance(scale, str) else list(scale)
     if len(scales) != dims:
         raise wrong(f"{len(scales)} scales for {dims} dimensions", expected)
     unknown = [each for each in scales if each not in ("linear", "log")]
@@ -227,6 +229,10 @@ def _evaluated(f: Cost, solutions: list[NDArray[np.float64]], executor: Executor
     """The costs in the order of the solutions, whoever is done first."""
     if executor is None:
         return np.array([_number(f(x)) for x in solutions])
+    if not hasattr(executor, "submit"):
+        raise TypeError(
+            f"an executor has a method `submit`, as those of concurrent.futures; {type(executor).__name__} has none"
+        )
     futures = [executor.submit(f, x) for x in solutions]
     try:
         return np.array([_number(future.result()) for future in futures])

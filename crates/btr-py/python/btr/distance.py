@@ -46,7 +46,8 @@ _COMMON = """
 def _as_in_experiments(function: F) -> F:
     """Begins the docstring with what `btr` says of the distance elsewhere, and ends it with what all series have in common."""
     common = "" if function.__name__ == "fitness" else _COMMON
-    function.__doc__ = f"{_SENTENCES[function.__name__].capitalize()}.\n\n    {function.__doc__}{common}"
+    sentence = _SENTENCES[function.__name__]
+    function.__doc__ = f"{sentence[0].upper()}{sentence[1:]}.\n\n    {function.__doc__}{common}"
     return function
 
 
