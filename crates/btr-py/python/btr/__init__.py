@@ -11,7 +11,7 @@ A log is a path (CSV, MCAP), a `Log`, or a pandas or polars frame with a column 
 about it. Everything that simulates runs on all cores without holding Python's lock.
 """
 
-from btr import executors
+from btr import distance, executors, search
 from btr._btr import BtrError, Log, TestFailed, __version__
 from btr.coevolution import Controller, coevolve
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, FitResult
@@ -34,8 +34,10 @@ __all__ = [
     "coevolve",
     "compare",
     "diagnose",
+    "distance",
     "executors",
     "fit",
     "load_log",
     "load_model",
+    "search",
 ]
