@@ -36,7 +36,9 @@ def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
 def build(folder: Path) -> None:
     """Writes one page per module."""
     pdoc.render.configure(show_source=False)
-    pdoc.pdoc(*(module.__name__ for module in public_modules()), output_directory=folder)
+    # What the package lists comes with it.
+    others = [module.__name__ for module in public_modules() if module.__name__.removeprefix("btr.") not in btr.__all__]
+    pdoc.pdoc(*others, output_directory=folder)
 
 
 if __name__ == "__main__":

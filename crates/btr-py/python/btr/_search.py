@@ -24,7 +24,8 @@ S = TypeVar("S", bound="Search")
 class Executor(Protocol):
     """Whatever evaluates elsewhere, like `concurrent.futures.ProcessPoolExecutor`: `submit` gives back a future."""
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any: ...
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
+        """Has `fn(*args)` called, and gives back its future."""
 
 
 class Best(NamedTuple):

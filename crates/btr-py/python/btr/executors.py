@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol, Union, runtime_checkable
 
 from btr import _btr
+from btr._optional import needed
 
 __all__ = ["ExecutorLike", "Futures", "Hands", "Ray", "hands_of", "serve"]
 
@@ -82,15 +83,12 @@ class Ray:
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
         """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches are worked on
         at once: as many as the cluster has processors, unless given."""
-        try:
-            import ray
-        except ImportError as error:
-            raise ImportError("Ray is not installed: pip install 'btr[ray]'") from error
+        ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})
         self._ray = ray
         self._serve = ray.remote(num_cpus=1, max_retries=retries)(serve)
-        self._workers = workers or max(1, int(self._ray.cluster_resources().get("CPU", 1)))
+        self._workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._shared = _Shared(ray.put)
 
     @property

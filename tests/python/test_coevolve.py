@@ -1,0 +1,168 @@
+"""The loop from Python: its robot is a function, and whatever ends it leaves a run that goes on."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import btr
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+SMALL = {"coevolve.iterations": 3, "coevolve.controllers.generations": 2, "coevolve.simulators.generations": 3}
+
+
+@pytest.fixture(scope="module")
+def experiment() -> btr.Model:
+    """A pendulum and its loop; what it says of reality is not used here."""
+    return btr.load_model(ROBOTS / "disengage.toml", SMALL)
+
+
+class Twin:
+    """A pendulum of another mass: the model, simulated, stands for the robot."""
+
+    def __init__(self, experiment: btr.Model) -> None:
+        text = experiment.text.replace("mass_kg = 1.0", "mass_kg = 1.2")
+        self.model, self.asked = btr.Model(text, experiment.path), []
+
+    def __call__(self, controller: btr.Controller) -> btr.Log:
+        self.asked.append(controller)
+        references = controller.references
+        start = {"q_hinge": np.full(len(references), references["cmd_hinge"][0])}
+        return self.model.simulate(btr.Log(references.clock_s, references.to_dict() | start), seed=controller.number)
+
+
+def finished(experiment: btr.Model, folder: Path, reality, **options) -> dict:
+    document = btr.coevolve(experiment, reality, out=folder, **options).document
+    return {key: value for key, value in document.items() if key != "files"}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(experiment: btr.Model, tmp_path_factory: pytest.TempPathFactory) -> dict:
+    return finished(experiment, tmp_path_factory.mktemp("undisturbed"), Twin(experiment))
+
+
+def test_a_function_is_a_robot(experiment: btr.Model, undisturbed: dict, tmp_path: Path) -> None:
+    robot, heard = Twin(experiment), []
+    found = btr.coevolve(experiment, robot, out=tmp_path, tell=heard.append)
+    assert found.real_tests == len(robot.asked) == len(found.logs) == 6
+    first = robot.asked[0]
+    assert first.number == 0 and first.iteration == 1 and set(first.parameters) == {"amplitude@hinge", "phase@hinge"}
+    assert len(first.references) == 301 and first.references.keys() == ["cmd_hinge"]
+    assert heard == found.iterations and abs(found.iterations[-1]["parameters"]["mass@bob"] - 1.2) < 0.1
+    assert "6 real tests" in repr(found) and "<table>" in found._repr_html_()
+    assert "mass@bob" in btr.load_model(found.adapted).text
+    assert {key: value for key, value in found.document.items() if key != "files"} == undisturbed
+
+
+def test_a_test_that_failed_is_spent(experiment: btr.Model, tmp_path: Path) -> None:
+    twin = Twin(experiment)
+
+    def robot(controller: btr.Controller) -> btr.Log:
+        if controller.number == 1:
+            raise btr.TestFailed("fell off the table")
+        return twin(controller)
+
+    found = btr.coevolve(experiment, robot, out=tmp_path)
+    assert found.real_tests == 6 and len(found.logs) == 5
+    assert found.tests[1]["verdict"] == {"failed": {"why": "fell off the table"}} and "fell off the table" in repr(found)
+
+
+class Unplugged(Exception):
+    """The robot's own."""
+
+
+def broken_at(number: int, twin: Twin, how) -> object:
+    return lambda controller: how(controller) if controller.number == number else twin(controller)
+
+
+def unplugged(controller: btr.Controller) -> btr.Log:
+    raise Unplugged("no answer")
+
+
+@pytest.mark.parametrize(
+    ("how", "error", "message"),
+    [
+        (unplugged, Unplugged, "no answer"),
+        (lambda c: 3, TypeError, "a log is a path"),
+        (lambda c: btr.Log([0.0, 0.0], {"q_hinge": [0, 0]}), btr.BtrError, "does not increase"),
+        (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [0]}), btr.BtrError, "1 values where the clock has 2"),
+        (lambda c: btr.Log([0.0], {"q_hinge": [0]}), btr.BtrError, "1 samples"),
+        (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [np.nan] * 2}), btr.BtrError, "measures nothing"),
+        (lambda c: "nowhere.csv", btr.BtrError, "nowhere.csv"),
+    ],
+)
+def test_whatever_breaks_the_robot_the_run_goes_on(
+    experiment: btr.Model, undisturbed: dict, tmp_path: Path, how, error: type, message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        btr.coevolve(experiment, broken_at(3, Twin(experiment), how), out=tmp_path)
+    assert len(list(tmp_path.glob("transfers/*/log.*"))) == 3
+    with pytest.raises(btr.BtrError, match="holds a run already"):
+        btr.coevolve(experiment, Twin(experiment), out=tmp_path)
+    robot = Twin(experiment)
+    assert finished(experiment, tmp_path, robot, resume=True) == undisturbed
+    assert [controller.number for controller in robot.asked] == [3, 4, 5]
+
+
+def test_a_listener_may_end_the_run(experiment: btr.Model, undisturbed: dict, tmp_path: Path) -> None:
+    def tell(iteration: dict) -> None:
+        if iteration["i"] == 2:
+            raise Unplugged("enough")
+
+    with pytest.raises(Unplugged, match="enough"):
+        btr.coevolve(experiment, Twin(experiment), out=tmp_path, tell=tell)
+    assert finished(experiment, tmp_path, Twin(experiment), resume=True) == undisturbed
+
+
+def test_ctrl_c_leaves_a_run_that_goes_on(tmp_path: Path) -> None:
+    long = {"coevolve.iterations": 500, "coevolve.simulators.generations": 200, "coevolve.disengagement.patience": 500}
+    script = (
+        "import btr, sys\n"
+        f"experiment = btr.load_model({str(ROBOTS / 'disengage.toml')!r}, {long!r})\n"
+        f"btr.coevolve(experiment, out={str(tmp_path)!r}, tell=lambda it: print(it['i'], flush=True))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None and run.stdout.readline() == "1\n"
+        run.send_signal(signal.SIGINT)
+        _, errors = run.communicate(timeout=120)
+    assert "KeyboardInterrupt: go on with btr.coevolve(..., out=" in errors and "resume=True" in errors
+    assert (tmp_path / "checkpoint.bin").exists()
+    heard: list = []
+
+    def enough(iteration: dict) -> None:
+        heard.append(iteration["i"])
+        raise Unplugged("enough")
+
+    with pytest.raises(Unplugged):
+        btr.coevolve(btr.load_model(ROBOTS / "disengage.toml", long), out=tmp_path, resume=True, tell=enough)
+    assert heard[0] >= 2
+
+
+def test_ctrl_c_ends_a_diagnosis_within_a_round() -> None:
+    learn = [str(path) for path in sorted((ROBOTS / "arm").glob("learn_*.csv"))]
+    arm = btr.load_model(ROBOTS / "arm.toml")
+    steps: list[str] = []
+
+    def tell(step: str, *errors: object) -> None:
+        steps.append(step)
+        if len(steps) == 2:
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    with pytest.raises(KeyboardInterrupt):
+        btr.diagnose(arm, learn, tell=tell)
+    # It came within the round that follows, which would have told of an effect.
+    assert steps == ["model as it stands", "its parameters fitted"]
+
+
+def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -> None:
+    text = experiment.text.replace('kind = "twin"', 'kind = "manual"')
+    text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))
+    found = btr.coevolve(btr.Model(text, experiment.path), out=tmp_path)
+    assert found.stop_reason is None and "references.csv" in found.waiting_for and "waiting for a real test" in repr(found)
+    assert json.loads((tmp_path / "history.json").read_text())["real_tests"] == 0

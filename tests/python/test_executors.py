@@ -1,0 +1,146 @@
+"""Whoever does the work, the answer is the same, bit by bit; also when a machine is lost."""
+
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+import btr
+from btr import executors
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+LEARN = sorted((ROBOTS / "arm").glob("learn_*.csv"))[:1]
+
+
+@pytest.fixture(scope="module")
+def arm() -> btr.Model:
+    return btr.load_model(ROBOTS / "arm.toml")
+
+
+def answer(arm: btr.Model, executor: object) -> dict:
+    found = btr.diagnose(arm, LEARN, max_effects=1, executor=executor)
+    return {key: value for key, value in found.document.items() if key != "seconds"}
+
+
+def fitted(arm: btr.Model, executor: object) -> tuple[dict, str]:
+    found = btr.fit(arm, LEARN, add=["coulomb_friction@yaw"], executor=executor)
+    return {key: value for key, value in found.document.items() if key != "seconds"}, found.model.text
+
+
+def history(folder: Path, executor: object) -> str:
+    btr.coevolve(ROBOTS / "pendulum.toml", out=folder, executor=executor)
+    return (folder / "history.json").read_text()
+
+
+@pytest.fixture(scope="module")
+def alone(arm: btr.Model, tmp_path_factory: pytest.TempPathFactory) -> tuple:
+    return answer(arm, 1), fitted(arm, 1), history(tmp_path_factory.mktemp("alone"), 1)
+
+
+def assert_the_same(arm: btr.Model, executor: object, alone: tuple, folder: Path) -> None:
+    assert answer(arm, executor) == alone[0] and alone[0]["effects"]
+    assert fitted(arm, executor) == alone[1]
+    assert history(folder, executor) == alone[2]
+
+
+def test_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
+    assert_the_same(arm, 3, alone, tmp_path)
+
+
+def test_a_pool_of_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
+    with ThreadPoolExecutor(2) as executor:
+        assert_the_same(arm, executor, alone, tmp_path)
+
+
+def test_a_pool_of_processes(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
+    # A fork would copy threads that are at work.
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        assert_the_same(arm, executor, alone, tmp_path)
+
+
+class Own:
+    """Hands of one's own; what `change` does to answers arrives."""
+
+    workers = 2
+
+    def __init__(self, change=lambda answer: answer) -> None:
+        self.change, self.batches = change, []
+
+    def work(self, parcels: Sequence, batch: bytes) -> bytes:
+        self.batches.append(len(batch))
+        return self.change(executors.serve([p.key for p in parcels], batch, *[p.content for p in parcels]))
+
+
+def test_batches_are_few_and_small(arm: btr.Model, alone: tuple) -> None:
+    own = Own()
+    assert answer(arm, own) == alone[0]
+    rollouts = alone[0]["rollouts"]
+    assert 5 * len(own.batches) < rollouts and sum(own.batches) < 500 * rollouts, (len(own.batches), sum(own.batches))
+
+
+def test_a_worker_that_computes_something_else_is_found_out(arm: btr.Model) -> None:
+    # An answer begins with the worker's proof.
+    other = Own(lambda answer: bytes([answer[0] ^ 1]) + answer[1:])
+    with pytest.raises(btr.BtrError, match="simulates the model differently"):
+        answer(arm, other)
+    with pytest.raises(btr.BtrError, match="makes no sense"):
+        answer(arm, Own(lambda answer: b""))
+
+
+def test_what_an_executor_raises_ends_the_work(arm: btr.Model, tmp_path: Path) -> None:
+    def lost(answer: bytes) -> bytes:
+        raise ConnectionError("the cluster is gone")
+
+    with pytest.raises(ConnectionError, match="the cluster is gone"):
+        answer(arm, Own(lost))
+    with pytest.raises(ConnectionError, match="the cluster is gone"):
+        history(tmp_path / "run", Own(lost))
+    again = btr.coevolve(ROBOTS / "pendulum.toml", out=tmp_path / "run", resume=True)
+    assert again.stop_reason and again.iterations
+
+
+@pytest.mark.parametrize("wrong", [0, -1, True, "rays", 1.5, object()])
+def test_what_is_no_executor_is_told(arm: btr.Model, wrong: object) -> None:
+    with pytest.raises((TypeError, ValueError), match="executor|submit"):
+        btr.diagnose(arm, LEARN, executor=wrong)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator:
+    ray = pytest.importorskip("ray", reason="Ray is not installed")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "object_store_memory": 10**8})
+    second = cluster.add_node(num_cpus=1, object_store_memory=10**8)
+    ray.init(address=cluster.address, log_to_driver=False)
+    cluster.wait_for_nodes()
+    yield cluster, second
+    ray.shutdown()
+    cluster.shutdown()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="clusters on one machine are for Linux")
+def test_ray_also_when_a_machine_is_lost(arm: btr.Model, alone: tuple, tmp_path: Path, cluster: tuple) -> None:
+    machines, second = cluster
+    hands = executors.Ray()
+    assert hands.workers == 2
+    assert_the_same(arm, hands, alone, tmp_path)
+
+    class Losing(executors.Ray):
+        """Loses the second machine while a batch is under way."""
+
+        handed_out = 0
+
+        def work(self, parcels: Sequence, batch: bytes) -> bytes:
+            self.handed_out += 1
+            if self.handed_out == 20:
+                threading.Thread(target=machines.remove_node, args=(second, False)).start()
+            return super().work(parcels, batch)
+
+    losing = Losing()
+    assert answer(arm, losing) == alone[0]
+    assert losing.handed_out > 20 and sum(node["Alive"] for node in losing._ray.nodes()) == 1
