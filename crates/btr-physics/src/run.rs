@@ -253,7 +253,7 @@ fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path)
         if stamp.lines().next() != Some(seed) || !(grows || wished == present) {
             return Err(RunError::OtherExperiment(folder.to_owned()));
         }
-        let source = Source { path: experiment.source().path.clone(), text: text.to_owned() };
+        let source = Source { text: text.to_owned(), ..experiment.source().clone() };
         *experiment = Experiment::new(source, Some(experiment.seed), folder)?;
         larger = grows.then_some(wished);
     }

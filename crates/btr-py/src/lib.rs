@@ -4,6 +4,7 @@
 #![allow(clippy::needless_pass_by_value, reason = "what Python hands over is owned here")]
 
 mod error;
+mod laws;
 mod log;
 mod model;
 mod verbs;

@@ -1,6 +1,7 @@
 //! What people ask of a model and its logs: the answers as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
+use crate::laws::on_one_thread;
 use crate::log::Given;
 use crate::model::Model;
 use btr_core::diagnose::Question;
@@ -18,7 +19,7 @@ fn sources(logs: Vec<Given>) -> Vec<LogSource> {
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
-    py.detach(|| {
+    listening(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         Ok(verbs::check(replays).document().to_string())
     })
@@ -28,7 +29,7 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
 #[pyfunction]
 pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
-    py.detach(|| {
+    listening(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         Ok(verbs::compare(&model.source, replays).map_err(Raise::raise)?.document().to_string())
     })
@@ -46,7 +47,7 @@ pub(crate) fn diagnose(
     tell: Py<PyAny>,
 ) -> PyResult<String> {
     let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, || {
+    listening(py, &model.source, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
@@ -66,7 +67,7 @@ pub(crate) fn fit(
     tell: Py<PyAny>,
 ) -> PyResult<(String, Model)> {
     let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, || {
+    listening(py, &model.source, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
@@ -99,9 +100,14 @@ fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
     }
 }
 
-/// Works without Python's lock, and gives back what a listener raised, if it did.
-fn listening<T: Send>(py: Python<'_>, work: impl FnOnce() -> PyResult<T> + Send) -> PyResult<T> {
-    let ended = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
+/// Works without Python's lock, and gives back what a listener or a law raised, if one did.
+pub(crate) fn listening<T: Send>(
+    py: Python<'_>,
+    source: &Source,
+    work: impl FnOnce() -> PyResult<T> + Send,
+) -> PyResult<T> {
+    let alone = !source.laws.is_empty();
+    let ended = py.detach(|| if alone { on_one_thread(work) } else { catch_unwind(AssertUnwindSafe(work)) });
     ended.unwrap_or_else(|cause| match cause.downcast::<PyErr>() {
         Ok(error) => Err(*error),
         Err(other) => resume_unwind(other),

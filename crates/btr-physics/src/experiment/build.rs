@@ -71,7 +71,7 @@ impl Experiment {
     /// # Errors
     /// Whatever does not make sense, at its line.
     pub fn enlarge(&mut self, text: String) -> Result<(), FileError> {
-        let source = Source { path: self.source.path.clone(), text };
+        let source = Source { text, ..self.source.clone() };
         let situations = Situations {
             scenarios: self.model.scenarios.clone(),
             learn: self.model.learn,
