@@ -4,7 +4,7 @@ use crate::error::raised;
 use btr_physics::effect::{Function, Laws, Param, Scene};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -49,9 +49,9 @@ fn value(function: &Py<PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> f6
 }
 
 fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> PyResult<f64> {
-    let own = PyDict::new(function.py());
+    let (py, own) = (function.py(), PyDict::new(function.py()));
     for (param, value) in params.iter().zip(p) {
-        own.set_item(param.name, value)?;
+        own.set_item(PyString::intern(py, param.name), value)?;
     }
     let [q, dq, ddq, cmd, tau, t] = *scene;
     let answer = function.call((q, dq, ddq, cmd, tau, t), Some(&own))?;
