@@ -17,9 +17,7 @@ LEARN = sorted((ROBOTS / "arm").glob("learn_*.csv"))[:2]
 HELD_OUT = sorted((ROBOTS / "arm").glob("held_out_*.csv"))[:1]
 
 
-def friction(
-    q: float, dq: float, ddq: float, cmd: float, tau: float, t: float, forward: float, backward: float
-) -> float:
+def friction(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float, forward: float, backward: float) -> float:
     """Dry friction in N·m that need not be the same in both directions; its jump is spread over 0.01 rad/s."""
     return -(forward if dq > 0 else backward) * math.tanh(dq / 0.01)
 

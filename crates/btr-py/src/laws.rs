@@ -67,7 +67,7 @@ fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64
     }
 }
 
-/// Works on one other thread, on which the functions then are called one after the other: only one can hold Python's lock. This one
+/// Works on one other thread, on which the functions are called one after the other: only one can hold the lock. This one
 /// listens for Ctrl-C meanwhile.
 pub(crate) fn on_one_thread<T: Send>(work: impl FnOnce() -> PyResult<T> + Send) -> thread::Result<PyResult<T>> {
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(1).build() {

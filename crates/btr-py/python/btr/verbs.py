@@ -26,9 +26,7 @@ in multiples of the noise floor. With laws that are functions it is called on an
 class Model:
     """A robot's model: the text of a model file, and where relative paths in it begin."""
 
-    def __init__(
-        self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None
-    ) -> None:
+    def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
         """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the text
         names: `law = "python:slip"` needs `{"slip": slip}`."""
         self._laws = dict(laws or {})
@@ -103,9 +101,7 @@ class Model:
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Model) and (
-            (self.text, self.path, self._laws) == (other.text, other.path, other._laws)
-        )
+        return isinstance(other, Model) and ((self.text, self.path, self._laws) == (other.text, other.path, other._laws))
 
     __hash__ = None  # type: ignore[assignment]
 
