@@ -124,6 +124,11 @@ def test_one_thread_or_many_and_a_function_or_text_give_the_same_fit(swing: btr.
     assert [without_time(fitted) for fitted in called] == 3 * [without_time(told)]
 
 
+def test_functions_stay_in_this_process(doubted: btr.Model, logs: list) -> None:
+    with ThreadPoolExecutor(1) as pool, pytest.raises(btr.BtrError, match="in this process alone\nhelp: leave `executor` out"):
+        btr.fit(doubted, logs[0], executor=pool)
+
+
 def test_what_a_function_raises_arrives_and_nothing_stays_behind(swing: btr.Model, logs: list) -> None:
     model = swing.add_law(brittle, site="hinge")
     verbs = (model.simulate, lambda: btr.compare(model, logs), lambda: btr.check(model, logs), lambda: btr.fit(model, logs[0]))

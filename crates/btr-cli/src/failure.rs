@@ -18,10 +18,12 @@ const AT_ONCE_S: f64 = 0.2;
 
 /// Why a verb could not do its work.
 #[derive(Debug)]
-pub(crate) struct Failure {
+pub struct Failure {
     code: &'static str,
-    message: String,
-    help: Option<String>,
+    /// What went wrong.
+    pub message: String,
+    /// What to do about it.
+    pub help: Option<String>,
 }
 
 impl Failure {

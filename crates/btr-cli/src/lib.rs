@@ -2,6 +2,7 @@
 
 mod args;
 mod cmd;
+mod coevolution;
 mod failure;
 mod figures;
 mod plot;
@@ -9,8 +10,11 @@ mod progress;
 mod report;
 mod table;
 
+pub use coevolution::{Ended, Watch, coevolve};
+pub use failure::Failure;
+
 use args::{Args, Verb};
-use failure::{Failure, REFUSED};
+use failure::REFUSED;
 use std::ffi::OsString;
 
 /// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1 done but the

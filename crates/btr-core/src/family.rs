@@ -181,7 +181,7 @@ impl Step {
 }
 
 /// A family of simulations beside measurements.
-pub trait Family: Sync {
+pub trait Family: Send + Sync {
     /// Everything that may be varied.
     fn knobs(&self) -> &[Knob];
     /// The knobs that are in doubt from the beginning.

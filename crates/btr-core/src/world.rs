@@ -68,6 +68,66 @@ pub trait Simulator: Sync {
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         jobs.iter().map(|job| self.run(job.s, job.c, job.scenario)).collect()
     }
+    /// What is wanted of each job's behaviour, in the order of the jobs. Who simulates elsewhere need not send behaviours home of
+    /// which only a number is wanted.
+    fn make_all(&self, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+        self.run_all(jobs).into_iter().zip(wanted).map(|(behaviour, wanted)| Ok(wanted.of(behaviour?))).collect()
+    }
+}
+
+/// What is wanted of a simulated behaviour.
+#[derive(Clone, Copy)]
+pub enum Wanted<'a> {
+    /// All of it.
+    Behaviour,
+    /// Its fitness.
+    Fitness,
+    /// How far it is from a real one.
+    Distance(Against<'a>),
+}
+
+/// A real test that a behaviour is compared with.
+#[derive(Clone, Copy)]
+pub struct Against<'a> {
+    /// Number of the real test in its run.
+    pub test: usize,
+    /// What came of it.
+    pub real: &'a Behaviour,
+    /// Whether residuals are wanted as well.
+    pub squares: bool,
+    /// Compares the real behaviour with the simulated one.
+    pub compare: &'a (dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
+}
+
+/// How far a behaviour is from another one, with the residuals of which that is the sum of squares, a block per channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Compared {
+    /// The distance.
+    pub distance: f64,
+    /// The residuals, where they were wanted.
+    pub residuals: Option<Vec<Vec<f64>>>,
+}
+
+/// What was made of a behaviour.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Made {
+    /// All of it.
+    Behaviour(Behaviour),
+    /// Its fitness.
+    Fitness(f64),
+    /// How far it is from a real one.
+    Distance(Compared),
+}
+
+impl Wanted<'_> {
+    /// Makes it of a behaviour.
+    pub fn of(&self, behaviour: Behaviour) -> Made {
+        match self {
+            Wanted::Behaviour => Made::Behaviour(behaviour),
+            Wanted::Fitness => Made::Fitness(behaviour.fitness),
+            Wanted::Distance(against) => Made::Distance((against.compare)(against.real, &behaviour)),
+        }
+    }
 }
 
 /// A simulation, a controller and a situation.

@@ -99,14 +99,14 @@ pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError
 pub fn named_files(source: &Source) -> Vec<PathBuf> {
     let mut files = Vec::new();
     if let Ok(mut document) = source.text.parse::<DocumentMut>() {
-        each_named_file(&mut document, |value| files.extend(value.as_str().map(|path| source.folder().join(path))));
+        each_named_file(&mut document, |_, value| files.extend(value.as_str().map(|path| source.folder().join(path))));
     }
     files
 }
 
 /// Makes the paths in a document, relative to `folder`, relative to `into`. Absolute ones stay.
 fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
-    each_named_file(document, |value| {
+    each_named_file(document, |_, value| {
         let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
         let path = way(into, &folder.join(path));
         let decor = value.decor().clone();
@@ -115,9 +115,10 @@ fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
     });
 }
 
-/// Visits the paths in a document.
-fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(&mut Value)) {
+/// Visits the paths in a document, with the section and key at which they stand.
+pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut((&str, &str), &mut Value)) {
     for (section, key) in NAMES_FILES {
+        let mut visit = |value: &mut Value| visit((section, key), value);
         let item = document.get_mut(section).and_then(|section| section.get_mut(key));
         match item.and_then(|item| item.as_value_mut()) {
             Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),

@@ -12,6 +12,7 @@ mod check;
 mod control;
 pub mod drive;
 pub mod effect;
+pub mod elsewhere;
 pub mod engine;
 mod excite;
 pub mod experiment;

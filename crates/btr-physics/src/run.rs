@@ -2,7 +2,8 @@
 //! end, the results. Killed at any moment it loses at most the step in flight, never a real test. Its S may grow on the way.
 
 use crate::augment::Cause;
-use crate::experiment::{Experiment, FileError, Source, enlarges};
+use crate::elsewhere::{Parcels, ServedModel};
+use crate::experiment::{Experiment, FileError, enlarges};
 use crate::io;
 use crate::verbs::AddError;
 use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step, StopReason};
@@ -47,6 +48,9 @@ pub enum RunError {
     /// A real test that was done and is gone.
     #[error("{0}")]
     LostTest(String),
+    /// What workers need to know and cannot be told.
+    #[error("{0}")]
+    NotServed(String),
     /// The disk refused.
     #[error("{}: {source}", path.display())]
     Io {
@@ -74,7 +78,7 @@ impl RunError {
             }
             RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
             RunError::Augment(error) => error.help(),
-            RunError::Plan(_) | RunError::Io { .. } => None,
+            RunError::Plan(_) | RunError::NotServed(_) | RunError::Io { .. } => None,
         }
     }
 }
@@ -85,6 +89,7 @@ pub struct Run {
     distance: Box<dyn Distance>,
     state: Coevolution,
     larger: Larger,
+    parcels: Parcels,
 }
 
 /// What a checkpoint remembers beside the loop's own state.
@@ -111,7 +116,8 @@ impl Run {
     fn anew(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let distance = plan.distance.build();
         let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
-        let run = Run { folder: folder.to_owned(), distance, state, larger: Larger::default() };
+        let run =
+            Run { folder: folder.to_owned(), distance, state, larger: Larger::default(), parcels: Parcels::default() };
         run.write("experiment.toml", experiment.stamp().as_bytes())?;
         run.checkpoint()?;
         Ok(run)
@@ -132,7 +138,7 @@ impl Run {
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
         let distance = state.plan().distance.build();
-        let mut run = Run { folder: folder.to_owned(), distance, state, larger };
+        let mut run = Run { folder: folder.to_owned(), distance, state, larger, parcels: Parcels::default() };
         if let Some(text) = wished {
             run.enlarge(experiment, text)?;
         }
@@ -156,11 +162,10 @@ impl Run {
     /// # Errors
     /// When the disk refuses; the state before the step is still there.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<Step, RunError> {
-        let mut on = On {
-            simulator: experiment.model.as_ref(),
-            distance: self.distance.as_ref(),
-            reality: experiment.reality.as_mut(),
-        };
+        let (model, spec) = (experiment.model.clone(), &self.state.plan().distance);
+        let served = ServedModel::new(&model, experiment.source(), spec, &experiment.way, &self.parcels);
+        let served = served.map_err(RunError::NotServed)?;
+        let mut on = On { simulator: &served, distance: self.distance.as_ref(), reality: experiment.reality.as_mut() };
         let step = self.state.step(&mut on);
         self.checkpoint()?;
         Ok(step)
@@ -253,8 +258,7 @@ fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path)
         if stamp.lines().next() != Some(seed) || !(grows || wished == present) {
             return Err(RunError::OtherExperiment(folder.to_owned()));
         }
-        let source = Source { text: text.to_owned(), ..experiment.source().clone() };
-        *experiment = Experiment::new(source, Some(experiment.seed), folder)?;
+        experiment.restart(text.to_owned(), folder)?;
         larger = grows.then_some(wished);
     }
     if let Some(text) = grown {

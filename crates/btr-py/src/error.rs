@@ -16,6 +16,13 @@ create_exception!(
     "Something that cannot be done as it was asked; the message ends with what to do."
 );
 
+create_exception!(
+    btr,
+    TestFailed,
+    PyException,
+    "To be raised by a robot's function that could not do what it was asked (it fell off the table): the test counts as spent."
+);
+
 /// An exception with a message and what to do about it.
 pub(crate) fn raised(message: &str, help: Option<String>) -> PyErr {
     BtrError::new_err(match help {

@@ -2,20 +2,14 @@
 
 use crate::error::raised;
 use btr_physics::effect::{Function, Laws, Param, Scene};
+use btr_physics::elsewhere::{Stopped, Way};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
-use std::time::Duration;
-
-/// How often Ctrl-C is asked for while others work.
-const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What stands for a function in a model's text, and the function.
 pub(crate) type Given = Vec<(String, Py<PyAny>)>;
@@ -24,8 +18,8 @@ pub(crate) type Given = Vec<(String, Py<PyAny>)>;
 static KNOWN: Mutex<BTreeMap<usize, Arc<Function>>> = Mutex::new(BTreeMap::new());
 
 thread_local! {
-    /// Whether the work on this thread is to end.
-    static STOP: RefCell<Arc<AtomicBool>> = RefCell::default();
+    /// How work is done on this thread: it can be stopped.
+    static WAY: RefCell<Option<Arc<Way>>> = const { RefCell::new(None) };
 }
 
 /// The functions of a model.
@@ -41,8 +35,8 @@ pub(crate) fn laws(given: Given) -> Laws {
 
 /// What the function says; an exception unwinds to whoever works with it.
 fn value(function: &Py<PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> f64 {
-    if STOP.with_borrow(|stop| stop.load(Ordering::Relaxed)) {
-        resume_unwind(Box::new("interrupted"));
+    if WAY.with_borrow(|way| way.as_ref().is_some_and(|way| way.is_stopped())) {
+        resume_unwind(Box::new(Stopped));
     }
     let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
     answer.unwrap_or_else(|error| resume_unwind(Box::new(error)))
@@ -67,37 +61,9 @@ fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64
     }
 }
 
-/// Works on one other thread, on which the functions are called one after the other: only one can hold the lock. This one
-/// listens for Ctrl-C meanwhile.
-pub(crate) fn on_one_thread<T: Send>(work: impl FnOnce() -> PyResult<T> + Send) -> thread::Result<PyResult<T>> {
-    let pool = match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-        Ok(pool) => pool,
-        Err(error) => return Ok(Err(raised(&error.to_string(), None))),
-    };
-    let stop = Arc::new(AtomicBool::new(false));
-    let (tell, told) = mpsc::channel();
-    pool.in_place_scope(|scope| {
-        let heard = stop.clone();
-        scope.spawn(move |_| {
-            STOP.set(heard);
-            // Python knows this thread from the first call to the last: to be introduced anew costs more than a call.
-            let ended = Python::attach(|py| py.detach(|| catch_unwind(AssertUnwindSafe(work))));
-            // The other end waits for it.
-            let _ = tell.send(ended);
-        });
-        let mut signal = None;
-        loop {
-            match told.recv_timeout(PATIENCE) {
-                Ok(ended) => return signal.map_or(ended, |signal| Ok(Err(signal))),
-                Err(RecvTimeoutError::Timeout) if signal.is_none() => {
-                    signal = Python::attach(|py| py.check_signals()).err();
-                    stop.store(signal.is_some(), Ordering::Relaxed);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => {
-                    return Ok(Err(raised("the work ended without an answer", None)));
-                }
-            }
-        }
-    })
+/// Does work on this thread, whose functions heed whether it was stopped.
+pub(crate) fn heeding<T: Send>(way: &Arc<Way>, work: impl FnOnce() -> T + Send) -> T {
+    WAY.set(Some(way.clone()));
+    // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.
+    Python::attach(|py| py.detach(work))
 }

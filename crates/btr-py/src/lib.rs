@@ -3,11 +3,13 @@
 
 #![allow(clippy::needless_pass_by_value, reason = "what Python hands over is owned here")]
 
+mod coevolve;
 mod error;
 mod laws;
 mod log;
 mod model;
 mod verbs;
+mod work;
 
 use pyo3::prelude::*;
 use std::ffi::OsString;
@@ -17,12 +19,16 @@ use std::ffi::OsString;
 fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("BtrError", module.py().get_type::<error::BtrError>())?;
+    module.add("TestFailed", module.py().get_type::<error::TestFailed>())?;
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::fit, module)?)?;
+    module.add_class::<work::Parcel>()?;
+    module.add_function(wrap_pyfunction!(coevolve::coevolve, module)?)?;
+    module.add_function(wrap_pyfunction!(work::serve, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)
 }
 

@@ -3,7 +3,7 @@
 use crate::error::{Raise, raised};
 use crate::laws;
 use crate::log::{Given, Log, numbered};
-use crate::verbs::listening;
+use crate::work::at_once;
 use btr_core::world::Simulator;
 use btr_physics::adapt::moved;
 use btr_physics::experiment::{self, Source};
@@ -45,6 +45,12 @@ impl Model {
         &self.source.text
     }
 
+    /// What it is called.
+    #[getter]
+    fn name(&self) -> PyResult<String> {
+        Ok(self.source.parse().map_err(Raise::raise)?.name)
+    }
+
     /// Where it stands.
     #[getter]
     fn path(&self) -> &PathBuf {
@@ -70,7 +76,7 @@ impl Model {
     #[pyo3(signature = (log = None, seed = None))]
     fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>) -> PyResult<Log> {
         let log = log.map(Given::source);
-        let simulated = listening(py, &self.source, || {
+        let simulated = at_once(py, &self.source, || {
             let model = match log {
                 Some(log) => experiment::model_replaying(&self.source, log),
                 None => experiment::model(&self.source),

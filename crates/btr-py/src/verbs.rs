@@ -1,15 +1,17 @@
 //! What people ask of a model and its logs: the answers as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
-use crate::laws::on_one_thread;
 use crate::log::Given;
 use crate::model::Model;
+use crate::work::{Hands, at_once, way, working};
 use btr_core::diagnose::Question;
+use btr_physics::elsewhere::{Served, Way};
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::resume_unwind;
+use std::sync::Arc;
 
 fn sources(logs: Vec<Given>) -> Vec<LogSource> {
     logs.into_iter().map(Given::source).collect()
@@ -19,7 +21,7 @@ fn sources(logs: Vec<Given>) -> Vec<LogSource> {
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
-    listening(py, &model.source, || {
+    at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         Ok(verbs::check(replays).document().to_string())
     })
@@ -29,14 +31,14 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
 #[pyfunction]
 pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
-    listening(py, &model.source, || {
+    at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         Ok(verbs::compare(&model.source, replays).map_err(Raise::raise)?.document().to_string())
     })
 }
 
-/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and
-/// on those held out, in multiples of the noise floor.
+/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the
+/// logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -45,13 +47,15 @@ pub(crate) fn diagnose(
     held_out: Vec<Given>,
     max_effects: usize,
     tell: Py<PyAny>,
+    hands: Option<Hands>,
 ) -> PyResult<String> {
-    let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, &model.source, || {
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
+    working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
-        let (report, _) = verbs::diagnose(&problem, question, &heard).ok_or_else(blown)?;
+        let family = served(&problem, &logs, &held_out, &way)?;
+        let (report, _) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
         Ok(json!(report).to_string())
     })
 }
@@ -65,9 +69,10 @@ pub(crate) fn fit(
     held_out: Vec<Given>,
     add: Vec<String>,
     tell: Py<PyAny>,
+    hands: Option<Hands>,
 ) -> PyResult<(String, Model)> {
-    let (logs, held_out) = (sources(logs), sources(held_out));
-    listening(py, &model.source, || {
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
+    working(py, &way, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
@@ -76,7 +81,8 @@ pub(crate) fn fit(
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
-        let (report, fit, step) = verbs::fit(&problem, &heard).ok_or_else(blown)?;
+        let family = served(&problem, &logs, &held_out, &way)?;
+        let (report, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
         let source = Source { text, ..problem.source };
@@ -89,27 +95,15 @@ fn blown() -> PyErr {
     raised("the model blows up on these logs as it stands", Some(help))
 }
 
-/// Tells a listener in Python. What is raised there, or Ctrl-C, ends the work: it unwinds to [`listening`].
+/// Tells a listener in Python. What is raised there ends the work: it unwinds to [`working`].
 fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
-    let heard = Python::attach(|py| {
-        py.check_signals()?;
-        tell.call1(py, (step, train, held_out))
-    });
+    let heard = Python::attach(|py| tell.call1(py, (step, train, held_out)));
     if let Err(error) = heard {
         resume_unwind(Box::new(error));
     }
 }
 
-/// Works without Python's lock, and gives back what a listener or a law raised, if one did.
-pub(crate) fn listening<T: Send>(
-    py: Python<'_>,
-    source: &Source,
-    work: impl FnOnce() -> PyResult<T> + Send,
-) -> PyResult<T> {
-    let alone = !source.laws.is_empty();
-    let ended = py.detach(|| if alone { on_one_thread(work) } else { catch_unwind(AssertUnwindSafe(work)) });
-    ended.unwrap_or_else(|cause| match cause.downcast::<PyErr>() {
-        Ok(error) => Err(*error),
-        Err(other) => resume_unwind(other),
-    })
+/// The problem's family as `way` serves it.
+fn served(problem: &Problem, logs: &[LogSource], held_out: &[LogSource], way: &Arc<Way>) -> PyResult<Served> {
+    Served::new(problem, logs, held_out, way.clone()).map_err(|why| raised(&why, None))
 }

@@ -2,29 +2,21 @@
 
 use super::ladder;
 use crate::args::{Coevolve, Global};
+use crate::coevolution::{self, Ended, Watch};
 use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
-use crate::figures;
 use crate::progress::Progress;
 use crate::table::{Table, maybe, number};
-use btr_core::coevolve::{Step, StopReason};
+use btr_core::coevolve::{Coevolution, Step, StopReason};
+use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
-use btr_physics::adapt;
 use btr_physics::augment::Cause;
 use btr_physics::experiment::{Experiment, Source};
-use btr_physics::identify;
 use btr_physics::report::{self, ByDistance, Comparison, Report};
 use btr_physics::run::Run;
 use btr_physics::verbs::LadderStep;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// How a run left the loop.
-enum Left {
-    Stopped(StopReason),
-    Waiting(String),
-    Interrupted,
-}
 
 pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<u8, Failure> {
     let mut source = Source::read(&args.experiment)?;
@@ -37,81 +29,61 @@ pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<u8, Failure> {
     if args.dry_run {
         return dry_run(&experiment, &folder, global);
     }
-    let interrupted = watch_for_interrupts()?;
+    let mut watcher = Watcher { global, interrupted: watch_for_interrupts()?, progress: None };
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
-    let plan = experiment.plan.clone();
-    let mut run = match args.resume {
-        true => Run::resume(&mut experiment, plan, &folder)?,
-        false => Run::begin(&experiment, plan, &folder)?,
-    };
-    let mut progress = Progress::new(experiment.model.clone(), run.state(), global);
-    let left = loop {
-        let left = turn(&mut run, &mut experiment, &progress, &interrupted)?;
-        if !goes_on(&mut run, &mut experiment, &left, &progress, global)? {
-            break left;
-        }
-        progress.finish();
-        progress = Progress::new(experiment.model.clone(), run.state(), global);
-    };
-    let by_distance = match &left {
-        Left::Stopped(_) => by_distance(&mut experiment, &run, &progress, &interrupted)?,
-        _ => Some(Vec::new()),
-    };
-    progress.finish();
-    match (left, by_distance) {
-        (Left::Interrupted, _) | (_, None) => Ok(say_interrupted(args, &folder)),
-        (Left::Waiting(what), _) => finish(&experiment, &run, (None, Some(what)), Vec::new(), (args, global)),
-        (Left::Stopped(reason), Some(others)) => {
-            finish(&experiment, &run, (Some(reason), None), others, (args, global))
-        }
+    let ended = coevolution::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
+    watcher.finish();
+    match ended? {
+        Some(ended) => finish(&ended, args, global),
+        None => Ok(say_interrupted(args, &folder)),
     }
 }
 
-/// Whether a run that stopped disengaged goes on in a larger S, once its real tests have been asked for the cause.
-fn goes_on(
-    run: &mut Run,
-    experiment: &mut Experiment,
-    left: &Left,
-    progress: &Progress,
-    global: &Global,
-) -> Result<bool, Failure> {
-    let Left::Stopped(reason) = left else { return Ok(false) };
-    if run.state().disengaged() {
-        progress.say("disengaged: looking for the cause in the real tests");
-    }
-    let goes_on = run.look_for_cause(experiment, reason, &|rung| ladder::tell(&LadderStep::from(rung), global))?;
-    if let Some(cause) = run.cause().filter(|_| goes_on) {
-        progress.say(&format!("{}; S has it now, and the run goes on", cause.sentence()));
-    }
-    Ok(goes_on)
+/// Shows a run on stderr.
+struct Watcher<'a> {
+    global: &'a Global,
+    interrupted: Arc<AtomicBool>,
+    progress: Option<Progress>,
 }
 
-/// The loop, one step at a time, so that it can be watched and interrupted.
-fn turn(
-    run: &mut Run,
-    experiment: &mut Experiment,
-    progress: &Progress,
-    interrupted: &AtomicBool,
-) -> Result<Left, Failure> {
-    loop {
-        let step = run.step(experiment)?;
-        progress.update(run.state());
-        let history = run.state().history();
+impl Watcher<'_> {
+    fn finish(&self) {
+        self.progress.iter().for_each(Progress::finish);
+    }
+}
+
+impl Watch for Watcher<'_> {
+    fn begins(&mut self, experiment: &Experiment, run: &Coevolution) {
+        self.finish();
+        self.progress = Some(Progress::new(experiment.model.clone(), run, self.global));
+    }
+
+    fn step(&mut self, run: &Coevolution, step: Option<&Step>) {
+        let Some(progress) = &self.progress else { return };
+        progress.update(run);
+        let history = run.history();
         match step {
-            Step::Stopped(reason) => return Ok(Left::Stopped(reason)),
-            Step::Waiting(what) => return Ok(Left::Waiting(what)),
-            Step::Generation => history.generations.last().into_iter().for_each(|g| progress.generation(g)),
-            Step::Iteration => {
-                let of = run.state().plan().iterations;
+            Some(Step::Generation) => history.generations.last().into_iter().for_each(|g| progress.generation(g)),
+            Some(Step::Iteration) => {
+                let of = run.plan().iterations;
                 history.iterations.last().into_iter().for_each(|it| progress.iteration(it, of));
             }
-            Step::Tested => {}
+            _ => {}
         }
-        if interrupted.load(Ordering::Relaxed) {
-            return Ok(Left::Interrupted);
-        }
+    }
+
+    fn rung(&self, rung: &Rung) {
+        ladder::tell(&LadderStep::from(rung), self.global);
+    }
+
+    fn say(&mut self, line: &str) {
+        self.progress.iter().for_each(|progress| progress.say(line));
+    }
+
+    fn stops(&mut self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
     }
 }
 
@@ -138,33 +110,6 @@ fn say_interrupted(args: &Coevolve, folder: &Path) -> u8 {
     INTERRUPTED
 }
 
-/// The same real tests through the other distances of the experiment; `None` when interrupted.
-fn by_distance(
-    experiment: &mut Experiment,
-    run: &Run,
-    progress: &Progress,
-    interrupted: &AtomicBool,
-) -> Result<Option<Vec<ByDistance>>, Failure> {
-    let others = experiment.distances.clone();
-    if others.is_empty() {
-        return Ok(Some(Vec::new()));
-    }
-    let mut found = vec![identify::found(experiment, run.state())];
-    for (number, spec) in others.into_iter().enumerate() {
-        progress.say(&format!("identifying by {}", spec.name()));
-        let watch = |state: &_| {
-            progress.update(state);
-            !interrupted.load(Ordering::Relaxed)
-        };
-        match identify::with_distance(experiment, run, (number, &spec), watch)? {
-            Some(other) => found.push(other),
-            None => return Ok(None),
-        }
-    }
-    identify::confront(experiment, run.state(), &mut found);
-    Ok(Some(found))
-}
-
 fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<u8, Failure> {
     let (s, c) = (experiment.model.simulations(), experiment.model.controllers());
     let plan = &experiment.plan;
@@ -184,22 +129,12 @@ fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<u8
     Ok(DONE)
 }
 
-fn finish(
-    experiment: &Experiment,
-    run: &Run,
-    (reason, waiting): (Option<StopReason>, Option<String>),
-    others: Vec<ByDistance>,
-    (args, global): (&Coevolve, &Global),
-) -> Result<u8, Failure> {
-    let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
-    let files = write_files(experiment, run, &report)?;
+fn finish(ended: &Ended, args: &Coevolve, global: &Global) -> Result<u8, Failure> {
+    let Ended { run, report, files, waiting } = ended;
     if global.json {
-        let mut document = serde_json::to_value(&report).map_err(|e| Failure::new("output", e.to_string(), None))?;
-        document["files"] = files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
-        document["waiting_for"] = waiting.into();
-        println!("{document}");
+        println!("{}", ended.document()?);
     } else {
-        show(&report);
+        show(report);
         if let Some(cause) = report.diagnosis.as_ref().filter(|_| report.disengaged) {
             next_step(cause, run.folder(), args, global);
         }
@@ -209,7 +144,7 @@ fn finish(
         println!("\nfiles");
         files.iter().for_each(|f| println!("  {}", f.display()));
     }
-    Ok(exit_code(run, &report))
+    Ok(exit_code(run, report))
 }
 
 /// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
@@ -221,17 +156,6 @@ fn exit_code(run: &Run, report: &Report) -> u8 {
         Some(_) if goal => MISSED,
         Some(_) => DONE,
     }
-}
-
-fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
-    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
-    let mut files = vec![run.write("history.json", text.as_bytes())?];
-    let space = experiment.model.simulations();
-    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation(), run.folder());
-    let adapted = adapted.map_err(|e| Failure::new("output", e.to_string(), None))?;
-    files.push(run.write("adapted.toml", adapted.as_bytes())?);
-    files.extend(figures::write(experiment, run, report)?);
-    Ok(files)
 }
 
 fn show(report: &Report) {

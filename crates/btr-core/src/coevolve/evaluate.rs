@@ -4,7 +4,7 @@ use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};
 use crate::parallel::side_by_side;
 use crate::search::{Residuals, Unit};
-use crate::world::{Behaviour, Job, Simulator, WorldError};
+use crate::world::{Against, Behaviour, Compared, Job, Made, Simulator, Trial, Wanted, WorldError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -30,28 +30,25 @@ pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit]
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
     let jobs: Vec<Job> = (0..points.len() * scenarios).map(job).collect();
-    let results = run_all(simulator, &jobs, |_, behaviour| behaviour.fitness);
+    let made = make_all(simulator, &jobs, &vec![Wanted::Fitness; jobs.len()]);
+    let of = |made| if let Made::Fitness(fitness) = made { fitness } else { f64::NAN };
+    let results: Vec<Result<f64, WorldError>> = made.into_iter().map(|made| made.map(of)).collect();
     cost.count(&results);
     results.chunks(scenarios).map(mean_fitness).collect()
 }
 
-/// Runs all jobs, those of each scenario side by side, and makes something of what comes of each (by its number), in their order.
-fn run_all<T: Send>(
-    simulator: &dyn Simulator,
-    jobs: &[Job],
-    make: impl Fn(usize, Behaviour) -> T + Sync,
-) -> Vec<Result<T, WorldError>> {
+/// Runs all jobs, those of each scenario side by side, and makes what is wanted of each, in their order.
+fn make_all(simulator: &dyn Simulator, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&k| jobs[k].scenario);
     let few = |ks: &[usize]| {
-        let these: Vec<Job> = ks.iter().map(|&k| jobs[k]).collect();
-        let made = simulator.run_all(&these).into_iter().zip(ks);
-        made.map(|(behaviour, &k)| (k, behaviour.map(|behaviour| make(k, behaviour)))).collect::<Vec<_>>()
+        let these: (Vec<Job>, Vec<Wanted>) = ks.iter().map(|&k| (jobs[k], wanted[k])).unzip();
+        simulator.make_all(&these.0, &these.1).into_iter().zip(ks.to_vec())
     };
     let at_once = side_by_side(simulator.side_by_side(), jobs.len());
     let mut results: Vec<_> = order.par_chunks(at_once).flat_map_iter(few).collect();
-    results.sort_by_key(|(k, _)| *k);
-    results.into_iter().map(|(_, result)| result).collect()
+    results.sort_by_key(|(_, k)| *k);
+    results.into_iter().map(|(made, _)| made).collect()
 }
 
 fn mean_fitness(results: &[Result<f64, WorldError>]) -> f64 {
@@ -71,14 +68,15 @@ pub(super) fn distances(
     if tests.is_empty() {
         return vec![Vec::new(); simulations.len()];
     }
-    let results = beside(simulator, simulations, tests, |real, simulated| distance.distance(real, simulated));
-    let results: Vec<Result<f64, WorldError>> =
-        results.into_iter().map(|r| r.map(|d| d.unwrap_or(f64::INFINITY))).collect();
+    let compare = |real: &Behaviour, simulated: &Behaviour| Compared {
+        distance: distance.distance(real, simulated),
+        residuals: None,
+    };
+    let results = beside(simulator, simulations, tests, false, &compare);
     cost.count(&results);
-    results
-        .chunks(tests.len())
-        .map(|row| row.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |d| worst_if_nan(*d))).collect())
-        .collect()
+    let one =
+        |compared: &Result<Compared, WorldError>| compared.as_ref().map_or(f64::INFINITY, |c| worst_if_nan(c.distance));
+    results.chunks(tests.len()).map(|row| row.iter().map(one).collect()).collect()
 }
 
 /// How far each simulation is from the real tests, as phi and as residuals; ∞ and `None` where it failed on any of them.
@@ -89,41 +87,46 @@ pub(super) fn residuals(
     tests: &[&Entry],
     cost: &mut Cost,
 ) -> Vec<(f64, Option<Residuals>)> {
-    let both = |real: &Behaviour, simulated: &Behaviour| {
-        (distance.distance(real, simulated), Some(squares.residuals(real, simulated)))
+    let compare = |real: &Behaviour, simulated: &Behaviour| Compared {
+        distance: distance.distance(real, simulated),
+        residuals: Some(squares.residuals(real, simulated)),
     };
-    let results = beside(simulator, simulations, tests, both);
-    let results: Vec<Result<(f64, Option<Residuals>), WorldError>> =
-        results.into_iter().map(|r| r.map(|both| both.unwrap_or((f64::INFINITY, None)))).collect();
+    let results = beside(simulator, simulations, tests, true, &compare);
     cost.count(&results);
-    let mut results = results.into_iter().map(|r| r.unwrap_or((f64::INFINITY, None)));
+    let mut results = results.into_iter().map(|compared| compared.unwrap_or_else(|_| no_behaviour()));
     let one_simulation = |_: &Vec<f64>| {
-        let (distances, blocks): (Vec<f64>, Vec<Option<Residuals>>) = results.by_ref().take(tests.len()).unzip();
+        let of_tests = results.by_ref().take(tests.len()).map(|compared| (compared.distance, compared.residuals));
+        let (distances, blocks): (Vec<f64>, Vec<Option<Residuals>>) = of_tests.unzip();
         (phi(&distances), blocks.into_iter().collect::<Option<Vec<_>>>().map(|tests| tests.concat()))
     };
     simulations.iter().map(one_simulation).collect()
 }
 
-/// Compares every simulation with every real test: a row per simulation. Nothing comes of tests that gave no behaviour.
-fn beside<T: Send>(
+/// As far as can be: nothing to compare with.
+fn no_behaviour() -> Compared {
+    Compared { distance: f64::INFINITY, residuals: None }
+}
+
+/// Compares every simulation with every real test: a row per simulation. Tests that gave no behaviour are as far as can be.
+fn beside(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
     tests: &[&Entry],
-    compare: impl Fn(&Behaviour, &Behaviour) -> T + Sync,
-) -> Vec<Result<Option<T>, WorldError>> {
-    let all = (0..simulations.len() * tests.len()).map(|k| (k, &simulations[k / tests.len()], tests[k % tests.len()]));
-    let done: Vec<(usize, &Behaviour, Job)> = all
-        .filter_map(|(k, s, test)| {
-            let job = Job { s, c: &test.trial.controller, scenario: test.trial.scenario };
-            Some((k, test.behaviour()?, job))
-        })
-        .collect();
-    let jobs: Vec<Job> = done.iter().map(|(_, _, job)| *job).collect();
-    let compared = run_all(simulator, &jobs, |k, simulated| compare(done[k].1, &simulated));
-    let mut results: Vec<Result<Option<T>, WorldError>> =
-        (0..simulations.len() * tests.len()).map(|_| Ok(None)).collect();
-    for ((k, _, _), result) in done.iter().zip(compared) {
-        results[*k] = result.map(Some);
+    squares: bool,
+    compare: &(dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
+) -> Vec<Result<Compared, WorldError>> {
+    let (mut which, mut asked) = (Vec::new(), Vec::new());
+    for (k, (s, entry)) in simulations.iter().flat_map(|s| tests.iter().map(move |entry| (s, entry))).enumerate() {
+        let Some(real) = entry.behaviour() else { continue };
+        let Trial { number: test, controller, scenario, .. } = &entry.trial;
+        which.push(k);
+        let against = Against { test: *test, real, squares, compare };
+        asked.push((Job { s, c: controller, scenario: *scenario }, Wanted::Distance(against)));
+    }
+    let (jobs, wanted): (Vec<Job>, Vec<Wanted>) = asked.into_iter().unzip();
+    let mut results: Vec<_> = (0..simulations.len() * tests.len()).map(|_| Ok(no_behaviour())).collect();
+    for (k, made) in which.into_iter().zip(make_all(simulator, &jobs, &wanted)) {
+        results[k] = made.map(|made| if let Made::Distance(compared) = made { compared } else { no_behaviour() });
     }
     results
 }
@@ -153,7 +156,10 @@ pub(super) fn disagreement(
         Job { s: &rivals[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let results = run_all(simulator, &jobs, |_, behaviour| behaviour);
+    let made = make_all(simulator, &jobs, &vec![Wanted::Behaviour; jobs.len()]);
+    let failed = || WorldError::Setup { what: "no behaviour came back".to_owned() };
+    let of = |made| if let Made::Behaviour(behaviour) = made { Ok(behaviour) } else { Err(failed()) };
+    let results: Vec<Result<Behaviour, WorldError>> = made.into_iter().map(|made| made.and_then(of)).collect();
     cost.count(&results);
     results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()
 }

@@ -4,8 +4,9 @@ use super::file::{File, RealitySection};
 use super::parse::{FileError, Source, suggestion};
 use super::scenarios::{self, Situations};
 use crate::drive::Replay;
+use crate::elsewhere::Way;
 use crate::model::{Model, Scenario};
-use crate::reality::Revealing;
+use crate::reality::{Asked, Called, Revealing, Unanswered};
 use crate::robot::Robot;
 use btr_core::coevolve::{Coevolution, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
@@ -33,8 +34,14 @@ pub struct Experiment {
     pub distances: Vec<DistanceSpec>,
     /// What the readers of the recorded logs noticed and could live with.
     pub warnings: Vec<String>,
+    /// How long it is worked on, and by whom.
+    pub way: Arc<Way>,
     source: Source,
+    robot: Option<Robotic>,
 }
+
+/// A robot, or whatever stands for one: plays the references of a controller and gives back what it did.
+pub type Robotic = Arc<dyn Fn(&Asked) -> Result<Log, Unanswered> + Send + Sync>;
 
 impl Experiment {
     /// Builds the experiment; real tests are kept under `folder`.
@@ -42,22 +49,48 @@ impl Experiment {
     /// # Errors
     /// Whatever does not make sense, at its line.
     pub fn new(source: Source, seed: Option<u64>, folder: &Path) -> Result<Self, FileError> {
+        Experiment::on(source, seed, folder, None, Arc::default())
+    }
+
+    /// The same with a robot of its own, whatever `[reality]` says, and with somebody who does the work.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new).
+    pub fn on(
+        source: Source,
+        seed: Option<u64>,
+        folder: &Path,
+        robot: Option<Robotic>,
+        way: Arc<Way>,
+    ) -> Result<Self, FileError> {
         let file = source.parse()?;
         let seed = seed.unwrap_or(file.seed);
-        let missing = |section: &str| source.error(&[], &format!("there is no [{section}]"), Some(needs(section)));
-        let plan = file.coevolve.clone().ok_or_else(|| missing("coevolve"))?;
-        let reality = file.reality.clone().ok_or_else(|| missing("reality"))?;
+        let plan = file.coevolve.clone().ok_or_else(|| missing(&source, "coevolve"))?;
         let builder = Builder { file: &file, source: &source };
-        let situations = match &reality {
-            RealitySection::Logs(logs) => scenarios::from_logs(logs, &file, &source, &builder.robot()?)?,
-            _ => Situations::single(file.simulation.duration_s),
+        let section = match robot {
+            Some(_) => RealitySection::Manual {},
+            None => file.reality.clone().ok_or_else(|| missing(&source, "reality"))?,
         };
+        let situations = builder.situations(&section)?;
         let (recorded, warnings) = (situations.logs.clone(), situations.warnings.clone());
         let model = Arc::new(builder.model(situations)?);
-        builder.check_plan(&plan, &reality, &model, &recorded)?;
-        let reality = builder.reality(&reality, &model, &recorded, seed, folder)?;
+        builder.check_plan(&plan, &section, &model, &recorded)?;
+        let reality = match &robot {
+            Some(robot) => Box::new(Called::new(robot.clone(), model.clone(), builder.store(&model, folder))),
+            None => builder.reality(&section, &model, &recorded, seed, folder)?,
+        };
         let (name, distances) = (file.name.clone(), file.distances.clone());
-        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, source })
+        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, way, source, robot })
+    }
+
+    /// Becomes the experiment of another text, with the same robot and the same hands.
+    ///
+    /// # Errors
+    /// Whatever does not make sense, at its line.
+    pub(crate) fn restart(&mut self, text: String, folder: &Path) -> Result<(), FileError> {
+        let source = Source { text, ..self.source.clone() };
+        *self = Experiment::on(source, Some(self.seed), folder, self.robot.clone(), self.way.clone())?;
+        Ok(())
     }
 
     /// What identifies the experiment: its text with all settings, and its seed.
@@ -138,7 +171,7 @@ impl Experiment {
 }
 
 /// A log with what the robot was told, by the controller's references where the log does not say it.
-fn told(log: &Log, references: &Log) -> Log {
+pub(crate) fn told(log: &Log, references: &Log) -> Log {
     let mut told = log.clone();
     for (name, channel) in references.channels().filter(|(name, _)| log.channel(name).is_none()) {
         // Each reference holds until the next one.
@@ -164,6 +197,10 @@ fn remedy(error: &PlanError) -> String {
     .to_owned()
 }
 
+fn missing(source: &Source, section: &str) -> FileError {
+    source.error(&[], &format!("there is no [{section}]"), Some(needs(section)))
+}
+
 fn needs(section: &str) -> String {
     match section {
         "coevolve" => "add [coevolve] with iterations and distance; robots/pendulum.toml is a short example",
@@ -178,7 +215,29 @@ pub(super) struct Builder<'a> {
     pub(super) source: &'a Source,
 }
 
+/// The simulations of an experiment, without reality and plan.
+///
+/// # Errors
+/// Whatever does not make sense, at its line.
+pub fn simulations(source: &Source) -> Result<Model, FileError> {
+    let file = source.parse()?;
+    let builder = Builder { file: &file, source };
+    let situations = match &file.reality {
+        Some(section) => builder.situations(section)?,
+        None => Situations::single(file.simulation.duration_s),
+    };
+    builder.model(situations)
+}
+
 impl Builder<'_> {
+    /// Recorded logs are a situation each; for other realities there is one.
+    fn situations(&self, reality: &RealitySection) -> Result<Situations, FileError> {
+        match reality {
+            RealitySection::Logs(logs) => scenarios::from_logs(logs, self.file, self.source, &self.robot()?),
+            _ => Ok(Situations::single(self.file.simulation.duration_s)),
+        }
+    }
+
     pub(super) fn model(&self, situations: Situations) -> Result<Model, FileError> {
         let robot = self.robot()?;
         let setup = self.setup(&robot, &situations.logs)?;

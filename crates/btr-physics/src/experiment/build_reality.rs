@@ -28,9 +28,7 @@ impl Builder<'_> {
         seed: u64,
         folder: &Path,
     ) -> Result<Box<dyn Revealing>, FileError> {
-        let controllers = model.drive.space().clone();
-        let fitness = model.fitness.clone();
-        let store = Store::new(folder.join("transfers"), controllers, fitness.clone(), self.file.channels.clone());
+        let (fitness, store) = (model.fitness.clone(), self.store(model, folder));
         Ok(match section {
             RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
             RealitySection::Logs(_) => Box::new(Logs::new(recorded[..model.learn].to_vec(), fitness)),
@@ -47,6 +45,12 @@ impl Builder<'_> {
             }
             RealitySection::Manual {} => Box::new(Manual::new(model.clone(), store)),
         })
+    }
+
+    /// Where the real tests of a run are kept.
+    pub(super) fn store(&self, model: &Model, folder: &Path) -> Store {
+        let controllers = model.drive.space().clone();
+        Store::new(folder.join("transfers"), controllers, model.fitness.clone(), self.file.channels.clone())
     }
 
     fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {

@@ -13,10 +13,11 @@ mod replays;
 mod scenarios;
 mod single;
 
-pub use build::Experiment;
+pub(crate) use build::told;
+pub use build::{Experiment, Robotic, simulations};
 pub use enlarged::enlarges;
 pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
 pub use log_source::LogSource;
 pub use parse::{FileError, Source, nearest, suggestion};
 pub use replays::{Checked, Replays, replays};
-pub use single::{model, model_driven_by, model_replaying};
+pub use single::{model, model_driven_by, model_replaying, recorded};

@@ -8,6 +8,7 @@ use super::pieces::{self, Piece};
 use super::replays::Known;
 use super::scenarios::{Reader, Situations};
 use crate::model::{Model, Scenario};
+use btr_core::log::Log;
 
 /// The model of a file, with its own drive.
 ///
@@ -16,6 +17,14 @@ use crate::model::{Model, Scenario};
 pub fn model(source: &Source) -> Result<Model, FileError> {
     let file = source.parse()?;
     Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
+}
+
+/// A log as it is compared with simulations of a model file: from time zero, under btr's names.
+///
+/// # Errors
+/// A file that cannot be parsed, or a log that cannot be used.
+pub fn recorded(source: &Source, log: &LogSource) -> Result<Log, FileError> {
+    Ok(pieces::read(log, &source.parse()?)?.0)
 }
 
 /// The model of a file, driven as the `[drive]` of another one says.

@@ -1,12 +1,14 @@
 //! Realities: where the truth comes from. Each kind is one file; all keep what they produced on disk before anybody
 //! uses it.
 
+mod called;
 mod command;
 mod logs;
 mod manual;
 mod store;
 mod twin;
 
+pub use called::{Asked, Called, Unanswered};
 pub use command::Command;
 pub use logs::Logs;
 pub use manual::Manual;
@@ -24,5 +26,6 @@ pub trait Revealing: Reality + Send + Sync {
 }
 
 impl Revealing for Logs {}
+impl Revealing for Called {}
 impl Revealing for Command {}
 impl Revealing for Manual {}

@@ -3,6 +3,7 @@
 use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
+use btr_core::family::Family;
 use btr_core::fit::{Bench, Estimate, NOISE};
 use serde::Serialize;
 use std::time::Instant;
@@ -99,10 +100,16 @@ pub struct DiagnoseReport {
     pub seconds: f64,
 }
 
-/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
-pub fn diagnose(problem: &Problem, question: Question, tell: &dyn Fn(&Rung)) -> Option<(DiagnoseReport, Diagnosis)> {
+/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands. `family` is the
+/// problem's own, or the same served by others.
+pub fn diagnose(
+    problem: &Problem,
+    family: &dyn Family,
+    question: Question,
+    tell: &dyn Fn(&Rung),
+) -> Option<(DiagnoseReport, Diagnosis)> {
     let began = Instant::now();
-    let bench = Bench::new(&problem.beside);
+    let bench = Bench::new(family);
     let diagnosis = btr_core::diagnose::diagnose(&bench, question, tell)?;
     let report = DiagnoseReport {
         ok: true,

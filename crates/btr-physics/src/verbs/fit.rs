@@ -47,10 +47,10 @@ pub struct FitReport {
 }
 
 /// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for; `None` where
-/// the model blows up as it stands.
-pub fn fit(problem: &Problem, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
+/// the model blows up as it stands. `family` is the problem's own, or the same served by others.
+pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
     let began = Instant::now();
-    let bench = Bench::new(&problem.beside);
+    let bench = Bench::new(family);
     let heard = |step: &str, train: f64, held_out: Option<f64>| {
         tell(&LadderStep { step: step.to_owned(), train, held_out });
     };

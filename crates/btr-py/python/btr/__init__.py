@@ -12,23 +12,30 @@ about it. Everything that simulates runs on all cores without holding Python's l
 laws that are functions (`Model.add_law`).
 """
 
-from btr._btr import BtrError, Log, __version__
-from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
+from btr import executors
+from btr._btr import BtrError, Log, TestFailed, __version__
+from btr.coevolution import Controller, coevolve
+from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, FitResult
 from btr.verbs import Model, add, check, compare, diagnose, fit, load_log, load_model
 
 __all__ = [
     "BtrError",
     "CheckResult",
+    "CoevolveResult",
     "CompareResult",
+    "Controller",
     "DiagnoseResult",
     "FitResult",
     "Log",
     "Model",
+    "TestFailed",
     "__version__",
     "add",
     "check",
+    "coevolve",
     "compare",
     "diagnose",
+    "executors",
     "fit",
     "load_log",
     "load_model",

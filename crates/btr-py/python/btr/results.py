@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -120,6 +121,35 @@ class DiagnoseResult(Result):
 
     def _table(self) -> list[dict[str, Any]]:
         return _ladder(self.error_ladder)
+
+
+class CoevolveResult(Result):
+    """What a run of the loop found: `iterations`, `stop_reason`, `real_tests` and all else that `btr coevolve --json` tells."""
+
+    def __init__(self, document: dict[str, Any], folder: Path) -> None:
+        super().__init__(document)
+        self.folder = folder
+
+    @property
+    def logs(self) -> list[Path]:
+        """What the robot did in each real test that gave a log, in their order."""
+        found = (sorted(test.glob("log.*"))[:1] for test in sorted((self.folder / "transfers").iterdir()))
+        return [log for logs in found for log in logs]
+
+    @property
+    def adapted(self) -> Path:
+        """The model with what was found written in, for `load_model`."""
+        return self.folder / "adapted.toml"
+
+    def _headline(self) -> str:
+        if self.waiting_for:
+            return f"waiting for a real test: {self.waiting_for}"
+        simulated = f"{self.real_tests} real tests, {self.simulated_evaluations} simulated"
+        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}"
+
+    def _table(self) -> list[dict[str, Any]]:
+        columns = {"i": "iteration", "real_tests": "tests", "phi": "phi", "fitness_sim": "f simulated", "fitness_real": "f real"}
+        return [{title: iteration[key] for key, title in columns.items()} for iteration in self.iterations]
 
 
 class FitResult(Result):

@@ -13,6 +13,7 @@ import numpy as np
 from btr import _btr
 from btr import laws as own
 from btr._btr import Log
+from btr.executors import ExecutorLike, hands_of
 from btr.laws import Law, Number
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
@@ -20,7 +21,7 @@ LogLike = Union[str, os.PathLike[str], Log, Any]
 """A path (.csv, .csv.gz, .mcap), a `Log`, or a pandas or polars frame with a column `t` in seconds."""
 Tell = Callable[[str, float, Union[float, None]], None]
 """Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without any), both
-in multiples of the noise floor. With laws that are functions it is called on another thread."""
+in multiples of the noise floor. Called on another thread."""
 
 
 class Model:
@@ -46,6 +47,11 @@ class Model:
     def laws(self) -> dict[str, Law]:
         """The functions that the text names."""
         return dict(self._laws)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self._model.name
 
     @property
     def joints(self) -> list[str]:
@@ -175,10 +181,12 @@ def diagnose(
     held_out: LogLike | Iterable[LogLike] = (),
     max_effects: int = 3,
     tell: Tell = _silent,
+    executor: ExecutorLike = None,
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing known
-    explains the error. Judged on the held-out logs; without any, on the last part of each log."""
-    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell)
+    explains the error. Judged on the held-out logs; without any, on the last part of each log. `executor` is who does the work, see
+    `btr.executors`."""
+    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell, hands_of(executor))
     return DiagnoseResult(json.loads(answer))
 
 
@@ -194,7 +202,9 @@ def fit(
     held_out: LogLike | Iterable[LogLike] = (),
     add: Iterable[str] = (),
     tell: Tell = _silent,
+    executor: ExecutorLike = None,
 ) -> FitResult:
-    """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first."""
-    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell)
+    """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first. `executor` is who does the work,
+    see `btr.executors`."""
+    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell, hands_of(executor))
     return FitResult(json.loads(document), model._with_text(fitted.text))

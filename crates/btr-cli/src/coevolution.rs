@@ -1,0 +1,169 @@
+//! A run of the loop from its beginning, or from its last checkpoint, to its files; who watches it decides what is shown.
+
+use crate::failure::Failure;
+use crate::figures;
+use btr_core::coevolve::{Coevolution, Step, StopReason};
+use btr_core::diagnose::Rung;
+use btr_core::world::Simulator;
+use btr_physics::adapt;
+use btr_physics::experiment::Experiment;
+use btr_physics::identify;
+use btr_physics::report::{self, ByDistance, Report};
+use btr_physics::run::Run;
+use std::path::{Path, PathBuf};
+
+/// Who looks on while a run goes on.
+pub trait Watch {
+    /// A run begins, or goes on with a larger S.
+    fn begins(&mut self, experiment: &Experiment, run: &Coevolution);
+    /// A step was done and written down; of another distance's identification where there is none.
+    fn step(&mut self, run: &Coevolution, step: Option<&Step>);
+    /// The populations lost each other, and the error falls like this while a cause is looked for.
+    fn rung(&self, rung: &Rung);
+    /// Something is to be said.
+    fn say(&mut self, line: &str);
+    /// Whether to stop after the step in flight.
+    fn stops(&mut self) -> bool;
+}
+
+/// What came of a run.
+pub struct Ended {
+    /// The run, in its folder.
+    pub run: Run,
+    /// What was found.
+    pub report: Report,
+    /// Everything that was written for people.
+    pub files: Vec<PathBuf>,
+    /// What is awaited, where the run stopped for a real test that somebody has to do.
+    pub waiting: Option<String>,
+}
+
+impl Ended {
+    /// The document of `--json`.
+    ///
+    /// # Errors
+    /// A report that is no JSON, which does not happen.
+    pub fn document(&self) -> Result<serde_json::Value, Failure> {
+        let mut document =
+            serde_json::to_value(&self.report).map_err(|e| Failure::new("output", e.to_string(), None))?;
+        document["files"] = self.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
+        document["waiting_for"] = self.waiting.clone().into();
+        Ok(document)
+    }
+}
+
+/// How a run left the loop.
+enum Left {
+    Stopped(StopReason),
+    Waiting(String),
+    Interrupted,
+}
+
+/// Begins or resumes an experiment's run in a folder, turns the loop, and writes its files; `None` where the watcher stopped it.
+///
+/// # Errors
+/// A folder in use or without a run, a disk that refuses.
+pub fn coevolve(
+    experiment: &mut Experiment,
+    folder: &Path,
+    resume: bool,
+    watch: &mut dyn Watch,
+) -> Result<Option<Ended>, Failure> {
+    let plan = experiment.plan.clone();
+    let mut run = match resume {
+        true => Run::resume(experiment, plan, folder)?,
+        false => Run::begin(experiment, plan, folder)?,
+    };
+    loop {
+        watch.begins(experiment, run.state());
+        let left = turn(&mut run, experiment, watch)?;
+        if goes_on(&mut run, experiment, &left, watch)? {
+            continue;
+        }
+        return match left {
+            Left::Interrupted => Ok(None),
+            Left::Waiting(what) => finish(experiment, run, (None, Some(what)), Vec::new()).map(Some),
+            Left::Stopped(reason) => match by_distance(experiment, &run, watch)? {
+                Some(others) => finish(experiment, run, (Some(reason), None), others).map(Some),
+                None => Ok(None),
+            },
+        };
+    }
+}
+
+/// The loop, one step at a time, so that it can be watched and interrupted.
+fn turn(run: &mut Run, experiment: &mut Experiment, watch: &mut dyn Watch) -> Result<Left, Failure> {
+    loop {
+        let step = run.step(experiment)?;
+        watch.step(run.state(), Some(&step));
+        match step {
+            Step::Stopped(reason) => return Ok(Left::Stopped(reason)),
+            Step::Waiting(what) => return Ok(Left::Waiting(what)),
+            Step::Generation | Step::Iteration | Step::Tested => {}
+        }
+        if watch.stops() {
+            return Ok(Left::Interrupted);
+        }
+    }
+}
+
+/// Whether a run that stopped disengaged goes on in a larger S, once its real tests have been asked for the cause.
+fn goes_on(run: &mut Run, experiment: &mut Experiment, left: &Left, watch: &mut dyn Watch) -> Result<bool, Failure> {
+    let Left::Stopped(reason) = left else { return Ok(false) };
+    if run.state().disengaged() {
+        watch.say("disengaged: looking for the cause in the real tests");
+    }
+    let goes_on = run.look_for_cause(experiment, reason, &|rung| watch.rung(rung))?;
+    if let Some(cause) = run.cause().filter(|_| goes_on) {
+        watch.say(&format!("{}; S has it now, and the run goes on", cause.sentence()));
+    }
+    Ok(goes_on)
+}
+
+/// The same real tests through the other distances of the experiment; `None` when interrupted.
+fn by_distance(
+    experiment: &mut Experiment,
+    run: &Run,
+    watch: &mut dyn Watch,
+) -> Result<Option<Vec<ByDistance>>, Failure> {
+    let others = experiment.distances.clone();
+    if others.is_empty() {
+        return Ok(Some(Vec::new()));
+    }
+    let mut found = vec![identify::found(experiment, run.state())];
+    for (number, spec) in others.into_iter().enumerate() {
+        watch.say(&format!("identifying by {}", spec.name()));
+        let goes_on = |state: &Coevolution| {
+            watch.step(state, None);
+            !watch.stops()
+        };
+        match identify::with_distance(experiment, run, (number, &spec), goes_on)? {
+            Some(other) => found.push(other),
+            None => return Ok(None),
+        }
+    }
+    identify::confront(experiment, run.state(), &mut found);
+    Ok(Some(found))
+}
+
+fn finish(
+    experiment: &Experiment,
+    run: Run,
+    (reason, waiting): (Option<StopReason>, Option<String>),
+    others: Vec<ByDistance>,
+) -> Result<Ended, Failure> {
+    let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
+    let files = write_files(experiment, &run, &report)?;
+    Ok(Ended { run, report, files, waiting })
+}
+
+fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
+    let mut files = vec![run.write("history.json", text.as_bytes())?];
+    let space = experiment.model.simulations();
+    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation(), run.folder());
+    let adapted = adapted.map_err(|e| Failure::new("output", e.to_string(), None))?;
+    files.push(run.write("adapted.toml", adapted.as_bytes())?);
+    files.extend(figures::write(experiment, run, report)?);
+    Ok(files)
+}

@@ -1,0 +1,161 @@
+//! What goes to workers and comes back.
+
+use super::folder::Folder;
+use btr_core::log::Log;
+use btr_core::world::{Behaviour, Made};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::hash::{DefaultHasher, Hasher};
+use std::path::PathBuf;
+
+/// Both ends must be of one version: messages have no format that outlives it.
+pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What a worker is told once, with a name under which it may keep what it made of it.
+#[derive(Debug)]
+pub struct Parcel {
+    /// The same for the same content.
+    pub key: u64,
+    /// The content.
+    pub bytes: Vec<u8>,
+}
+
+impl Parcel {
+    pub(super) fn of(content: &Content) -> Result<Self, String> {
+        let bytes = postcard::to_allocvec(&(VERSION, content)).map_err(|e| e.to_string())?;
+        let mut hasher = DefaultHasher::new();
+        hasher.write(&bytes);
+        Ok(Parcel { key: hasher.finish(), bytes })
+    }
+
+    pub(super) fn content(bytes: &[u8]) -> Result<Content, String> {
+        let of_another =
+            |theirs: &str| format!("btr {VERSION} cannot work for btr {theirs}: install the same version everywhere");
+        let (theirs, rest): (String, &[u8]) =
+            postcard::take_from_bytes(bytes).map_err(|_| of_another("of another version"))?;
+        if theirs != VERSION {
+            return Err(of_another(&theirs));
+        }
+        postcard::from_bytes(rest).map_err(|e| e.to_string())
+    }
+}
+
+/// What may be in a parcel.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Content {
+    /// A model beside its logs.
+    Problem { model: Folder, learn: Vec<(PathBuf, Log)>, held_out: Vec<(PathBuf, Log)> },
+    /// An experiment's simulations, and by what they are compared with real tests (as JSON, which tells names from tables).
+    Experiment { experiment: Folder, distance: String },
+    /// What came of a real test.
+    Test(Behaviour),
+}
+
+/// How a family was made of another one.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) enum Derived {
+    /// Where only the beginnings of logs count.
+    Beginnings,
+    /// As it is seen from a point.
+    SeenFrom(Vec<f64>),
+}
+
+/// A point of a family, most of whose coordinates are 0: those that are not.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Sparse {
+    length: u32,
+    there: Vec<(u32, f64)>,
+}
+
+impl Sparse {
+    pub(super) fn of(point: &[f64]) -> Self {
+        let there = point.iter().enumerate().filter(|(_, x)| x.to_bits() != 0);
+        Sparse { length: point.len() as u32, there: there.map(|(k, x)| (k as u32, *x)).collect() }
+    }
+
+    pub(super) fn dense(&self) -> Vec<f64> {
+        let mut point = vec![0.0; self.length as usize];
+        for &(k, x) in &self.there {
+            if let Some(slot) = point.get_mut(k as usize) {
+                *slot = x;
+            }
+        }
+        point
+    }
+}
+
+/// Points of a family.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Points {
+    pub(super) derived: Vec<Derived>,
+    pub(super) log: usize,
+    pub(super) halvings: u8,
+    pub(super) points: Vec<Sparse>,
+    /// Which numbers of the log's start are moved, if any: then there is one point.
+    pub(super) nudged: Option<Vec<usize>>,
+}
+
+/// Residuals, or why there are none.
+pub(super) type Residuals = Vec<Result<Vec<f64>, String>>;
+
+/// A candidate of a population.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Candidate {
+    pub(super) s: Vec<f64>,
+    pub(super) c: Vec<f64>,
+    pub(super) scenario: usize,
+    pub(super) wanted: Asked,
+}
+
+/// What is wanted of a candidate.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Asked {
+    Behaviour,
+    Fitness,
+    /// The place of the test among the parcels, and whether residuals are wanted.
+    Distance {
+        test: usize,
+        squares: bool,
+    },
+}
+
+/// What was made of candidates, or why nothing was.
+pub(super) type Population = Vec<Result<Made, String>>;
+
+/// A batch of either kind.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Batch {
+    Points(Points),
+    Population(Vec<Candidate>),
+}
+
+/// An answer with the worker's proof.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Answer<T> {
+    pub(super) proof: u64,
+    pub(super) results: T,
+}
+
+impl<T: DeserializeOwned> Answer<T> {
+    /// The results, if the proof is this one.
+    pub(super) fn read(bytes: &[u8], proof: u64) -> Result<T, String> {
+        let answer: Answer<T> =
+            postcard::from_bytes(bytes).map_err(|e| format!("a worker's answer makes no sense: {e}"))?;
+        if answer.proof != proof {
+            return Err("a worker simulates the model differently than it is simulated here: its files may differ (an index of logs?), \
+                        or its build of btr"
+                .to_owned());
+        }
+        Ok(answer.results)
+    }
+}
+
+/// A proof of numbers: the same for the same bits.
+pub(super) fn proof_of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for block in blocks {
+        hasher.write_usize(block.len());
+        block.iter().for_each(|x| hasher.write_u64(x.to_bits()));
+    }
+    hasher.finish()
+}

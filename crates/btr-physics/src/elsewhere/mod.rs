@@ -1,0 +1,112 @@
+//! Simulations that somebody else works out: other threads, processes or machines, behind whatever hands out calls there.
+//!
+//! A worker is told once what it works on (a [`Parcel`]: the model with its files, the logs) and then gets batches: points of a family, or
+//! candidates of a population. It answers with numbers. No random number is drawn there, so that an answer is the same whoever gives it,
+//! and however often it is asked for again because a machine was lost. Every answer carries the worker's proof: what it computes at
+//! the model's own values, which must be what is computed here, bit by bit.
+
+mod cache;
+mod family;
+mod folder;
+mod message;
+mod serve;
+mod simulator;
+
+pub use family::Served;
+pub use message::Parcel;
+pub use serve::serve;
+pub use simulator::{Parcels, ServedModel};
+
+use message::Answer;
+use serde::de::DeserializeOwned;
+use std::any::Any;
+use std::panic::resume_unwind;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How many points or candidates go out in one message at most; fewer where else some workers would have nothing to do.
+const MOST_AT_ONCE: usize = 64;
+
+/// Hands out batches.
+pub trait Executor: Send + Sync {
+    /// How many batches are worked on at once.
+    fn workers(&self) -> usize;
+    /// Has [`serve`] called elsewhere, and waits for the answer. Called from as many threads at once as there are workers.
+    ///
+    /// # Errors
+    /// Whatever keeps the answer from coming: all work ends with it.
+    fn work(&self, parcels: &[Arc<Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
+}
+
+/// How long work is done, and by whom: it can be stopped, and it can be handed out.
+#[derive(Default)]
+pub struct Way {
+    threads: Option<usize>,
+    executor: Option<Box<dyn Executor>>,
+    stopped: AtomicBool,
+}
+
+/// What work unwinds with that was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped;
+
+impl Way {
+    /// Work for somebody else.
+    pub fn elsewhere(executor: Box<dyn Executor>) -> Self {
+        Way { threads: Some(executor.workers()), executor: Some(executor), ..Way::default() }
+    }
+
+    /// Work here, on so many threads.
+    pub fn here(threads: usize) -> Self {
+        Way { threads: Some(threads), ..Way::default() }
+    }
+
+    /// Ends the work soon: it unwinds with [`Stopped`], and nothing comes of it.
+    pub fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was stopped.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// Does all work on its threads: as many as there are workers, each of which waits for one batch at a time.
+    ///
+    /// # Errors
+    /// More threads than the system allows.
+    pub fn during<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, String> {
+        let Some(threads) = self.threads else { return Ok(work()) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+        Ok(pool.map_err(|e| format!("there cannot be {threads} threads: {e}"))?.install(work))
+    }
+
+    /// Unwinds where the work was stopped.
+    fn heed(&self) {
+        if self.is_stopped() {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+
+    /// The answer to a batch, from a worker that has proved itself; `None` where there is nobody to ask.
+    fn ask<B: serde::Serialize, T: DeserializeOwned>(
+        &self,
+        parcels: &[Arc<Parcel>],
+        batch: &B,
+        proof: impl FnOnce() -> u64,
+    ) -> Option<T> {
+        self.heed();
+        let executor = self.executor.as_ref()?;
+        let answer = postcard::to_allocvec(batch)
+            .map_err(|e| Box::new(e.to_string()) as Box<dyn Any + Send>)
+            .and_then(|batch| executor.work(parcels, &batch))
+            .and_then(|bytes| Answer::<T>::read(&bytes, proof()).map_err(|why| Box::new(why) as Box<dyn Any + Send>));
+        self.heed();
+        Some(answer.unwrap_or_else(|why| resume_unwind(why)))
+    }
+
+    /// How many are best asked for at once, where here it is `here`.
+    fn side_by_side(&self, here: usize) -> usize {
+        if self.executor.is_some() { MOST_AT_ONCE } else { here }
+    }
+}

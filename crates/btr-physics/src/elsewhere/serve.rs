@@ -1,0 +1,144 @@
+//! The worker's side.
+
+use super::cache::Cache;
+use super::family::proof;
+use super::message::{
+    Answer, Asked, Batch, Candidate, Content, Derived, Parcel, Points, Population, Residuals, Sparse,
+};
+use super::simulator;
+use crate::experiment::{self, LogSource};
+use crate::model::Model;
+use crate::verbs::Problem;
+use btr_core::distance::{Distance, DistanceSpec};
+use btr_core::family::{Family, Step};
+use btr_core::world::{Against, Behaviour, Compared, Job, Simulator, Wanted};
+use std::hash::{DefaultHasher, Hasher};
+
+/// What a worker knows of a parcel.
+enum Known {
+    Family { family: Box<dyn Family>, proof: u64 },
+    Simulations { model: Box<Model>, distance: Box<dyn Distance>, proof: u64 },
+    Test(Behaviour),
+}
+
+/// Problems are large, and few are asked about at once.
+static PROBLEMS: Cache<Known> = Cache::new(4);
+/// Real tests of a run.
+static TESTS: Cache<Known> = Cache::new(256);
+
+/// Answers a batch: `parcels` are keys and contents, the first of them what the batch is about. To be called wherever work is done, in
+/// one thread; what a parcel takes to be opened is done once in a process.
+///
+/// # Errors
+/// Parcels of another version, files that are not there.
+pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8]) -> Result<Vec<u8>, String> {
+    let ((key, content), tests) = parcels.split_first().ok_or("no parcel")?;
+    let batch = postcard::from_bytes(batch).map_err(|e| e.to_string())?;
+    let known = PROBLEMS.get(*key, || open(Parcel::content(content)?))?;
+    let answer = match (&*known, batch) {
+        (Known::Family { family, proof }, Batch::Points(points)) => {
+            let results = residuals(family.as_ref(), *key, &points)?;
+            postcard::to_allocvec(&Answer { proof: *proof, results })
+        }
+        (Known::Simulations { model, distance, proof }, Batch::Population(candidates)) => {
+            let open = |(key, content): &(u64, &[u8])| TESTS.get(*key, || open(Parcel::content(content)?));
+            let tests = tests.iter().map(open).collect::<Result<Vec<_>, String>>()?;
+            let tests: Vec<&Behaviour> = tests
+                .iter()
+                .filter_map(|test| if let Known::Test(test) = &**test { Some(test) } else { None })
+                .collect();
+            postcard::to_allocvec(&Answer {
+                proof: *proof,
+                results: population(model, distance.as_ref(), &tests, &candidates)?,
+            })
+        }
+        _ => return Err("the batch does not fit its parcel".to_owned()),
+    };
+    answer.map_err(|e| e.to_string())
+}
+
+fn open(content: Content) -> Result<Known, String> {
+    match content {
+        Content::Problem { model, learn, held_out } => model.unpacked(|source| {
+            let made = |logs: Vec<_>| -> Vec<LogSource> {
+                logs.into_iter().map(|(name, log)| LogSource::Made { name, log }).collect()
+            };
+            let problem = Problem::new(source, &made(learn), &made(held_out)).map_err(|e| e.to_string())?;
+            Ok(Known::Family { proof: proof(&problem.beside), family: Box::new(problem.beside) })
+        }),
+        Content::Experiment { experiment, distance } => experiment.unpacked(|source| {
+            let model = experiment::simulations(&source).map_err(|e| e.to_string())?;
+            let spec: DistanceSpec = serde_json::from_str(&distance).map_err(|e| e.to_string())?;
+            Ok(Known::Simulations { proof: simulator::proof(&model), model: Box::new(model), distance: spec.build() })
+        }),
+        Content::Test(behaviour) => Ok(Known::Test(behaviour)),
+    }
+}
+
+fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Residuals, String> {
+    let Some((last, before)) = points.derived.split_last() else { return Ok(at(base, points)) };
+    let mut hasher = DefaultHasher::new();
+    hasher.write_u64(key);
+    hasher.write(&postcard::to_allocvec(&points.derived).map_err(|e| e.to_string())?);
+    let derive = || {
+        let derive = |family: &dyn Family, how: &Derived| match how {
+            Derived::Beginnings => family.beginnings(),
+            Derived::SeenFrom(u) => family.seen_from(u),
+        };
+        let mut family: Option<Box<dyn Family>> = None;
+        for how in before.iter().chain([last]) {
+            let next = derive(family.as_deref().unwrap_or(base), how);
+            family = Some(next.ok_or("this family cannot be derived here")?);
+        }
+        let family = family.ok_or("nothing was derived")?;
+        Ok(Known::Family { family, proof: 0 })
+    };
+    match &*PROBLEMS.get(hasher.finish(), derive)? {
+        Known::Family { family, .. } => Ok(at(family.as_ref(), points)),
+        _ => Err("the batch does not fit its parcel".to_owned()),
+    }
+}
+
+fn at(family: &dyn Family, points: &Points) -> Residuals {
+    let dense: Vec<Vec<f64>> = points.points.iter().map(Sparse::dense).collect();
+    let (log, mut step) = (points.log, Step::USUAL);
+    (0..points.halvings).for_each(|_| step = step.halved());
+    let results = match &points.nudged {
+        Some(nudged) => dense.iter().map(|u| family.residual_from(u, log, nudged)).collect(),
+        None => {
+            let few = dense.chunks(family.side_by_side().max(1));
+            let few = few.map(|few| family.residuals(&few.iter().map(Vec::as_slice).collect::<Vec<_>>(), log, step));
+            few.collect::<Vec<_>>().concat()
+        }
+    };
+    results.into_iter().map(|result| result.map_err(|e| e.to_string())).collect()
+}
+
+fn population(
+    model: &Model,
+    distance: &dyn Distance,
+    tests: &[&Behaviour],
+    candidates: &[Candidate],
+) -> Result<Population, String> {
+    let plain = |real: &Behaviour, simulated: &Behaviour| Compared {
+        distance: distance.distance(real, simulated),
+        residuals: None,
+    };
+    let squared = |real: &Behaviour, simulated: &Behaviour| Compared {
+        residuals: distance.as_squares().map(|squares| squares.residuals(real, simulated)),
+        ..plain(real, simulated)
+    };
+    let wanted = |candidate: &Candidate| match candidate.wanted {
+        Asked::Behaviour => Ok(Wanted::Behaviour),
+        Asked::Fitness => Ok(Wanted::Fitness),
+        Asked::Distance { test, squares } => {
+            let real = tests.get(test).copied().ok_or("a real test did not come along")?;
+            Ok(Wanted::Distance(Against { test, real, squares, compare: if squares { &squared } else { &plain } }))
+        }
+    };
+    let wanted: Vec<Wanted> = candidates.iter().map(wanted).collect::<Result<_, String>>()?;
+    let jobs: Vec<Job> = candidates.iter().map(|one| Job { s: &one.s, c: &one.c, scenario: one.scenario }).collect();
+    let few = model.side_by_side().max(1);
+    let made = jobs.chunks(few).zip(wanted.chunks(few)).flat_map(|(jobs, wanted)| model.make_all(jobs, wanted));
+    Ok(made.map(|made| made.map_err(|e| e.to_string())).collect())
+}

@@ -1,0 +1,71 @@
+//! A function per test: another simulator, or whatever can be called that drives a robot.
+
+use super::store::{Store, StoreError, or_pending};
+use crate::experiment::{Robotic, told};
+use crate::io::Meta;
+use crate::model::Model;
+use btr_core::log::Log;
+use btr_core::world::{Outcome, Reality, Trial};
+use std::sync::Arc;
+
+/// What a robot is asked to do.
+pub struct Asked<'a> {
+    /// The test.
+    pub trial: &'a Trial,
+    /// The names of the controller's parameters, in the order of the trial's values.
+    pub names: Vec<&'a str>,
+    /// The commands that it stands for, on the control clock.
+    pub references: &'a Log,
+}
+
+/// Why a robot gave no log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unanswered {
+    /// It could not do it; the test counts as spent.
+    Failed(String),
+    /// Nobody knows; the run stops here, and asks again when it is resumed.
+    Broken(String),
+}
+
+/// Asks a function for every test.
+pub struct Called {
+    robot: Robotic,
+    model: Arc<Model>,
+    store: Store,
+}
+
+impl Called {
+    /// Keeps tests in `store`; `model` knows the references a controller stands for.
+    pub fn new(robot: Robotic, model: Arc<Model>, store: Store) -> Self {
+        Called { robot, model, store }
+    }
+
+    fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
+        if let Some(before) = self.store.recall(trial)? {
+            return Ok(before);
+        }
+        let references = match self.model.references(&trial.controller, trial.scenario) {
+            Ok(references) => references,
+            Err(why) => return Ok(Outcome::Failed { why: why.to_string() }),
+        };
+        self.store.ask(trial, &references)?;
+        let names = self.model.drive.space().dims().iter().map(|dim| dim.name.as_str()).collect();
+        match (self.robot)(&Asked { trial, names, references: &references }) {
+            // What the robot was told is known, whether its log says it or not.
+            Ok(log) => self.store.keep(trial, &told(&log, &references), &Meta::default()),
+            Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),
+            Err(Unanswered::Broken(what)) => Ok(Outcome::Pending { what }),
+        }
+    }
+}
+
+impl Reality for Called {
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        or_pending(self.perform(trial))
+    }
+
+    fn recall(&mut self, trial: &Trial) -> Outcome {
+        let lost = || Outcome::Pending { what: format!("no log in {}", self.store.folder_of(trial).display()) };
+        or_pending(self.store.recall(trial).map(|found| found.unwrap_or_else(lost)))
+    }
+}

@@ -1,0 +1,93 @@
+"""The loop: controllers are found in simulation, a few are tried in reality, and what they really did finds a better simulation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Union
+
+from btr import _btr
+from btr._btr import BtrError, Log
+from btr.executors import ExecutorLike, hands_of
+from btr.results import CoevolveResult
+from btr.verbs import LogLike, Model, load_log, load_model
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What a robot is asked to do in one real test."""
+
+    number: int
+    """Counts the real tests of a run, from 0."""
+    iteration: int
+    """The iteration that asks, from 1."""
+    scenario: int
+    """The situation to try it in, from 0."""
+    parameters: dict[str, float]
+    """The controller's parameters by name, in the units of the experiment's `[drive]`; empty where the drive is fixed."""
+    references: Log
+    """The commands that it stands for: `cmd_<joint>` on the control clock, each held until the next."""
+
+
+Reality = Callable[[Controller], LogLike]
+"""Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a frame, or a
+path. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be resumed."""
+Iteration = Mapping[str, Any]
+"""A closed iteration, as under `iterations` in the result."""
+
+
+def coevolve(
+    experiment: Model | str | PathLike[str],
+    reality: Reality | None = None,
+    *,
+    out: str | PathLike[str] | None = None,
+    seed: int | None = None,
+    resume: bool = False,
+    tell: Callable[[Iteration], object] | None = None,
+    executor: ExecutorLike = None,
+) -> CoevolveResult:
+    """Lets controllers and simulations of an experiment co-evolve (Zagal, Delpiano and Ruiz-del-Solar 2009), as `btr coevolve` does.
+
+    `reality` takes the place of the experiment's `[reality]`. Everything is kept in the folder `out` (`runs/<name>`), a checkpoint after
+    every step: with `resume` a run goes on that was interrupted, by Ctrl-C, an exception, or a lost machine. The same experiment and seed
+    give the same results for every `executor`. `tell` hears every closed iteration.
+
+    Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell` raised.
+    """
+    model = experiment if isinstance(experiment, Model) else load_model(experiment)
+    folder = Path("runs") / model.name if out is None else Path(out)
+
+    def robot(number: int, iteration: int, scenario: int, names: list[str], values: list[float], references: Log) -> Log:
+        assert reality is not None
+        controller = Controller(number, iteration, scenario, dict(zip(names, values)), references)
+        return _checked(load_log(reality(controller)), controller)
+
+    def heard(iteration: str) -> None:
+        if tell is not None:
+            tell(json.loads(iteration))
+
+    try:
+        document = _btr.coevolve(
+            model._model, folder, seed, resume, None if reality is None else robot, heard, hands_of(executor)
+        )
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"go on with btr.coevolve(..., out={str(folder)!r}, resume=True)") from interrupt
+    if document is None:
+        raise BtrError(f"the run was stopped\nhelp: go on with btr.coevolve(..., out={str(folder)!r}, resume=True)")
+    return CoevolveResult(json.loads(document), folder)
+
+
+def _checked(log: Log, controller: Controller) -> Log:
+    """A log that is worth keeping: a run should not remember for ever what says nothing."""
+    if len(log) < 2:
+        raise BtrError(f"the log of real test {controller.number} has {len(log)} samples\nhelp: give back at least two")
+    measured = [name for name in log.keys() if not name.startswith("cmd_")]
+    if all((log[name] != log[name]).all() for name in measured):
+        raise BtrError(
+            f"the log of real test {controller.number} measures nothing: it has {', '.join(log.keys()) or 'no channel'}\n"
+            "help: give back q_<joint> (rad), and what else the robot measures"
+        )
+    return log

@@ -1,0 +1,111 @@
+//! The loop from Python, with a Python function for a robot if there is one.
+
+use crate::error::{Raise, TestFailed, raised};
+use crate::log::{Log, numbered};
+use crate::model::Model;
+use crate::work::{Hands, way, working};
+use btr_cli::Watch;
+use btr_core::coevolve::{Coevolution, Step};
+use btr_core::diagnose::Rung;
+use btr_physics::elsewhere::Way;
+use btr_physics::experiment::{Experiment, Robotic};
+use btr_physics::reality::{Asked, Unanswered};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The exception that a robot's function ended with.
+type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is asked for every
+/// real test (number, iteration, scenario, names and values of the controller, its commands) and gives back a log; `tell` hears
+/// every closed iteration, as JSON.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
+pub(crate) fn coevolve(
+    py: Python<'_>,
+    model: &Model,
+    folder: PathBuf,
+    seed: Option<u64>,
+    resume: bool,
+    robot: Option<Py<PyAny>>,
+    tell: Py<PyAny>,
+    hands: Option<Hands>,
+) -> PyResult<Option<String>> {
+    let (way, raised_there) = (way(py, hands, &model.source)?, Raised::default());
+    let robot = robot.map(|function| robotic(function, raised_there.clone()));
+    let source = model.source.clone();
+    let document = working(py, &way, || {
+        let mut experiment = Experiment::on(source, seed, &folder, robot, way.clone()).map_err(Raise::raise)?;
+        let mut watcher = Watcher { way: way.clone(), tell, told: 0 };
+        let ended = btr_cli::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        let document = ended.map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
+        Ok(document.map(|document| document.to_string()))
+    })?;
+    match raised_there.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        Some(error) => Err(error),
+        None => Ok(document),
+    }
+}
+
+/// A Python function as a robot. What it raises, but `TestFailed`, ends the run, which can be resumed with the same test.
+fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
+    Arc::new(move |asked: &Asked| {
+        Python::attach(|py| {
+            let references = Log::new(numbered("references"), asked.references.clone());
+            let trial = asked.trial;
+            let asked = (trial.number, trial.iteration, trial.scenario, &asked.names, &trial.controller, references);
+            let log = function.call1(py, asked).and_then(|log| Ok(log.extract::<Py<Log>>(py)?.get().log.clone()));
+            log.map_err(|error| match error.is_instance_of::<TestFailed>(py) {
+                true => Unanswered::Failed(error.value(py).to_string()),
+                false => {
+                    let why = error.to_string();
+                    *ended_with.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    Unanswered::Broken(why)
+                }
+            })
+        })
+    })
+}
+
+/// Tells a Python function of every closed iteration.
+struct Watcher {
+    way: Arc<Way>,
+    tell: Py<PyAny>,
+    told: usize,
+}
+
+impl Watch for Watcher {
+    fn begins(&mut self, _: &Experiment, run: &Coevolution) {
+        self.told = run.history().iterations.len();
+    }
+
+    fn step(&mut self, run: &Coevolution, step: Option<&Step>) {
+        let iterations = &run.history().iterations;
+        if step != Some(&Step::Iteration) || iterations.len() <= self.told {
+            return;
+        }
+        self.told = iterations.len();
+        let heard = Python::attach(|py| {
+            let last = iterations.last().map(|it| serde_json::json!(it).to_string());
+            self.tell.call1(py, (last,))
+        });
+        if let Err(error) = heard {
+            std::panic::resume_unwind(Box::new(error));
+        }
+    }
+
+    fn rung(&self, _: &Rung) {}
+
+    fn say(&mut self, _: &str) {}
+
+    fn stops(&mut self) -> bool {
+        self.way.is_stopped()
+    }
+}
+
+impl Raise for btr_cli::Failure {
+    fn raise(self) -> PyErr {
+        raised(&self.message, self.help)
+    }
+}

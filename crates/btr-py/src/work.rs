@@ -1,0 +1,147 @@
+//! Long work: without Python's lock, heeding Ctrl-C, and perhaps done elsewhere.
+
+use crate::error::raised;
+use crate::laws;
+use btr_physics::elsewhere::{self, Executor, Stopped, Way};
+use btr_physics::experiment::Source;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// How often Ctrl-C is looked for.
+const POLL: Duration = Duration::from_millis(50);
+
+/// Who does the work: threads of this process (all, or so many), or an object of `btr.executors` with `workers` and `work`.
+#[derive(FromPyObject)]
+pub(crate) enum Hands {
+    Threads(usize),
+    Object(Py<PyAny>),
+}
+
+/// How the work on a model is done. Laws that are functions of this program are called here, on one thread: only one can hold Python's
+/// lock.
+pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, source: &Source) -> PyResult<Arc<Way>> {
+    let has_functions = !source.laws.is_empty();
+    Ok(Arc::new(match hands {
+        Some(Hands::Object(_)) if has_functions => {
+            let help = "leave `executor` out, or write the law as an expression".to_owned();
+            return Err(raised("a law that is a function is called in this process alone", Some(help)));
+        }
+        _ if has_functions => Way::here(1),
+        None => Way::default(),
+        Some(Hands::Threads(threads)) => Way::here(threads),
+        Some(Hands::Object(object)) => {
+            let workers = object.getattr(py, "workers")?.extract(py)?;
+            Way::elsewhere(Box::new(Elsewhere { object, workers }))
+        }
+    }))
+}
+
+/// Batches go out through a Python object: `work(parcels, batch) -> answer`.
+struct Elsewhere {
+    object: Py<PyAny>,
+    workers: usize,
+}
+
+/// What workers are told once; `key` is the same for the same content.
+#[pyclass(frozen, module = "btr", name = "Parcel")]
+pub(crate) struct Parcel(Arc<elsewhere::Parcel>);
+
+#[pymethods]
+impl Parcel {
+    #[getter]
+    fn key(&self) -> u64 {
+        self.0.key
+    }
+
+    #[getter]
+    fn content<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.0.bytes)
+    }
+}
+
+impl Executor for Elsewhere {
+    fn workers(&self) -> usize {
+        self.workers
+    }
+
+    fn work(&self, parcels: &[Arc<elsewhere::Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+        let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
+            let parcels: Vec<Parcel> = parcels.iter().cloned().map(Parcel).collect();
+            let answer = self.object.call_method1(py, "work", (parcels, PyBytes::new(py, batch)))?;
+            Ok(answer.cast_bound::<PyBytes>(py)?.as_bytes().to_vec())
+        });
+        asked.map_err(|error| Box::new(error) as Box<dyn Any + Send>)
+    }
+}
+
+/// Answers a batch, wherever work is done: `parcels` are keys and contents.
+#[pyfunction]
+pub(crate) fn serve<'py>(
+    py: Python<'py>,
+    parcels: Vec<(u64, Bound<'py, PyBytes>)>,
+    batch: &Bound<'py, PyBytes>,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
+    let batch = batch.as_bytes();
+    let answer = py.detach(|| elsewhere::serve(&parcels, batch)).map_err(|why| raised(&why, None))?;
+    Ok(PyBytes::new(py, &answer))
+}
+
+/// Does work in a thread of its own while this one waits for it and for Ctrl-C. What was raised in it (by a listener, a worker, a
+/// user's function) is what is raised here.
+pub(crate) fn working<T: Send>(
+    py: Python<'_>,
+    way: &Arc<Way>,
+    work: impl FnOnce() -> PyResult<T> + Send,
+) -> PyResult<T> {
+    let mut interrupted = None;
+    let ended = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (done, finished) = channel::<()>();
+            let worker = scope.spawn(move || {
+                let ended = catch_unwind(AssertUnwindSafe(|| way.during(|| laws::heeding(way, work))));
+                drop(done);
+                ended
+            });
+            while finished.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
+                if let Err(signal) = Python::attach(|py| py.check_signals()) {
+                    interrupted = Some(signal);
+                    way.stop();
+                }
+            }
+            worker.join().unwrap_or_else(Err)
+        })
+    });
+    match (interrupted, ended) {
+        (Some(signal), _) => Err(signal),
+        (None, Ok(ended)) => ended.map_err(|why| raised(&why, None))?,
+        (None, Err(cause)) => Err(cause_of(cause)),
+    }
+}
+
+/// Short work, on this thread where no function can make it long or raise.
+pub(crate) fn at_once<T: Send>(
+    py: Python<'_>,
+    source: &Source,
+    work: impl FnOnce() -> PyResult<T> + Send,
+) -> PyResult<T> {
+    if source.laws.is_empty() { py.detach(work) } else { working(py, &way(py, None, source)?, work) }
+}
+
+/// What work unwound with, as an exception.
+fn cause_of(cause: Box<dyn Any + Send>) -> PyErr {
+    let cause = match cause.downcast::<PyErr>() {
+        Ok(error) => return *error,
+        Err(other) => other,
+    };
+    match cause.downcast::<String>() {
+        Ok(why) => raised(&why, None),
+        Err(other) if other.is::<Stopped>() => raised("the work was stopped", None),
+        Err(other) => resume_unwind(other),
+    }
+}
