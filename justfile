@@ -4,6 +4,10 @@
 test:
     bash tests/run.sh
 
+# The Python package's reference, in target/api.
+api:
+    target/venv/bin/python tests/python/api.py target/api
+
 # The main job.
 nao:
     cargo run --release -- coevolve robots/nao.toml

@@ -156,6 +156,20 @@ def test_what_is_no_number_is_told(swing: btr.Model, answer, kind: type, message
             model.simulate()
 
 
+def test_what_a_function_raises_while_a_report_is_drawn_arrives(swing: btr.Model, logs: list, tmp_path: Path) -> None:
+    tired = False
+
+    def fickle(*scene: float) -> float:
+        if tired:
+            raise RuntimeError("no more")
+        return 0.0
+
+    compared = btr.diagnose(swing.add_law(fickle, site="hinge"), logs[0], max_effects=1)
+    tired = True
+    with pytest.raises(RuntimeError, match="no more"):
+        compared.report(tmp_path / "why.html")
+
+
 def test_numbers_of_numpy_are_numbers(swing: btr.Model) -> None:
     law = lambda q, dq, ddq, cmd, tau, t, a: np.float64(-a * dq * abs(dq))  # noqa: E731
     assert swing.add_law(law, site="hinge", a=0.3).simulate() == swing.add_law(drag, site="hinge", a=0.3).simulate()

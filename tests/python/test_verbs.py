@@ -33,7 +33,7 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     found, heard = answer
     assert (found.verdict, found.names) == ("effect_missing", ["coulomb_friction@yaw"])
     assert [step for step, *_ in heard] == [step["step"] for step in found.error_ladder]
-    assert "missing: coulomb_friction@yaw" in repr(found) and "<table>" in found._repr_html_()
+    assert "missing: coulomb_friction@yaw" in repr(found) and "The model lacks coulomb_friction" in found._repr_html_()
     fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add=found.names)
     assert fitted.held_out < 1.1 and fitted.values["coulomb_friction.torque@yaw"] > 0.1
     before, after = btr.compare(arm, HELD_OUT), btr.compare(fitted.model, HELD_OUT)

@@ -7,7 +7,7 @@ mod failure;
 mod figures;
 mod plot;
 mod progress;
-mod report;
+pub mod report;
 mod table;
 
 pub use coevolution::{Ended, Watch, coevolve};

@@ -8,6 +8,7 @@ mod error;
 mod laws;
 mod log;
 mod model;
+mod page;
 mod verbs;
 mod work;
 
@@ -22,6 +23,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("TestFailed", module.py().get_type::<error::TestFailed>())?;
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
+    module.add_class::<page::Page>()?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;
@@ -29,6 +31,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<work::Parcel>()?;
     module.add_function(wrap_pyfunction!(coevolve::coevolve, module)?)?;
     module.add_function(wrap_pyfunction!(work::serve, module)?)?;
+    module.add_function(wrap_pyfunction!(page::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)
 }
 

@@ -36,8 +36,9 @@ impl Log {
 
 #[pymethods]
 impl Log {
-    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's headers mean:
-    /// `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where nothing is known.
+    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's headers
+    /// mean: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where nothing is known.
+    /// Raises `BtrError` for a clock that does not increase, and arrays of another length.
     #[new]
     #[pyo3(signature = (clock_s, channels, name = None))]
     fn made(clock_s: Floats<'_>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
@@ -50,7 +51,8 @@ impl Log {
         Ok(Log { name, log })
     }
 
-    /// Reads a `.csv`, `.csv.gz` or `.mcap`; a model's `[channels]` say what foreign names mean.
+    /// Reads a `.csv`, `.csv.gz` or `.mcap`; a model's `[channels]` say what foreign names mean. Raises `BtrError` for what is
+    /// no log.
     #[staticmethod]
     #[pyo3(signature = (path, model = None))]
     fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
@@ -64,7 +66,7 @@ impl Log {
         Ok(Log { name: path, log })
     }
 
-    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all.
+    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
@@ -75,18 +77,18 @@ impl Log {
         &self.name
     }
 
-    /// The clock in s.
+    /// The clock in s, an array of `len(log)`.
     #[getter]
     fn clock_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.log.clock_s())
     }
 
-    /// The channels' names.
+    /// The channels' names, in order.
     fn keys(&self) -> Vec<&str> {
         self.log.channels().map(|(name, _)| name).collect()
     }
 
-    /// The unit of a channel.
+    /// The unit of a channel (SI), as text. Raises `KeyError` for one that is not there.
     fn unit(&self, channel: &str) -> PyResult<&str> {
         let found = self.log.channel(channel).map(|channel| channel.unit.as_str());
         found.ok_or_else(|| self.missing(channel))
@@ -97,7 +99,8 @@ impl Log {
         Ok(PyArray1::from_slice(py, &found.values))
     }
 
-    /// The channels by name. Where a joint's name ends like a unit (`arm_m`), `Log` would read that as one.
+    /// The channels by name, each an array of `len(log)` in its unit. Where a joint's name ends like a unit (`arm_m`), `Log`
+    /// would read that as one.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let channels = PyDict::new(py);
         for (name, channel) in self.log.channels() {
@@ -106,14 +109,31 @@ impl Log {
         Ok(channels)
     }
 
+    /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back. Raises
+    /// `ImportError` without pandas.
+    fn to_dataframe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("btr._logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
+    }
+
+    /// Draws channels in their units against the clock in s; without any, what joints were told and what they read. What
+    /// belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything. Returns the list of
+    /// axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
+    #[pyo3(signature = (*channels, ax = None))]
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        channels: Vec<String>,
+        ax: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("btr.plots")?.call_method1("log", (slf, channels, ax))
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("btr._logs")?.call_method1("table", (slf,))
+    }
+
     /// For pickles.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let channels = PyDict::new(py);
-        for (name, channel) in self.log.channels() {
-            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
-            channels.set_item(column, PyArray1::from_slice(py, &channel.values))?;
-        }
-        let parts = (self.clock_s(py), channels, self.name.clone());
+        let parts = (self.clock_s(py), self.columns(py)?, self.name.clone());
         Ok((py.get_type::<Log>().into_any(), parts.into_pyobject(py)?))
     }
 
@@ -136,6 +156,16 @@ impl Log {
 }
 
 impl Log {
+    /// The channels under names that `Log` reads as what they are.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(py);
+        for (name, channel) in self.log.channels() {
+            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+            columns.set_item(column, PyArray1::from_slice(py, &channel.values))?;
+        }
+        Ok(columns)
+    }
+
     fn missing(&self, channel: &str) -> PyErr {
         PyKeyError::new_err(format!("no channel {channel}; there are {}", self.keys().join(", ")))
     }

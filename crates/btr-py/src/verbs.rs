@@ -3,7 +3,9 @@
 use crate::error::{Raise, raised};
 use crate::log::Given;
 use crate::model::Model;
+use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
+use btr_cli::report::{self, Asked};
 use btr_core::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
 use btr_physics::experiment::{self, LogSource, Source};
@@ -11,10 +13,15 @@ use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
 use std::panic::resume_unwind;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 fn sources(logs: Vec<Given>) -> Vec<LogSource> {
     logs.into_iter().map(Given::source).collect()
+}
+
+fn names(logs: &[LogSource]) -> Vec<PathBuf> {
+    logs.iter().map(|log| log.path().to_owned()).collect()
 }
 
 /// What logs are worth, and what they tell about the numbers in doubt.
@@ -27,18 +34,19 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
     })
 }
 
-/// How far the model is off, and where.
+/// How far the model is off, and where: the answer and its page.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
+pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<(String, Page)> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
-        Ok(verbs::compare(&model.source, replays).map_err(Raise::raise)?.document().to_string())
+        let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
+        Ok((outcome.document().to_string(), Page::new(&model.source, move || report::compare(&outcome))))
     })
 }
 
-/// Which effect is missing. `tell`, which may raise to end it, is called with every step of the ladder: what was done, the error on the
-/// logs to learn from and on those held out, in multiples of the noise floor.
+/// Which effect is missing: the answer and its page. `tell`, which may raise to end it, is called with every step of the
+/// ladder: what was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -48,19 +56,23 @@ pub(crate) fn diagnose(
     max_effects: usize,
     tell: Py<PyAny>,
     hands: Option<Hands>,
-) -> PyResult<String> {
+) -> PyResult<(String, Page)> {
     let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
     working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
-        let (report, _) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
-        Ok(json!(report).to_string())
+        let (found, diagnosis) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
+        let document = json!(found).to_string();
+        let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
+        let page = move || report::diagnose(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        Ok((document, Page::new(&model.source, page)))
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the report, and the fitted model.
+/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and the
+/// fitted model.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,
@@ -70,7 +82,7 @@ pub(crate) fn fit(
     add: Vec<String>,
     tell: Py<PyAny>,
     hands: Option<Hands>,
-) -> PyResult<(String, Model)> {
+) -> PyResult<(String, Page, String, Model)> {
     let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
     working(py, &way, || {
         let source = model.source.clone();
@@ -82,11 +94,15 @@ pub(crate) fn fit(
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
-        let (report, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
+        let (found, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
-        let source = Source { text, ..problem.source };
-        Ok((json!(report).to_string(), Model { source }))
+        let fitted = Model { source: Source { text, ..problem.source.clone() } };
+        let (document, space) =
+            (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
+        let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
+        let page = move || report::fit(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        Ok((document, Page::new(&model.source, page), space, fitted))
     })
 }
 

@@ -1,7 +1,7 @@
 //! `btr compare`: where a model fails.
 
 use super::ladder;
-use super::output::{Kind, announce, guard, inputs};
+use super::output::{Kind, announce, guard, inputs, write_report};
 use crate::args::{Compare, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::report;
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = ladder::replays(&source, &args.logs, &[], global)?;
     let outcome = verbs::compare(&source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     if let Some(path) = &args.report {
-        report::compare::report(&outcome).write(path)?;
+        write_report(path, &report::compare(&outcome))?;
     }
     if global.json {
         println!("{}", outcome.document());

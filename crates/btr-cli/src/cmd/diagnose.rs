@@ -1,8 +1,8 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
-use super::output::{Kind, announce, guard, inputs};
-use crate::args::{Beside, Diagnose, Global};
+use super::output::{Kind, announce, guard, inputs, write_report};
+use crate::args::{Diagnose, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::report::{self, Asked};
 use crate::table::{Table, number};
@@ -24,17 +24,17 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
         let help = "run `btr simulate` with the same log to see where".to_owned();
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
+    let asked = Asked { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
     if let Some(path) = &args.beside.report {
-        let asked = Asked { args: &args.beside, problem: &problem };
-        report::diagnose::report(&asked, &report, &diagnosis.fit.u)?.write(path)?;
+        write_report(path, &report::diagnose(&asked, &report, &diagnosis.fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
-        show(&report, args);
+        show(&report, args, &asked);
     }
     announce(args.beside.report.as_deref(), "the report", global);
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
@@ -60,7 +60,7 @@ fn word_of(verdict: Verdict) -> String {
     serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
 }
 
-fn show(report: &DiagnoseReport, args: &Diagnose) {
+fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Asked) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
@@ -93,7 +93,7 @@ fn show(report: &DiagnoseReport, args: &Diagnose) {
         println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
     }
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
-    if let Some(command) = fit_command(report, &args.beside) {
+    if let Some(command) = fit_command(report, asked) {
         println!("\nnext: {command}");
     }
 }
@@ -136,15 +136,17 @@ fn law(report: &DiagnoseReport) {
     println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
 }
 
-/// What to type next, once it is known what is missing.
-pub(crate) fn fit_command(report: &DiagnoseReport, args: &Beside) -> Option<String> {
-    if report.verdict != Verdict::EffectMissing {
+/// What to type next, once it is known what is missing; nothing where the model or a log is no file.
+pub(crate) fn fit_command(report: &DiagnoseReport, asked: &Asked) -> Option<String> {
+    let model = &asked.problem.source.path;
+    let on_disk = std::iter::once(model).chain(asked.logs).chain(asked.held_out).all(|path| path.exists());
+    if report.verdict != Verdict::EffectMissing || !on_disk {
         return None;
     }
     let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
     let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
     let held_out =
-        if args.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(&args.held_out)) };
-    let (model, logs, adds) = (args.model.display(), paths(&args.logs), adds.join(" "));
+        if asked.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(asked.held_out)) };
+    let (model, logs, adds) = (model.display(), paths(asked.logs), adds.join(" "));
     Some(format!("btr fit {model} {logs}{held_out} {adds} -o fitted.toml"))
 }

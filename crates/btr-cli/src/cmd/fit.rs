@@ -2,7 +2,7 @@
 
 use super::add::write_text;
 use super::ladder;
-use super::output::{Kind, announce, guard, inputs};
+use super::output::{Kind, announce, guard, inputs, write_report};
 use crate::args::{Fit, Global};
 use crate::failure::{DONE, Failure};
 use crate::report::{self, Asked};
@@ -31,8 +31,8 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
         write_text(output, &text)?;
     }
     if let Some(path) = &args.beside.report {
-        let asked = Asked { args: &args.beside, problem: &problem };
-        report::fit::report(&asked, &report, &fit.u)?.write(path)?;
+        let asked = Asked { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
+        write_report(path, &report::fit(&asked, &report, &fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));

@@ -3,6 +3,7 @@
 
 use crate::args::Global;
 use crate::failure::Failure;
+use crate::report;
 use btr_core::log::Role;
 use btr_physics::adapt::named_files;
 use btr_physics::experiment::Source;
@@ -52,6 +53,11 @@ pub(crate) fn guard<'a>(
 ) -> Result<(), Failure> {
     let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
     outputs.into_iter().try_for_each(|output| output.check(&inputs))
+}
+
+/// Writes a report.
+pub(crate) fn write_report(path: &Path, page: &str) -> Result<(), Failure> {
+    report::write(path, page).map_err(|error| unwritable(&error))
 }
 
 /// Says where a file is now, beside the result.

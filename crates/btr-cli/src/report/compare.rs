@@ -10,12 +10,13 @@ use btr_physics::verbs::Compared;
 /// Columns of the map over time.
 const WINDOWS: usize = 12;
 
-pub(crate) fn report(outcome: &Compared) -> Report {
+/// The page of `btr compare`.
+pub fn compare(outcome: &Compared) -> String {
     let mut sections = vec![summary(outcome), failures(outcome)];
     let names = outcome.names.iter().map(String::as_str).collect();
     let beside = Beside { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
     sections.extend(beside.sections());
-    Report { title: format!("{}: where the model fails", outcome.model), sections }
+    Report { title: format!("{}: where the model fails", outcome.model), sections }.html()
 }
 
 fn summary(outcome: &Compared) -> Section {

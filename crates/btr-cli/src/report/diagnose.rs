@@ -4,7 +4,6 @@ use super::ladder::{Asked, FLOORS, fall, fine_print, learnt_and_held_out, legend
 use super::{Block, Report, Section};
 use crate::cmd::diagnose::fit_command;
 use crate::cmd::ladder::{ESTIMATES, estimate, integrator};
-use crate::failure::Failure;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
@@ -16,25 +15,25 @@ use btr_physics::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, Ne
 /// Candidates of a round that are drawn, the best first.
 const CANDIDATES_SHOWN: usize = 12;
 
-/// `u` is the point of the family that was found.
-pub(crate) fn report(asked: &Asked, found: &DiagnoseReport, u: &[f64]) -> Result<Report, Failure> {
+/// The page of `btr diagnose`; `u` is the point of the family that was found.
+pub fn diagnose(asked: &Asked, found: &DiagnoseReport, u: &[f64]) -> String {
     let mut lead = vec![Block::Lead(sentence(found)), asked.told()];
     if !found.at_bound.is_empty() {
         let names = found.at_bound.join(", ");
         lead.push(Block::Text(format!("At their bounds: {names}. Widen them before you believe this.")));
     }
     lead.extend(asked.reserve());
-    lead.extend(fit_command(found, asked.args).map(Block::Code));
+    lead.extend(fit_command(found, asked).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
     sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));
     sections.extend(found.residual_law.as_ref().map(law));
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder));
     sections.push(who_was_tried(found));
-    sections.extend(asked.before_and_after(u, &what_was_found(found))?);
+    sections.extend(asked.before_and_after(u, &what_was_found(found)));
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
-    Ok(Report { title: format!("{}: what is missing", asked.model()), sections })
+    Report { title: format!("{}: what is missing", asked.model()), sections }.html()
 }
 
 /// "coulomb_friction on yaw and backlash on elbow".

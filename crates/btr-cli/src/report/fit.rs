@@ -3,7 +3,6 @@
 use super::ladder::{Asked, fall, fine_print};
 use super::{Block, Report, Section};
 use crate::cmd::ladder::{integrator, interval};
-use crate::failure::Failure;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::{maybe, number};
@@ -11,8 +10,8 @@ use btr_core::fit::{Ended, Estimate};
 use btr_core::space::Dim;
 use btr_physics::verbs::FitReport;
 
-/// `u` is the point of the family that was found.
-pub(crate) fn report(asked: &Asked, found: &FitReport, u: &[f64]) -> Result<Report, Failure> {
+/// The page of `btr fit`; `u` is the point of the family that was found.
+pub fn fit(asked: &Asked, found: &FitReport, u: &[f64]) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), asked.told()];
     blocks.extend(asked.reserve());
     let lead = Section { title: "Result".to_owned(), blocks };
@@ -20,10 +19,10 @@ pub(crate) fn report(asked: &Asked, found: &FitReport, u: &[f64]) -> Result<Repo
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
     let mut sections = vec![lead, ladder, values(asked, found)];
     sections.extend(untold(found));
-    sections.extend(asked.before_and_after(u, "with the values above")?);
+    sections.extend(asked.before_and_after(u, "with the values above"));
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
-    Ok(Report { title: format!("{}: fitted", asked.model()), sections })
+    Report { title: format!("{}: fitted", asked.model()), sections }.html()
 }
 
 fn sentence(found: &FitReport) -> String {

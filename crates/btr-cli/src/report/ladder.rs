@@ -2,21 +2,23 @@
 
 use super::joints::Beside;
 use super::{Block, Section};
-use crate::args;
 use crate::cmd::ladder::{line, reserve};
-use crate::failure::Failure;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::number;
+use btr_core::world::WorldError;
 use btr_physics::verbs::{Floor, LadderStep, Problem};
 use std::path::{Path, PathBuf};
 
-/// A question with its files.
-pub(crate) struct Asked<'a> {
-    /// The files.
-    pub(crate) args: &'a args::Beside,
+/// A question to `diagnose` or `fit`.
+#[derive(Clone, Copy)]
+pub struct Asked<'a> {
     /// The model beside the logs.
-    pub(crate) problem: &'a Problem,
+    pub problem: &'a Problem,
+    /// The logs to learn from: files, or what they are called.
+    pub logs: &'a [PathBuf],
+    /// The logs to judge on.
+    pub held_out: &'a [PathBuf],
 }
 
 /// What errors are measured in.
@@ -25,17 +27,17 @@ pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
 impl Asked<'_> {
     /// The model's file.
     pub(super) fn model(&self) -> String {
-        file(&self.args.model)
+        file(&self.problem.source.path)
     }
 
     /// Which logs were learnt from, and which ones judge.
     pub(super) fn told(&self) -> Block {
         let files = |paths: &[PathBuf]| paths.iter().map(|path| file(path)).collect::<Vec<_>>().join(", ");
-        let judges = match self.args.held_out.as_slice() {
+        let judges = match self.held_out {
             [] => "the last three tenths of each, to which nothing was fitted".to_owned(),
             held_out => format!("{}, to which nothing was fitted", files(held_out)),
         };
-        let (model, logs) = (self.model(), files(&self.args.logs));
+        let (model, logs) = (self.model(), files(self.logs));
         Block::Text(format!(
             "{model} beside {logs}, judged on {judges}. Errors are in multiples of the sensors' noise floor: 1 is \
              as good as any model can be."
@@ -48,7 +50,15 @@ impl Asked<'_> {
     }
 
     /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
-    pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Result<Vec<Section>, Failure> {
+    /// That these cannot be simulated in the model's own time step is said, and takes nothing from the answer.
+    pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Vec<Section> {
+        self.simulated(u, what).unwrap_or_else(|error| {
+            let text = format!("These logs could not be simulated as a whole: {error}.");
+            vec![Section { title: "Before and after".to_owned(), blocks: vec![Block::Text(text)] }]
+        })
+    }
+
+    fn simulated(&self, u: &[f64], what: &str) -> Result<Vec<Section>, WorldError> {
         let judged = self.problem.judged();
         let after = self.problem.judge(&judged, u)?;
         let moved = u.iter().any(|x| *x != 0.0);
@@ -137,4 +147,31 @@ pub(super) fn fine_print(problem: &Problem, floors: &[Floor], integrator: &str, 
 /// A file's name without its folder: where it lay is of no use to whoever gets the report.
 fn file(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use btr_core::family::Family;
+    use btr_physics::experiment::Source;
+
+    #[test]
+    fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {
+        let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+        let logs = [robots.join("arm/learn_1.csv")];
+        let problem = Problem::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
+        let asked = Asked { problem: &problem, logs: &logs, held_out: &[] };
+        let knobs = problem.beside.knobs().len();
+        let shown = |u: f64| {
+            let mut html = String::new();
+            let sections = asked.before_and_after(&vec![u; knobs], "");
+            sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
+            html
+        };
+        let (whole, said) = (shown(0.0), shown(f64::NAN));
+        assert!(whole.contains("Residual in") && !whole.contains("could not be simulated"));
+        assert!(said.contains("could not be simulated as a whole: ") && !said.contains("Residual in"), "{said}");
+    }
 }

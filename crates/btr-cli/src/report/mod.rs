@@ -1,41 +1,53 @@
 //! Reports for people: one HTML file with everything in it, which asks no network for anything.
 //!
-//! A report is a list of sections, a section a list of blocks; what is in them is up to the verb.
+//! A report is a list of sections, a section a list of blocks; what is in them is up to the verb. Each verb's function returns
+//! the whole page as text, for the command line and for Python.
 
-pub(crate) mod compare;
-pub(crate) mod diagnose;
-pub(crate) mod fit;
+mod compare;
+mod diagnose;
+mod fit;
 mod follows;
 mod joints;
 mod ladder;
 
-pub(crate) use ladder::Asked;
+pub use compare::compare;
+pub use diagnose::diagnose;
+pub use fit::fit;
+pub use ladder::Asked;
 
-use crate::failure::Failure;
 use crate::plot::escaped;
-use btr_physics::io;
+use btr_physics::io::{self, IoError};
 use std::fmt::Write;
 use std::io::Write as _;
 use std::path::Path;
 
+/// Writes a report, whole or not at all.
+///
+/// # Errors
+/// [`IoError::File`] where the file cannot be written.
+pub fn write(path: &Path, page: &str) -> Result<(), IoError> {
+    let written = io::write_whole(path, |out| out.write_all(page.as_bytes()));
+    written.map_err(|source| IoError::File { path: path.to_owned(), source })
+}
+
 /// A report.
-pub(crate) struct Report {
+struct Report {
     /// Above everything and in the window's title.
-    pub(crate) title: String,
+    title: String,
     /// Its parts.
-    pub(crate) sections: Vec<Section>,
+    sections: Vec<Section>,
 }
 
 /// A part of a report.
-pub(crate) struct Section {
+struct Section {
     /// Above it and in the contents.
-    pub(crate) title: String,
+    title: String,
     /// What is in it.
-    pub(crate) blocks: Vec<Block>,
+    blocks: Vec<Block>,
 }
 
 /// A thing in a section.
-pub(crate) enum Block {
+enum Block {
     /// What is to be read if nothing else is.
     Lead(String),
     /// A paragraph.
@@ -75,12 +87,6 @@ pre{padding:.6rem 1rem;background:var(--head);white-space:pre-wrap;font-size:.85
 footer{margin-top:3rem;color:var(--soft);font-size:.85rem}";
 
 impl Report {
-    /// Writes it, whole or not at all.
-    pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
-        let written = io::write_whole(path, |out| out.write_all(self.html().as_bytes()));
-        written.map_err(|e| Failure::new("output", format!("{}: {e}", path.display()), None))
-    }
-
     /// The whole document.
     fn html(&self) -> String {
         let title = escaped(&self.title);

@@ -90,7 +90,7 @@ class Ray:
             ray.init(**{"log_to_driver": False, **init})
         self._ray = ray
         self._serve = ray.remote(num_cpus=1, max_retries=retries)(serve)
-        self._workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+        self._workers = workers or max(1, int(self._ray.cluster_resources().get("CPU", 1)))
         self._shared = _Shared(ray.put)
 
     @property

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import html
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from btr import _tables, plots
+from btr._btr import Page, write_report
+from btr._tables import Rows, cell
+
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
 
     from btr.verbs import Model
 
@@ -28,49 +35,57 @@ class Result:
         return [*super().__dir__(), *self.document]
 
     def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and self.document == other.document  # type: ignore[attr-defined]
+        return type(self) is type(other) and self.document == other.document
 
     __hash__ = None  # type: ignore[assignment]
 
     def _headline(self) -> str:
         raise NotImplementedError
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         """What `to_dataframe` shows."""
         raise NotImplementedError
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The answer's table; needs pandas."""
-        import pandas
-
-        return pandas.DataFrame(self._table())
+        """The answer's table as a pandas frame; raises `ImportError` without pandas."""
+        return _tables.frame(self._table())
 
     def __repr__(self) -> str:
-        return "\n".join([self._headline(), "", *_lines(self._table())])
+        return f"{self._headline()}\n\n{_tables.text(self._table())}"
 
     def _repr_html_(self) -> str:
-        rows = self._table()
-        head = "".join(f"<th>{html.escape(key)}</th>" for key in (rows[0] if rows else {}))
-        body = "".join(f"<tr>{''.join(f'<td>{html.escape(_cell(x))}</td>' for x in row.values())}</tr>" for row in rows)
-        return f"<p>{html.escape(self._headline())}</p><table><tr>{head}</tr>{body}</table>"
+        return _tables.markup(self._headline(), self._table())
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+class Reported(Result):
+    """An answer with a report: the page that the command line writes with `--report`."""
+
+    def __init__(self, document: dict[str, Any], page: Page) -> None:
+        super().__init__(document)
+        self._page: Page | str = page
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Writes the report, one HTML file with plots that needs no other, whole or not at all. Raises `BtrError` where the
+        name does not end in `.html` or the file cannot be written."""
+        write_report(Path(path), self._html())
+
+    def _html(self) -> str:
+        # Drawn when it is first looked at: that can take as long as the comparison.
+        if not isinstance(self._page, str):
+            self._page = self._page.html()
+        return self._page
+
+    def _repr_html_(self) -> str:
+        # A frame of its own keeps the page's style from the notebook's.
+        page = html.escape(self._html())
+        return f'<iframe srcdoc="{page}" title="report" style="width:100%;height:40rem;border:0"></iframe>'
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._html()
+        return self.__dict__
 
 
-def _lines(rows: list[dict[str, Any]]) -> list[str]:
-    """The rows as text in columns."""
-    if not rows:
-        return []
-    cells = [list(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
-
-
-def _ladder(steps: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _ladder(steps: list[dict[str, Any]]) -> Rows:
     return [{"step": s["step"], "error (x noise floor)": s["train"], "held out": s["held_out"]} for s in steps]
 
 
@@ -80,7 +95,7 @@ class CheckResult(Result):
     def _headline(self) -> str:
         return "\n".join(f"{log['log']}: {log['verdict']}" for log in self.logs)
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         return [
             {"log": log["log"], "severity": finding["severity"], "finding": finding["sentence"]}
             for log in self.logs
@@ -88,7 +103,7 @@ class CheckResult(Result):
         ]
 
 
-class CompareResult(Result):
+class CompareResult(Reported):
     """How far a model is off, in multiples of the noise floor (`chi`), and where (`failures`)."""
 
     def _headline(self) -> str:
@@ -96,12 +111,17 @@ class CompareResult(Result):
             return "no joint fails in any regime: what is left is noise"
         return "where it fails: " + "; ".join(failure["hint"] for failure in self.failures[:3])
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         keys = ["name", "unit", "rmse", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"]
         return [{key: channel[key] for key in keys} for channel in self.channels]
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draws the error of every channel in noise floors, on Matplotlib's `ax` or a new figure; returns the axes. Raises
+        `ImportError` without Matplotlib."""
+        return plots.compare(self, ax)
 
-class DiagnoseResult(Result):
+
+class DiagnoseResult(Reported):
     """Which effect is missing: `verdict`, `effects`, `error_ladder` and all else that `btr diagnose --json` tells."""
 
     @property
@@ -119,8 +139,13 @@ class DiagnoseResult(Result):
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
         return f"unexplained: {found + ' helps and does not explain' if found else 'no effect of the library helps'}; {share}"
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         return _ladder(self.error_ladder)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draws how the error fell, learnt from and held out, in noise floors, on Matplotlib's `ax` or a new figure; returns
+        the axes. Raises `ImportError` without Matplotlib."""
+        return plots.diagnose(self, ax)
 
 
 class CoevolveResult(Result):
@@ -145,18 +170,23 @@ class CoevolveResult(Result):
         if self.waiting_for:
             return f"waiting for a real test: {self.waiting_for}"
         simulated = f"{self.real_tests} real tests, {self.simulated_evaluations} simulated"
-        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}"
+        failed = [test["verdict"]["failed"]["why"] for test in self.tests if "failed" in test["verdict"]]
+        why = f"\n{len(failed)} real tests failed, the last one: {failed[-1]}" if failed else ""
+        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}"
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         columns = {"i": "iteration", "real_tests": "tests", "phi": "phi", "fitness_sim": "f simulated", "fitness_real": "f real"}
         return [{title: iteration[key] for key, title in columns.items()} for iteration in self.iterations]
 
 
-class FitResult(Result):
-    """The numbers in doubt at their best (`parameters`), and the fitted `model`."""
+class FitResult(Reported):
+    """The numbers in doubt at their best (`parameters`), and the fitted `model`. `space` has the numbers as they were before,
+    each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or `log`) and `nominal` value (None
+    where there was none)."""
 
-    def __init__(self, document: dict[str, Any], model: Model) -> None:
-        super().__init__(document)
+    def __init__(self, document: dict[str, Any], page: Page, space: list[dict[str, Any]], model: Model) -> None:
+        super().__init__(document, page)
+        self.space = space
         self.model = model
 
     @property
@@ -165,18 +195,24 @@ class FitResult(Result):
         return {parameter["name"]: parameter["value"] for parameter in self.parameters}
 
     def _headline(self) -> str:
-        ladder = "; ".join(f"{s['step']}: {_cell(s['train'])}, {_cell(s['held_out'])} held out" for s in self.error_ladder)
+        ladder = "; ".join(f"{s['step']}: {cell(s['train'])}, {cell(s['held_out'])} held out" for s in self.error_ladder)
         why = f"\nno intervals: {self.withheld}" if self.withheld else ""
         return f"error in noise floors: {ladder}{why}"
 
-    def _table(self) -> list[dict[str, Any]]:
+    def _table(self) -> Rows:
         def interval(parameter: dict[str, Any]) -> str:
             if parameter["at_bound"]:
                 return "at its bound"
             ci95 = parameter["ci95"]
-            return "withheld" if ci95 is None else f"{_cell(ci95[0])} .. {_cell(ci95[1])}"
+            by = " (by its bounds)" if parameter["by_bounds"] else ""
+            return "withheld" if ci95 is None else f"{cell(ci95[0])} .. {cell(ci95[1])}{by}"
 
         return [
             {"parameter": p["name"], "value": p["value"], "unit": p["unit"], "95 % interval": interval(p)}
             for p in self.parameters
         ]
+
+    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draws every value with its 95 % interval between its bounds, and how the error fell, on a pair of Matplotlib's axes
+        or a new figure; returns the pair. Raises `ImportError` without Matplotlib."""
+        return plots.fit(self, ax)

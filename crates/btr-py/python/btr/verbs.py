@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from btr import _btr
-from btr import laws as own
+from btr import _laws as own
 from btr._btr import Log
+from btr._laws import Law, Number
 from btr.executors import ExecutorLike, hands_of
-from btr.laws import Law, Number
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
@@ -35,7 +36,7 @@ class Model:
 
     @property
     def text(self) -> str:
-        """The text of the model file."""
+        """The text of the model file, TOML."""
         return self._model.text
 
     @property
@@ -59,12 +60,13 @@ class Model:
         return self._model.joints
 
     def simulate(self, log: LogLike | None = None, *, seed: int | None = None) -> Log:
-        """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's sensors if
-        there is a seed."""
+        """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's sensors
+        if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
         return self._model.simulate(None if log is None else _given(log), seed)
 
     def add(self, *effects: str) -> Model:
-        """The model with effects (`"coulomb_friction@knee"`) in it, free to fit."""
+        """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that
+        is not there."""
         return self._with_text(self._model.add(list(effects)).text)
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
@@ -103,7 +105,8 @@ class Model:
         return Model(text, self.path, self._laws)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model file, whole or not at all; the files that it names are found from there."""
+        """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where it
+        cannot be written."""
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
@@ -122,7 +125,7 @@ def load_model(
     path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None, *, laws: Mapping[str, Law] | None = None
 ) -> Model:
     """The model of a file; `settings` change values of it by their dotted keys, as `--set` does; `laws` are the functions that it
-    names (`Model.add_law`)."""
+    names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no sense."""
     texts = [f"{key}={_toml(value)}" for key, value in (settings or {}).items()]
     model = _btr.Model.read(Path(path), texts, own.by_text(laws or {}))
     return Model(model.text, path, laws)
@@ -134,8 +137,9 @@ def _toml(value: Any) -> str:
 
 def load_log(source: LogLike, name: str | None = None, *, model: Model | None = None) -> Log:
     """A log of a file, or of a frame with a column `t` in seconds; its other columns are called as in a CSV: `cmd_<joint>`,
-    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file mean what the `[channels]` of
-    a model say."""
+    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file mean what the
+    `[channels]` of a model say. Raises `BtrError` for what cannot be read as a log, `TypeError` for anything else than
+    these."""
     if isinstance(source, Log):
         return source
     if isinstance(source, (str, os.PathLike)):
@@ -143,11 +147,11 @@ def load_log(source: LogLike, name: str | None = None, *, model: Model | None = 
     columns = getattr(source, "columns", None)
     if columns is None or "t" not in columns:
         raise TypeError(f"a log is a path, a Log, or a frame with a column `t`, not {type(source).__name__}")
-    channels = {str(key): _floats(source[key]) for key in columns if key != "t"}
+    channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
     return Log(_floats(source["t"]), channels, name)
 
 
-def _floats(column: Any) -> np.ndarray:
+def _floats(column: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(np.asarray(column, dtype=np.float64))
 
 
@@ -156,8 +160,9 @@ def _given(log: LogLike) -> Log | Path:
 
 
 def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
-    one = isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns")
-    return [_given(log) for log in ([logs] if one else logs)]
+    if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
+        return [_given(logs)]
+    return [_given(log) for log in logs]
 
 
 def _silent(step: str, train: float, held_out: float | None) -> None:
@@ -165,13 +170,16 @@ def _silent(step: str, train: float, held_out: float | None) -> None:
 
 
 def check(model: Model, logs: LogLike | Iterable[LogLike]) -> CheckResult:
-    """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt."""
+    """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt. Raises `BtrError`
+    for logs that cannot be read or do not fit the model."""
     return CheckResult(json.loads(_btr.check(model._model, _all(logs))))
 
 
 def compare(model: Model, logs: LogLike | Iterable[LogLike]) -> CompareResult:
-    """How far the model is off on every channel, in multiples of the noise floor, and where."""
-    return CompareResult(json.loads(_btr.compare(model._model, _all(logs))))
+    """How far the model is off on every channel, in multiples of the noise floor, and where. Raises `BtrError` for logs that
+    cannot be read or have no channel in common with the model."""
+    document, page = _btr.compare(model._model, _all(logs))
+    return CompareResult(json.loads(document), page)
 
 
 def diagnose(
@@ -183,15 +191,18 @@ def diagnose(
     tell: Tell = _silent,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
-    """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing known
-    explains the error. Judged on the held-out logs; without any, on the last part of each log. `executor` is who does the work, see
-    `btr.executors`."""
-    answer = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell, hands_of(executor))
-    return DiagnoseResult(json.loads(answer))
+    """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing
+    known explains the error. Judged on the held-out logs; without any, on the last part of each log. Errors are in multiples of
+    the noise floor; `max_effects` is the most that are named, and
+    `executor` is who does the work (see `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the
+    model blows up; what `tell` raises ends the work."""
+    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell, hands_of(executor))
+    return DiagnoseResult(json.loads(document), page)
 
 
 def add(model: Model, *effects: str) -> Model:
-    """The model with effects (`"coulomb_friction@knee"`) in it, free to fit."""
+    """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that is
+    not there."""
     return model.add(*effects)
 
 
@@ -204,7 +215,8 @@ def fit(
     tell: Tell = _silent,
     executor: ExecutorLike = None,
 ) -> FitResult:
-    """The numbers in doubt at their best, with intervals, and the fitted model; `add` adds effects first. `executor` is who does the work,
-    see `btr.executors`."""
-    document, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell, hands_of(executor))
-    return FitResult(json.loads(document), model._with_text(fitted.text))
+    """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
+    first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs that tell nothing, or on which the model blows up; what
+    `tell` raises ends the work."""
+    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell, hands_of(executor))
+    return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted.text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import pickle
 from collections.abc import Callable, Mapping
@@ -74,7 +75,7 @@ class _ByValue:
 
     def __reduce__(self) -> tuple[Any, tuple[bytes]]:
         try:
-            import cloudpickle  # type: ignore[import-not-found, import-untyped, unused-ignore]
+            cloudpickle = importlib.import_module("cloudpickle")
         except ImportError:
             raise pickle.PicklingError(
                 f"{self._law!r} cannot be imported by its name: put it in a module, or install cloudpickle"

@@ -1,0 +1,43 @@
+"""The API reference, made of the docstrings: `python api.py FOLDER` builds it."""
+
+import importlib
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pdoc
+import pdoc.render
+
+import btr
+
+
+def public_modules() -> list[ModuleType]:
+    """The package and its public submodules."""
+    names = [found.name for found in pkgutil.iter_modules(btr.__path__) if not found.name.startswith("_")]
+    return [btr, *(importlib.import_module(f"btr.{name}") for name in names)]
+
+
+def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
+    """What a module offers, with its classes' own methods and properties, as names within it: functions and classes that it lists or,
+    where it lists nothing, makes."""
+    listed = getattr(module, "__all__", None)
+    for name, value in vars(module).items():
+        is_own = name in listed if listed else not name.startswith("_") and getattr(value, "__module__", "") == module.__name__
+        if not is_own or not (inspect.isclass(value) or inspect.isroutine(value)):
+            continue
+        yield name, value
+        members = vars(value).items() if inspect.isclass(value) else ()
+        yield from ((f"{name}.{key}", member) for key, member in members if not key.startswith("_"))
+
+
+def build(folder: Path) -> None:
+    """Writes one page per module."""
+    pdoc.render.configure(show_source=False)
+    pdoc.pdoc(*(module.__name__ for module in public_modules()), output_directory=folder)
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
