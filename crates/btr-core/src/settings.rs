@@ -14,7 +14,7 @@ pub(crate) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64
 
 /// A positive, finite number, or nothing.
 pub(crate) fn maybe_positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-    checked(deserializer, |x: &Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite()), "a positive number")
+    checked_if_given(deserializer, |x| *x > 0.0 && f64::is_finite(*x), "a positive number")
 }
 
 /// A share of something, above 0 and up to 1.
@@ -34,7 +34,7 @@ pub(crate) fn at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result
 
 /// A count of two or more, or nothing.
 pub(crate) fn maybe_at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
-    checked(deserializer, |n: &Option<usize>| n.is_none_or(|n| n >= 2), "a count of 2 or more")
+    checked_if_given(deserializer, |n| *n >= 2, "a count of 2 or more")
 }
 
 /// Bits per parameter of a Gray code.
@@ -55,6 +55,21 @@ where
     D: Deserializer<'de>,
     T: Deserialize<'de> + std::fmt::Debug,
 {
-    let value = T::deserialize(deserializer)?;
-    if good(&value) { Ok(value) } else { Err(D::Error::custom(format!("expected {expected}, not {value:?}"))) }
+    accepted(T::deserialize(deserializer)?, good, expected)
+}
+
+fn checked_if_given<'de, D, T>(
+    deserializer: D,
+    good: impl Fn(&T) -> bool,
+    expected: &str,
+) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de> + std::fmt::Debug,
+{
+    Option::deserialize(deserializer)?.map(|value| accepted(value, good, expected)).transpose()
+}
+
+fn accepted<T: std::fmt::Debug, E: Error>(value: T, good: impl Fn(&T) -> bool, expected: &str) -> Result<T, E> {
+    if good(&value) { Ok(value) } else { Err(E::custom(format!("expected {expected}, not {value:?}"))) }
 }

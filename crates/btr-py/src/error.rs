@@ -1,6 +1,7 @@
 //! What Python is told when something cannot be done: the command line's message and its help.
 
 use btr_core::log::LogError;
+use btr_core::space::SpaceError;
 use btr_core::world::WorldError;
 use btr_physics::experiment::FileError;
 use btr_physics::io::IoError;
@@ -63,6 +64,20 @@ impl Raise for WorldError {
 impl Raise for LogError {
     fn raise(self) -> PyErr {
         raised(&self.to_string(), None)
+    }
+}
+
+impl Raise for SpaceError {
+    fn raise(self) -> PyErr {
+        let help = match &self {
+            SpaceError::Bounds { .. } | SpaceError::LogBounds { .. } => {
+                "bounds are pairs (low, high), one per dimension"
+            }
+            SpaceError::Outside { .. } => "move it between its bounds, or the bounds around it",
+            SpaceError::Length { .. } => "give one value per dimension",
+            SpaceError::Twice { .. } => "give every parameter a name of its own",
+        };
+        raised(&self.to_string(), Some(help.to_owned()))
     }
 }
 

@@ -4,11 +4,14 @@
 #![allow(clippy::needless_pass_by_value, reason = "what Python hands over is owned here")]
 
 mod coevolve;
+mod distance;
 mod error;
 mod laws;
 mod log;
 mod model;
 mod page;
+mod search;
+mod settings;
 mod verbs;
 mod work;
 
@@ -24,6 +27,12 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
     module.add_class::<page::Page>()?;
+    module.add_class::<search::Search>()?;
+    module.add_function(wrap_pyfunction!(search::searches, module)?)?;
+    module.add_function(wrap_pyfunction!(distance::distance, module)?)?;
+    module.add_function(wrap_pyfunction!(distance::distances, module)?)?;
+    module.add_function(wrap_pyfunction!(distance::fitness_distance, module)?)?;
+    module.add_function(wrap_pyfunction!(distance::measured, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;

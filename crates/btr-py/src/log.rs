@@ -26,7 +26,7 @@ pub(crate) fn numbered(name: &str) -> PathBuf {
     PathBuf::from(format!("{name} {}", MADE.fetch_add(1, Ordering::Relaxed)))
 }
 
-type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
+pub(crate) type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 
 impl Log {
     pub(crate) fn new(name: PathBuf, log: log::Log) -> Self {

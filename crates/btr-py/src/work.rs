@@ -22,8 +22,8 @@ pub(crate) enum Hands {
     Object(Py<PyAny>),
 }
 
-/// How the work on a model is done. Laws that are functions of this program are called here, on one thread: only one can hold Python's
-/// lock.
+/// How the work on a model is done. Laws that are functions of this program are called here, on one thread: only one can hold
+/// Python's lock.
 pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, source: &Source) -> PyResult<Arc<Way>> {
     let has_functions = !source.laws.is_empty();
     Ok(Arc::new(match hands {

@@ -13,6 +13,7 @@ use crate::random::Rng;
 use crate::settings;
 use run::Run;
 use serde::{Deserialize, Serialize};
+pub use stop::Ended;
 
 /// Settings of [`CmaEs`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -71,6 +72,17 @@ impl CmaEs {
         self.restarts
     }
 
+    /// Why it learns nothing more; `None` while there is something to find, or a restart left.
+    pub fn ended(&self) -> Option<Ended> {
+        let restarts_left = self.restarts < self.settings.restarts;
+        if self.dims == 0 || restarts_left { None } else { self.run.ended() }
+    }
+
+    /// Where the search is on the unit cube: the mean of its distribution, and the standard deviation along each dimension.
+    pub fn distribution(&self) -> (Unit, Vec<f64>) {
+        self.run.distribution()
+    }
+
     fn restart(&mut self, rng: &mut Rng) {
         self.restarts += 1;
         // Doubling stops long before a population could not be held in memory.
@@ -84,7 +96,7 @@ impl Search for CmaEs {
         if self.dims == 0 {
             return vec![Vec::new(); self.settings.population(0)];
         }
-        if self.run.exhausted() && self.restarts < self.settings.restarts {
+        if self.run.ended().is_some() && self.restarts < self.settings.restarts {
             self.restart(rng);
         }
         self.run.ask(rng)
@@ -92,7 +104,7 @@ impl Search for CmaEs {
 
     fn tell(&mut self, population: &[Unit], costs: &[f64]) {
         self.best.see(population, costs);
-        if self.dims > 0 && !self.run.exhausted() {
+        if self.dims > 0 && self.run.ended().is_none() {
             self.run.tell(costs);
         }
     }

@@ -107,5 +107,6 @@ fn names_and_settings_are_read_and_written() {
     assert!(wrong("algorithm = \"ga\"\npopulaton = 3").contains("populaton"));
     assert!(wrong("algorithm = \"ga\"\nmutation = 1.5").contains("between 0 and 1, not 1.5"));
     assert!(wrong("algorithm = \"gaa\"").contains("cma_es"));
+    assert!(wrong("algorithm = \"cma_es\"\npopulation = 1").contains("a count of 2 or more, not 1"));
     assert!(wrong("algorithm = \"cma_es\"\nsigma = 0").contains("positive"));
 }

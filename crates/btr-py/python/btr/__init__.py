@@ -12,7 +12,7 @@ about it. Everything that simulates runs on all cores without holding Python's l
 laws that are functions (`Model.add_law`).
 """
 
-from btr import executors
+from btr import distance, executors, search
 from btr._btr import BtrError, Log, TestFailed, __version__
 from btr.coevolution import Controller, coevolve
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, FitResult
@@ -35,8 +35,10 @@ __all__ = [
     "coevolve",
     "compare",
     "diagnose",
+    "distance",
     "executors",
     "fit",
     "load_log",
     "load_model",
+    "search",
 ]

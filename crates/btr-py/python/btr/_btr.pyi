@@ -1,7 +1,7 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Protocol, final
+from typing import Any, Protocol, final
 
 import numpy as np
 import pandas
@@ -14,6 +14,7 @@ __all__ = [
     "Model",
     "Page",
     "Parcel",
+    "Search",
     "TestFailed",
     "__version__",
     "check",
@@ -21,7 +22,12 @@ __all__ = [
     "command",
     "compare",
     "diagnose",
+    "distance",
+    "distances",
     "fit",
+    "fitness_distance",
+    "measured",
+    "searches",
     "serve",
     "write_report",
 ]
@@ -116,3 +122,44 @@ def coevolve(
 def serve(parcels: Sequence[tuple[int, bytes]], batch: bytes) -> bytes: ...
 def write_report(path: str | PathLike[str], html: str) -> None: ...
 def command(arguments: Sequence[str]) -> int: ...
+
+_Settings = Sequence[tuple[str, Any]]
+_Registry = list[tuple[str, str, str]]
+_Point = NDArray[np.float64]
+
+@final
+class Search:
+    def __new__(
+        cls,
+        algorithm: str,
+        settings: _Settings,
+        bounds: Sequence[tuple[float, float]],
+        log: Sequence[bool],
+        x0: Sequence[float] | None,
+        seed: int,
+    ) -> Search: ...
+    def ask(self) -> list[_Point]: ...
+    @property
+    def asked(self) -> list[_Point] | None: ...
+    def tell(self, costs: Sequence[float]) -> None: ...
+    @property
+    def popsize(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def best(self) -> tuple[_Point, float, int] | None: ...
+    @property
+    def distribution(self) -> tuple[_Point, _Point] | None: ...
+    @property
+    def ended(self) -> tuple[str, str] | None: ...
+    def state(self) -> str: ...
+    @staticmethod
+    def restored(state: str) -> Search: ...
+
+def searches() -> _Registry: ...
+def distance(name: str, settings: _Settings, real: Log, simulated: Log) -> float: ...
+def distances() -> _Registry: ...
+def fitness_distance(real: float, simulated: float) -> float: ...
+def measured(name: str, clock_s: _Point, series: Sequence[tuple[str, _Point]]) -> Log: ...

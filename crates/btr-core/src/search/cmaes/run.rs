@@ -3,7 +3,7 @@
 //! N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772; equation numbers are the tutorial's. The
 //! covariance update is active: bad steps shrink the variance along their direction.
 
-use super::stop::History;
+use super::stop::{Ended, History};
 use super::weights::Weights;
 use crate::random::Rng;
 use crate::search::{Unit, sample};
@@ -129,7 +129,7 @@ impl Run {
     }
 
     /// C = B·D²·Bᵀ. Rounding may leave eigenvalues at or below zero; they are kept a little above it. A matrix that does
-    /// not decompose keeps the old axes, and [`Run::exhausted`] ends the run.
+    /// not decompose keeps the old axes, and [`Run::ended`] ends the run.
     fn decompose(&mut self) {
         let symmetric = (&self.covariance + self.covariance.transpose()) * 0.5;
         match SymmetricEigen::try_new(symmetric.clone(), f64::EPSILON, 1000) {
@@ -148,14 +148,27 @@ impl Run {
         self.axes.tr_mul(y).component_div(&self.lengths)
     }
 
-    /// True when the run has nothing more to find: its steps are too small to matter, its axes too unlike to compute with,
-    /// or its costs have stopped moving.
-    pub(super) fn exhausted(&self) -> bool {
+    /// Why the run has nothing more to find: its steps are too small to matter, its axes too unlike to compute with, or
+    /// its costs have stopped moving.
+    pub(super) fn ended(&self) -> Option<Ended> {
         const SMALLEST_STEP: f64 = 1e-11;
         const WORST_AXIS_RATIO: f64 = 1e7;
         let (longest, shortest) = (self.lengths.max(), self.lengths.min());
-        let usable = self.sigma * longest > SMALLEST_STEP && longest < WORST_AXIS_RATIO * shortest;
-        !usable || self.history.stagnates(self.mean.len(), self.lambda)
+        // Written so that numbers which are none end the run.
+        let moves = self.sigma * longest > SMALLEST_STEP;
+        let even = longest < WORST_AXIS_RATIO * shortest;
+        match (moves, even) {
+            (false, _) => Some(Ended::SmallSteps),
+            (true, false) => Some(Ended::UnlikeAxes),
+            (true, true) => self.history.ended(self.mean.len(), self.lambda),
+        }
+    }
+
+    /// The mean, folded into the cube, and the standard deviation along each dimension.
+    pub(super) fn distribution(&self) -> (Unit, Vec<f64>) {
+        let mean = self.mean.iter().map(|x| fold(*x)).collect();
+        let variances = self.covariance.diagonal();
+        (mean, variances.iter().map(|variance| self.sigma * variance.max(0.0).sqrt()).collect())
     }
 }
 

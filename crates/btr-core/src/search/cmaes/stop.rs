@@ -2,6 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Why a run has nothing more to find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// Its steps are too small to matter.
+    SmallSteps,
+    /// The axes of its distribution are too unlike to compute with.
+    UnlikeAxes,
+    /// The latest costs are equal to 12 digits.
+    FlatCosts,
+    /// The newest costs are no better than much older ones.
+    Stagnation,
+    /// Nothing succeeds.
+    Failures,
+}
+
 /// The best costs of past generations, newest last, and how long everything has failed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct History {
@@ -28,16 +43,22 @@ impl History {
         self.costs.push(cost);
     }
 
-    /// True when nothing succeeds, when the latest costs are equal to 12 digits, or when the newest fifth of a long
+    /// Ends when nothing succeeds, when the latest costs are equal to 12 digits, or when the newest fifth of a long
     /// history is in its median no better than the oldest fifth.
-    pub(super) fn stagnates(&self, dims: usize, lambda: usize) -> bool {
+    pub(super) fn ended(&self, dims: usize, lambda: usize) -> Option<Ended> {
         let per_generation = dims as f64 / lambda as f64;
         let short = 10 + (30.0 * per_generation).ceil() as usize;
         let long = 120 + (30.0 * per_generation).ceil() as usize;
         let seen = self.costs.len();
-        self.failures >= PATIENCE
-            || seen >= short && flat(&self.costs[seen - short..])
-            || seen >= long && ageing(&self.costs[seen - (seen * 3 / 10).max(long)..])
+        if self.failures >= PATIENCE {
+            Some(Ended::Failures)
+        } else if seen >= short && flat(&self.costs[seen - short..]) {
+            Some(Ended::FlatCosts)
+        } else if seen >= long && ageing(&self.costs[seen - (seen * 3 / 10).max(long)..]) {
+            Some(Ended::Stagnation)
+        } else {
+            None
+        }
     }
 }
 
@@ -69,15 +90,15 @@ mod tests {
 
     #[test]
     fn progress_goes_on() {
-        assert!(!history((0..1000).map(|i| 0.9f64.powi(i))).stagnates(5, 8));
-        assert!(!History::default().stagnates(5, 8));
+        assert_eq!(history((0..1000).map(|i| 0.9f64.powi(i))).ended(5, 8), None);
+        assert_eq!(History::default().ended(5, 8), None);
     }
 
     #[test]
     fn equal_costs_noise_and_failures_stop() {
-        assert!(history((0..40).map(|_| 3.0)).stagnates(5, 8));
-        assert!(history((0..1000).map(|i| f64::from(i * 7919 % 101))).stagnates(5, 8));
-        assert!(history((0..10).map(|_| f64::INFINITY)).stagnates(5, 8));
-        assert!(!history((0..9).map(|_| f64::INFINITY)).stagnates(5, 8));
+        assert_eq!(history((0..40).map(|_| 3.0)).ended(5, 8), Some(Ended::FlatCosts));
+        assert_eq!(history((0..1000).map(|i| f64::from(i * 7919 % 101))).ended(5, 8), Some(Ended::Stagnation));
+        assert_eq!(history((0..10).map(|_| f64::INFINITY)).ended(5, 8), Some(Ended::Failures));
+        assert_eq!(history((0..9).map(|_| f64::INFINITY)).ended(5, 8), None);
     }
 }

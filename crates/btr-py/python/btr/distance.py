@@ -1,0 +1,180 @@
+"""Distances between what really happened and what a simulation says: those of experiments, on any series.
+
+    btr.distance.rmse(real, simulated)                                  # arrays (samples,) or (samples, channels)
+    btr.distance.dtw({"q_knee": real}, {"q_knee": simulated}, band=0.05)
+    btr.distance.information(real_log, simulated_log, channels=["q_*"])
+
+Both sides are arrays of one shape, dicts of series by name, or logs (`btr.Log`, or whatever `btr.load_log` reads). Of arrays
+and dicts everything is compared; of logs the channels that both have, but not outside knowledge (`base_*`, names that btr
+does not know), the simulated ones on the real clock. A sample that is NaN on either side is ignored on both. 0 is equality;
+inf says that nothing was left to compare.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from btr import _btr
+from btr._btr import Log
+from btr._inputs import floats, wrong
+from btr.verbs import LogLike, load_log
+
+__all__ = ["dtw", "fitness", "information", "normalised_rmse", "rmse", "spectrum"]
+
+Series = Union[ArrayLike, Mapping[str, ArrayLike], LogLike]
+"""An array of shape (samples,) or (samples, channels), series of shape (samples,) by name, or a log."""
+F = TypeVar("F", bound=Callable[..., float])
+
+_SENTENCES = {name: sentence for name, sentence, _ in _btr.distances()}
+_COMMON = """
+
+    real, simulated: arrays of shape (samples,) or (samples, channels), dicts of arrays by name, or logs.
+    channels: names to compare, `*` for any characters; all unless given. Columns of arrays are called 0, 1, ...
+    clock_s: when the samples of arrays and dicts were taken, in s, increasing; or dt_s, the time between them. Even unless
+    given.
+
+    Channels are weighed by the standard deviation of the real one, so that units mix; one that hardly moves by a tenth of the
+    liveliest of its unit. Columns of arrays, and names that say no unit, count as of one unit.
+    Raises BtrError where series do not belong together, TypeError where they are none."""
+
+
+def _as_in_experiments(function: F) -> F:
+    """Begins the docstring with what `btr` says of the distance elsewhere, and ends it with what all series have in common."""
+    common = "" if function.__name__ == "fitness" else _COMMON
+    sentence = _SENTENCES[function.__name__]
+    function.__doc__ = f"{sentence[0].upper()}{sentence[1:]}.\n\n    {function.__doc__}{common}"
+    return function
+
+
+@_as_in_experiments
+def fitness(real: float, simulated: float) -> float:
+    """Takes two numbers, what the experimenter thinks of the two behaviours; inf where one is NaN."""
+    return _btr.fitness_distance(real, simulated)
+
+
+@_as_in_experiments
+def information(
+    real: Series,
+    simulated: Series,
+    *,
+    bins: int = 16,
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """Summed over the channels, commands included. Units do not matter here, only the `bins`: how many equal steps there are
+    across the range of both series."""
+    return _distance("information", real, simulated, dt_s, clock_s, bins=bins, channels=channels)
+
+
+@_as_in_experiments
+def rmse(
+    real: Series,
+    simulated: Series,
+    *,
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """A model that stays at the mean scores 1."""
+    return _distance("rmse", real, simulated, dt_s, clock_s, channels=channels)
+
+
+@_as_in_experiments
+def normalised_rmse(
+    real: Series,
+    simulated: Series,
+    *,
+    most: float = 10.0,
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """No channel counts more than `most`, so that a single bad one does not hide the others."""
+    return _distance("normalised_rmse", real, simulated, dt_s, clock_s, most=most, channels=channels)
+
+
+@_as_in_experiments
+def spectrum(
+    real: Series,
+    simulated: Series,
+    *,
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """Needs four samples at least."""
+    return _distance("spectrum", real, simulated, dt_s, clock_s, channels=channels)
+
+
+@_as_in_experiments
+def dtw(
+    real: Series,
+    simulated: Series,
+    *,
+    band: float = 0.1,
+    samples: int = 512,
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """A sample may be moved by `band`, a share of the whole series. Longer series than `samples` are averaged in blocks
+    first. Each channel is warped by itself."""
+    return _distance("dtw", real, simulated, dt_s, clock_s, band=band, samples=samples, channels=channels)
+
+
+def _distance(
+    name: str, real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLike | None, **settings: Any
+) -> float:
+    channels = settings["channels"]
+    settings["channels"] = [channels] if isinstance(channels, str) else list(channels)
+    return _btr.distance(name, list(settings.items()), *_logs(real, simulated, dt_s, clock_s))
+
+
+def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLike | None) -> tuple[Log, Log]:
+    one, other = _read(real), _read(simulated)
+    if isinstance(one, Log) and isinstance(other, Log):
+        if dt_s is not None or clock_s is not None:
+            raise wrong("logs have clocks of their own", "leave out dt_s and clock_s")
+        return one, other
+    if isinstance(one, Log) or isinstance(other, Log):
+        raise TypeError("both sides are logs, or none is: a log has a clock of its own")
+    if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
+        raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
+    first = next(iter(one.values()), np.empty(0))
+    clock = _clock(len(first), dt_s, clock_s)
+    return _btr.measured("real", clock, list(one.items())), _btr.measured("simulated", clock, list(other.items()))
+
+
+def _read(series: Any) -> Log | dict[str, NDArray[np.float64]]:
+    """A log, or series by name."""
+    if isinstance(series, (str, os.PathLike, Log)) or hasattr(series, "columns"):
+        return load_log(series)
+    if isinstance(series, Mapping):
+        return {str(name): _one(values, f"channel {name}") for name, values in series.items()}
+    array = floats(series, "series are arrays of numbers, dicts of them, or logs")
+    if array.ndim not in (1, 2):
+        raise wrong(f"series of shape {array.shape}", "give shape (samples,) or (samples, channels)")
+    return {str(i): np.ascontiguousarray(column) for i, column in enumerate(np.atleast_2d(array.T))}
+
+
+def _one(values: Any, what: str) -> NDArray[np.float64]:
+    array = floats(values, f"{what} is an array of numbers")
+    if array.ndim != 1:
+        raise wrong(f"{what} has shape {array.shape}", "give each name one series: shape (samples,)")
+    return array
+
+
+def _clock(samples: int, dt_s: float | None, clock_s: ArrayLike | None) -> NDArray[np.float64]:
+    if clock_s is not None:
+        if dt_s is not None:
+            raise wrong("both dt_s and clock_s are given", "give one of them")
+        return _one(clock_s, "clock_s")
+    if dt_s is not None and not 0 < dt_s < float("inf"):
+        raise wrong(f"dt_s = {dt_s}", "give the time between samples in s, a positive number")
+    return np.arange(samples, dtype=np.float64) * (1.0 if dt_s is None else dt_s)
