@@ -13,7 +13,6 @@ use btr_physics::experiment::{Source, model};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{JointKind, Link};
 use btr_physics::sim;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 const MODEL: &str = r#"
@@ -60,7 +59,7 @@ fn command_at_rest(told: &Log, model: &Model) -> Vec<(f64, f64)> {
 
 /// What is found where `hidden` is, among friction on any joint. The robot stood for so many seconds, or is said to be under way.
 fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
-    let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
+    let source = Source::new("ant.toml", MODEL);
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
     model.scenarios = (0..2).map(|episode| scenario(&model, episode, stood_s.is_some())).collect();
     let heavier: Vec<f64> = model.simulations.nominal().iter().map(|mass| 1.1 * mass).collect();
@@ -125,7 +124,7 @@ fn error(family: &dyn Family, u: &[f64]) -> f64 {
 
 #[test]
 fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
-    let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
+    let source = Source::new("ant.toml", MODEL);
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
     model.scenarios = vec![scenario(&model, 0, true)];
     // It was put down as it is told, stood for a moment, and sagged as far as friction let it.
@@ -149,7 +148,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
 
 #[test]
 fn where_feet_came_down_is_not_held_against_the_model() {
-    let source = Source { path: PathBuf::from("ant.toml"), text: MODEL.to_owned() };
+    let source = Source::new("ant.toml", MODEL);
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
     model.scenarios = vec![scenario(&model, 0, true)];
     let (mut robot, effects, mut setup) = model.at(&model.simulations.nominal(), 0);
@@ -177,7 +176,7 @@ fn a_walk_that_grows_its_errors_is_compared_in_windows() {
     // Rapier's contacts make much of little: the same walk that is followed through the whole log otherwise.
     let is_chaotic = |engine: &str| {
         let text = MODEL.replace("[simulation]", &format!("[simulation]\nengine = \"{engine}\""));
-        let source = Source { path: PathBuf::from("ant.toml"), text };
+        let source = Source::new("ant.toml", text);
         let mut model = Model { learn: 1, ..model(&source).unwrap() };
         model.scenarios = vec![scenario(&model, 0, true)];
         let (robot, effects, mut setup) = model.at(&model.simulations.nominal(), 0);

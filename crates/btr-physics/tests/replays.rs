@@ -31,7 +31,7 @@ set = { "amplitude@hinge" = 0.6, "phase@hinge" = 0.8 }
 "#;
 
 fn source(folder: &Path, text: &str) -> Source {
-    Source { path: folder.join("swing.toml"), text: text.to_owned() }
+    Source::new(folder.join("swing.toml"), text)
 }
 
 /// Two logs of the same swing with other noise, in a folder.

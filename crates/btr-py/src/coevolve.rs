@@ -32,7 +32,7 @@ pub(crate) fn coevolve(
     tell: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<Option<String>> {
-    let (way, raised_there) = (way(py, hands)?, Raised::default());
+    let (way, raised_there) = (way(py, hands, &model.source)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
     let document = working(py, &way, || {

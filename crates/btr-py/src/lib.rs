@@ -6,6 +6,7 @@
 mod coevolve;
 mod distance;
 mod error;
+mod laws;
 mod log;
 mod model;
 mod page;

@@ -1,12 +1,14 @@
 //! Models: the text of a model file, and what can be done with it alone.
 
 use crate::error::{Raise, raised};
+use crate::laws;
 use crate::log::{Given, Log, numbered};
+use crate::work::at_once;
 use btr_core::world::Simulator;
 use btr_physics::adapt::moved;
 use btr_physics::experiment::{self, Source};
 use btr_physics::io::{IoError, write_whole};
-use btr_physics::verbs::{self, Addition};
+use btr_physics::verbs::{self, Addition, OwnLaw, OwnNumber};
 use pyo3::prelude::*;
 use std::io::Write;
 use std::path::PathBuf;
@@ -19,21 +21,22 @@ pub(crate) struct Model {
 
 #[pymethods]
 impl Model {
-    /// A model of a text; `path` is where it stands or would stand.
+    /// A model of a text; `path` is where it stands or would stand, `laws` are the functions that it names.
     #[new]
-    fn new(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
-        let source = Source { path, text };
+    #[pyo3(signature = (text, path, laws = vec![]))]
+    fn new(py: Python<'_>, text: String, path: PathBuf, laws: laws::Given) -> PyResult<Self> {
+        let source = Source { laws: laws::laws(laws), ..Source::new(path, text) };
         py.detach(|| experiment::model(&source)).map_err(Raise::raise)?;
         Ok(Model { source })
     }
 
     /// The model of a file, with `key=value` settings as `--set` takes them.
     #[staticmethod]
-    #[pyo3(signature = (path, settings = vec![]))]
-    fn read(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResult<Self> {
+    #[pyo3(signature = (path, settings = vec![], laws = vec![]))]
+    fn read(py: Python<'_>, path: PathBuf, settings: Vec<String>, laws: laws::Given) -> PyResult<Self> {
         let mut source = Source::read(&path).map_err(Raise::raise)?;
         source.set(&settings).map_err(Raise::raise)?;
-        Model::new(py, source.text, source.path)
+        Model::new(py, source.text, source.path, laws)
     }
 
     /// The text of the model file.
@@ -73,7 +76,7 @@ impl Model {
     #[pyo3(signature = (log = None, seed = None))]
     fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>) -> PyResult<Log> {
         let log = log.map(Given::source);
-        let simulated = py.detach(|| {
+        let simulated = at_once(py, &self.source, || {
             let model = match log {
                 Some(log) => experiment::model_replaying(&self.source, log),
                 None => experiment::model(&self.source),
@@ -94,6 +97,28 @@ impl Model {
             return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".to_owned())));
         }
         let text = verbs::add(&self.source, &model.robot, &additions).map_err(Raise::raise)?;
-        Ok(Model { source: Source { text, path: self.source.path.clone() } })
+        Ok(Model { source: Source { text, ..self.source.clone() } })
+    }
+
+    /// The text of the model with a user's own law in it; whether that makes sense is said when it is read.
+    fn with_law(&self, law: String, site: String, on: String, numbers: Vec<(String, Number)>) -> PyResult<String> {
+        let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();
+        verbs::add_law(&self.source, &OwnLaw { law, site, on, numbers }).map_err(Raise::raise)
+    }
+}
+
+/// A number of a law: known, or free to fit between two bounds.
+#[derive(FromPyObject)]
+enum Number {
+    Fixed(f64),
+    Between((f64, f64)),
+}
+
+impl From<Number> for OwnNumber {
+    fn from(number: Number) -> Self {
+        match number {
+            Number::Fixed(value) => OwnNumber::Fixed(value),
+            Number::Between((least, most)) => OwnNumber::Between(least, most),
+        }
     }
 }

@@ -1,27 +1,31 @@
 //! Reports as HTML: the pages that the command line writes.
 
 use crate::error::{Raise, raised};
+use crate::work::at_once;
 use btr_cli::report;
+use btr_physics::experiment::Source;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// A report that is made when somebody wants to see it: drawing can take as long as the comparison did.
 #[pyclass(frozen, module = "btr._btr", name = "Page")]
 pub(crate) struct Page {
+    /// Of the model that is simulated for it.
+    source: Source,
     make: Box<dyn Fn() -> String + Send + Sync>,
 }
 
 impl Page {
-    pub(crate) fn new(make: impl Fn() -> String + Send + Sync + 'static) -> Self {
-        Page { make: Box::new(make) }
+    pub(crate) fn new(source: &Source, make: impl Fn() -> String + Send + Sync + 'static) -> Self {
+        Page { source: source.clone(), make: Box::new(make) }
     }
 }
 
 #[pymethods]
 impl Page {
     /// The whole page, HTML that needs no other file.
-    fn html(&self, py: Python<'_>) -> String {
-        py.detach(|| (self.make)())
+    fn html(&self, py: Python<'_>) -> PyResult<String> {
+        at_once(py, &self.source, || Ok((self.make)()))
     }
 }
 

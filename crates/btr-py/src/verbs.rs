@@ -4,7 +4,7 @@ use crate::error::{Raise, raised};
 use crate::log::Given;
 use crate::model::Model;
 use crate::page::Page;
-use crate::work::{Hands, way, working};
+use crate::work::{Hands, at_once, way, working};
 use btr_cli::report::{self, Asked};
 use btr_core::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
@@ -28,7 +28,7 @@ fn names(logs: &[LogSource]) -> Vec<PathBuf> {
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
     let logs = sources(logs);
-    py.detach(|| {
+    at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         Ok(verbs::check(replays).document().to_string())
     })
@@ -38,10 +38,10 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
 #[pyfunction]
 pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<(String, Page)> {
     let logs = sources(logs);
-    py.detach(|| {
+    at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
-        Ok((outcome.document().to_string(), Page::new(move || report::compare(&outcome))))
+        Ok((outcome.document().to_string(), Page::new(&model.source, move || report::compare(&outcome))))
     })
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn diagnose(
     tell: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<(String, Page)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands)?);
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
     working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
@@ -67,7 +67,7 @@ pub(crate) fn diagnose(
         let document = json!(found).to_string();
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
         let page = move || report::diagnose(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
-        Ok((document, Page::new(page)))
+        Ok((document, Page::new(&model.source, page)))
     })
 }
 
@@ -83,7 +83,7 @@ pub(crate) fn fit(
     tell: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<(String, Page, String, Model)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands)?);
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
     working(py, &way, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
@@ -102,7 +102,7 @@ pub(crate) fn fit(
             (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
         let page = move || report::fit(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
-        Ok((document, Page::new(page), space, fitted))
+        Ok((document, Page::new(&model.source, page), space, fitted))
     })
 }
 

@@ -1,7 +1,9 @@
 //! Long work: without Python's lock, heeding Ctrl-C, and perhaps done elsewhere.
 
 use crate::error::raised;
+use crate::laws;
 use btr_physics::elsewhere::{self, Executor, Stopped, Way};
+use btr_physics::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::any::Any;
@@ -20,9 +22,16 @@ pub(crate) enum Hands {
     Object(Py<PyAny>),
 }
 
-/// How the work is done.
-pub(crate) fn way(py: Python<'_>, hands: Option<Hands>) -> PyResult<Arc<Way>> {
+/// How the work on a model is done. Laws that are functions of this program are called here, on one thread: only one can hold
+/// Python's lock.
+pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, source: &Source) -> PyResult<Arc<Way>> {
+    let has_functions = !source.laws.is_empty();
     Ok(Arc::new(match hands {
+        Some(Hands::Object(_)) if has_functions => {
+            let help = "leave `executor` out, or write the law as an expression".to_owned();
+            return Err(raised("a law that is a function is called in this process alone", Some(help)));
+        }
+        _ if has_functions => Way::here(1),
         None => Way::default(),
         Some(Hands::Threads(threads)) => Way::here(threads),
         Some(Hands::Object(object)) => {
@@ -95,7 +104,7 @@ pub(crate) fn working<T: Send>(
         std::thread::scope(|scope| {
             let (done, finished) = channel::<()>();
             let worker = scope.spawn(move || {
-                let ended = catch_unwind(AssertUnwindSafe(|| way.during(work)));
+                let ended = catch_unwind(AssertUnwindSafe(|| way.during(|| laws::heeding(way, work))));
                 drop(done);
                 ended
             });
@@ -113,6 +122,15 @@ pub(crate) fn working<T: Send>(
         (None, Ok(ended)) => ended.map_err(|why| raised(&why, None))?,
         (None, Err(cause)) => Err(cause_of(cause)),
     }
+}
+
+/// Short work, on this thread where no function can make it long or raise.
+pub(crate) fn at_once<T: Send>(
+    py: Python<'_>,
+    source: &Source,
+    work: impl FnOnce() -> PyResult<T> + Send,
+) -> PyResult<T> {
+    if source.laws.is_empty() { py.detach(work) } else { working(py, &way(py, None, source)?, work) }
 }
 
 /// What work unwound with, as an exception.

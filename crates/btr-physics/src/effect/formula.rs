@@ -3,14 +3,14 @@
 //! A torque that jumps, as with `sign(dq)`, makes a light joint tremble by what the jump does in a step: for dry friction
 //! there are effects that hold at rest.
 //!
-//! A law is compiled once. Effects live as long as the program, and so do compiled laws: one for each distinct text that a
-//! process meets, a few hundred bytes each.
+//! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function) that a
+//! process meets, some 20 kB for an expression.
 
+use super::law::{FormulaError, Law, Laws, Scene};
 use super::{Card, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
 use crate::motor::JointState;
 use btr_core::log::Log;
-use exmex::{Express, FlatEx, FloatOpsFactory, MakeOperators, Operator};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -28,15 +28,6 @@ pub static FORMULA: Card = Card {
     contains: &[],
 };
 
-/// What every law knows of its joint, in the order of [`Scene`].
-const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
-
-/// Values of [`VARIABLES`].
-type Scene = [f64; VARIABLES.len()];
-
-/// The most names in a law, so that a step needs no memory of its own.
-const MOST_NAMES: usize = 16;
-
 /// What a law gives.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
@@ -51,111 +42,60 @@ pub enum On {
     Reading,
 }
 
-/// What is wrong with a law.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FormulaError {
-    /// It cannot be read.
-    #[error("the law cannot be read: {0}")]
-    Syntax(String),
-    /// A name that is neither a variable nor a parameter.
-    #[error("the law's `{name}` is not known; there are {}", known.join(", "))]
-    Unknown {
-        /// The name.
-        name: String,
-        /// Variables and parameters.
-        known: Vec<String>,
-    },
-    /// A parameter that the law does not have.
-    #[error("`{0}` does not occur in the law")]
-    Unused(String),
-    /// A parameter that cannot have this name.
-    #[error("`{0}` means something else in every law")]
-    Taken(String),
-    /// More names than [`MOST_NAMES`].
-    #[error("a law can have {MOST_NAMES} different names at most")]
-    TooMany,
-}
-
-/// The functions of laws: those of floats, and a sign that is 0 at 0.
-#[derive(Clone, Debug)]
-struct Functions;
-
-impl MakeOperators<f64> for Functions {
-    fn make<'a>() -> Vec<Operator<'a, f64>> {
-        let mut all = FloatOpsFactory::<f64>::make();
-        all.push(Operator::make_unary("sign", |x: f64| if x > 0.0 { 1.0 } else { -f64::from(x < 0.0) }));
-        all
-    }
-}
-
-/// A compiled law.
+/// A law as an effect.
 struct Formula {
     card: &'static Card,
     on: On,
-    law: FlatEx<f64, Functions>,
-    /// For each name in the law, in its order: the place among variables and parameters.
-    places: Vec<usize>,
+    law: Law,
 }
 
-/// What tells laws apart: what they are on, text and names of parameters.
-type Key = (On, String, Vec<String>);
+/// What tells laws apart: what they are on, text, names of parameters and, for functions, which one.
+type Key = (On, String, Vec<String>, Option<usize>);
 
 /// All laws so far.
 static COMPILED: Mutex<BTreeMap<Key, &'static Formula>> = Mutex::new(BTreeMap::new());
 
-/// The effect of a law with parameters of these names.
+/// The effect of an expression with parameters of these names.
 ///
 /// # Errors
-/// A law that cannot be read, unknown names, parameters that it does not have.
+/// See [`formula_or_function`].
 pub fn formula(on: On, law: &str, params: &[&str]) -> Result<&'static dyn Effect, FormulaError> {
-    let key = (on, law.to_owned(), params.iter().map(|&name| name.to_owned()).collect());
+    formula_or_function(on, law, params, &Laws::default())
+}
+
+/// The effect of a law with parameters of these names; `laws` are the functions that the text may name.
+///
+/// # Errors
+/// An expression that cannot be read, unknown names, parameters that it does not have; a function that is not there.
+pub fn formula_or_function(
+    on: On,
+    text: &str,
+    params: &[&str],
+    laws: &Laws,
+) -> Result<&'static dyn Effect, FormulaError> {
+    let names = params.iter().map(|&name| name.to_owned()).collect();
+    let key = (on, text.to_owned(), names, laws.identity(text));
     let mut compiled = COMPILED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(&known) = compiled.get(&key) {
         return Ok(known);
     }
-    let formula: &'static Formula = Box::leak(Box::new(Formula::new(on, law, params)?));
+    let law = Law::new(text, params, laws)?;
+    let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
+    let params: Vec<Param> = params.iter().map(own).collect();
+    let card = Box::leak(Box::new(Card { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
+    let formula: &'static Formula = Box::leak(Box::new(Formula { card, on, law }));
     compiled.insert(key, formula);
     Ok(formula)
 }
 
-impl Formula {
-    fn new(on: On, text: &str, params: &[&str]) -> Result<Self, FormulaError> {
-        let syntax = |e: exmex::ExError| FormulaError::Syntax(e.msg().to_owned());
-        let law = FlatEx::<f64, Functions>::parse(text).map_err(syntax)?;
-        if let Some(&taken) = params.iter().find(|name| VARIABLES.contains(name)) {
-            return Err(FormulaError::Taken(taken.to_owned()));
-        }
-        let known: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
-        let place = |name: &String| known.iter().position(|known| known == name).ok_or_else(|| name.clone());
-        let places: Result<Vec<usize>, String> = law.var_names().iter().map(place).collect();
-        let places = places.map_err(|name| {
-            let known = known.iter().map(|&known| known.to_owned()).collect();
-            FormulaError::Unknown { name, known }
-        })?;
-        if let Some(unused) = (VARIABLES.len()..known.len()).find(|place| !places.contains(place)) {
-            return Err(FormulaError::Unused(known[unused].to_owned()));
-        }
-        if places.len() > MOST_NAMES {
-            return Err(FormulaError::TooMany);
-        }
-        let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
-        let params: Vec<Param> = params.iter().map(own).collect();
-        let card = Box::leak(Box::new(Card { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
-        Ok(Formula { card, on, law, places })
-    }
-
-    /// The law's value; NaN where it has none.
-    fn at(&self, p: &[f64], scene: &Scene) -> f64 {
-        let mut values = [0.0; MOST_NAMES];
-        for (value, &place) in values.iter_mut().zip(&self.places) {
-            *value = if place < scene.len() { scene[place] } else { p[place - scene.len()] };
-        }
-        self.law.eval(&values[..self.places.len()]).unwrap_or(f64::NAN)
-    }
-}
-
 fn leaked(text: &str) -> &'static str {
     Box::leak(text.to_owned().into_boxed_str())
+}
+
+impl Formula {
+    fn at(&self, p: &[f64], scene: &Scene) -> f64 {
+        self.law.at(self.card.params, p, scene)
+    }
 }
 
 /// What the law sees of a joint. A motor that is switched off is told to stay where it is.

@@ -148,9 +148,11 @@ impl fmt::Debug for dyn Effect {
 }
 
 mod formula;
+mod law;
 mod rotor;
 
-pub use formula::{FORMULA, FormulaError, On, formula};
+pub use formula::{FORMULA, On, formula, formula_or_function};
+pub use law::{FormulaError, Function, Laws, Scene};
 
 /// Declares the effects' files and lists them.
 macro_rules! effects {

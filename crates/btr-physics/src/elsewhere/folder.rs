@@ -48,7 +48,7 @@ impl Folder {
         let number = OPENED.fetch_add(1, Ordering::Relaxed);
         let folder = std::env::temp_dir().join(format!("btr-{}-{number}", std::process::id()));
         let opened = self.lay_out(&folder).map_err(|e| format!("{}: {e}", folder.display()));
-        let opened = opened.and_then(|()| open(Source { path: folder.join(&self.name), text: self.text.clone() }));
+        let opened = opened.and_then(|()| open(Source::new(folder.join(&self.name), &self.text)));
         // What cannot be removed is left to who cleans temporary folders.
         let _ = std::fs::remove_dir_all(&folder);
         opened

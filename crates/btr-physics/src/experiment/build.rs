@@ -88,7 +88,7 @@ impl Experiment {
     /// # Errors
     /// Whatever does not make sense, at its line.
     pub(crate) fn restart(&mut self, text: String, folder: &Path) -> Result<(), FileError> {
-        let source = Source { path: self.source.path.clone(), text };
+        let source = Source { text, ..self.source.clone() };
         *self = Experiment::on(source, Some(self.seed), folder, self.robot.clone(), self.way.clone())?;
         Ok(())
     }
@@ -104,7 +104,7 @@ impl Experiment {
     /// # Errors
     /// Whatever does not make sense, at its line.
     pub fn enlarge(&mut self, text: String) -> Result<(), FileError> {
-        let source = Source { path: self.source.path.clone(), text };
+        let source = Source { text, ..self.source.clone() };
         let situations = Situations {
             scenarios: self.model.scenarios.clone(),
             learn: self.model.learn,

@@ -178,13 +178,19 @@ impl Builder<'_> {
             return Err(self.error(keys, "a formula needs `on` and `law`", Some(help)));
         };
         let names: Vec<&str> = section.values.keys().map(String::as_str).collect();
-        let effect = effect::formula(on, law, &names).map_err(|e| {
+        let effect = effect::formula_or_function(on, law, &names, &self.source.laws).map_err(|e| {
             let key = match &e {
                 FormulaError::Unused(name) | FormulaError::Taken(name) => name,
                 _ => "law",
             };
-            let help = "`btr effects formula` tells what a law can say".to_owned();
-            self.error(&[keys, &[key]].concat(), &e, Some(help))
+            let help = match &e {
+                FormulaError::Absent(_) => {
+                    "a function lives in the program that made the model: give it along with the file \
+                                            (in Python load_model(..., laws={...})), or write the law as an expression"
+                }
+                _ => "`btr effects formula` tells what a law can say",
+            };
+            self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
         })?;
         if let Some((name, value)) = section.values.iter().find(|(_, value)| !value.is_finite()) {
             return Err(self.error(&[keys, &[name.as_str()]].concat(), format!("{name} = {value} is no number"), None));

@@ -1,6 +1,7 @@
 //! Reading a file into [`File`], with errors that name file, line, column and remedy.
 
 use super::file::File;
+use crate::effect::Laws;
 use std::path::{Path, PathBuf};
 
 /// What is wrong with a model or experiment file.
@@ -36,9 +37,16 @@ pub struct Source {
     pub path: PathBuf,
     /// All of it.
     pub text: String,
+    /// The functions that its laws name; none but where a program brings them along.
+    pub laws: Laws,
 }
 
 impl Source {
+    /// A text for which no functions are brought along.
+    pub fn new(path: impl Into<PathBuf>, text: impl Into<String>) -> Self {
+        Source { path: path.into(), text: text.into(), laws: Laws::default() }
+    }
+
     /// Reads a file.
     ///
     /// # Errors
@@ -55,7 +63,7 @@ impl Source {
             return Err(refused("not a TOML file".to_owned()));
         }
         let text = std::fs::read_to_string(path).map_err(|e| refused(e.to_string()))?;
-        Ok(Source { path: path.to_owned(), text })
+        Ok(Source::new(path, text))
     }
 
     /// The folder against which relative paths in the file are taken.

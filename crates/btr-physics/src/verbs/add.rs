@@ -40,6 +40,14 @@ pub enum AddError {
         /// `effect@site`.
         name: String,
     },
+    /// A law's parameter that cannot be called so.
+    #[error("a law's parameter cannot be called `{name}`: {why}")]
+    Name {
+        /// The parameter.
+        name: String,
+        /// Who has the name.
+        why: String,
+    },
     /// The file is no TOML; it was read before, so this does not happen.
     #[error(transparent)]
     Toml(#[from] toml_edit::TomlError),
@@ -54,6 +62,7 @@ impl AddError {
             }
             AddError::Site { known, .. } => Some(format!("it can sit on: {}", known.join(", "))),
             AddError::Twice { .. } => Some("it is fitted as it stands: `btr fit`".to_owned()),
+            AddError::Name { .. } => Some("call it something else".to_owned()),
             AddError::Toml(_) => None,
         }
     }

@@ -5,6 +5,7 @@ mod check;
 mod compare;
 mod diagnose;
 mod fit;
+mod law;
 mod next;
 mod replay;
 
@@ -13,6 +14,7 @@ pub use check::{CheckReport, Told, check};
 pub use compare::{Compared, compare};
 pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
 pub use fit::{FitReport, fit};
+pub use law::{OwnLaw, OwnNumber, add_law};
 pub use next::{NextExperiment, Rival, next_experiment};
 pub use replay::Judged;
 

@@ -2,11 +2,14 @@
 
 use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
-use btr_physics::effect::{FormulaError, On, Placed, formula};
+use btr_physics::effect::{
+    Effect, FormulaError, Function, Laws, On, Param, Placed, Scene, formula, formula_or_function,
+};
 use btr_physics::pendulum::pendulum;
 use btr_physics::robot::Actuator;
 use btr_physics::sim::simulate;
 use proptest::prelude::*;
+use std::sync::Arc;
 
 fn law(on: On, text: &str, params: &[(&str, f64)]) -> Placed {
     let names: Vec<&str> = params.iter().map(|(name, _)| *name).collect();
@@ -83,6 +86,37 @@ fn the_same_law_is_compiled_once() {
     let [one, two] = [(); 2].map(|()| formula(On::Torque, "-k*q", &["k"]).unwrap());
     assert!(std::ptr::eq(one.card(), two.card()));
     assert!(!std::ptr::eq(one.card(), formula(On::Command, "-k*q", &["k"]).unwrap().card()));
+}
+
+/// A function under a name, as the effect of its law.
+fn function(on: On, name: &str, call: Arc<Function>) -> Result<&'static dyn Effect, FormulaError> {
+    formula_or_function(on, name, &["a"], &Laws::new([("test:law".to_owned(), call)]))
+}
+
+#[test]
+fn a_function_does_bit_by_bit_what_the_same_expression_does() {
+    let cases: [(On, &str, Arc<Function>); 3] = [
+        (On::Torque, "-a*dq*abs(dq)", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| -p[0] * s[1] * s[1].abs())),
+        (On::Command, "cmd + a*q", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| s[3] + p[0] * s[0])),
+        (On::Reading, "q + a*t", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| s[0] + p[0] * s[5])),
+    ];
+    for (on, text, call) in cases {
+        let effect = function(on, "test:law", call).unwrap();
+        assert_eq!((effect.card().law, effect.card().params[0].name), ("test:law", "a"));
+        let called = told(&[Placed { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
+        assert_eq!(called, told(&[law(on, text, &[("a", 0.2)])]), "{text}");
+        assert_ne!(called, told(&[]), "{text}");
+    }
+}
+
+#[test]
+fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
+    let [one, other]: [Arc<Function>; 2] =
+        [Arc::new(|_: &Scene, _: &[Param], p: &[f64]| p[0]), Arc::new(|_: &Scene, _: &[Param], p: &[f64]| -p[0])];
+    let card = |call: &Arc<Function>| function(On::Torque, "test:law", call.clone()).unwrap().card();
+    assert!(std::ptr::eq(card(&one), card(&one)));
+    assert!(!std::ptr::eq(card(&one), card(&other)));
+    assert_eq!(function(On::Torque, "test:lore", one).unwrap_err(), FormulaError::Absent("test:lore".to_owned()));
 }
 
 #[test]

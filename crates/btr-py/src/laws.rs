@@ -1,0 +1,69 @@
+//! A user's laws as functions in Python: how they are called, and how what they raise ends the work.
+
+use crate::error::raised;
+use btr_physics::effect::{Function, Laws, Param, Scene};
+use btr_physics::elsewhere::{Stopped, Way};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::panic::resume_unwind;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What stands for a function in a model's text, and the function.
+pub(crate) type Given = Vec<(String, Py<PyAny>)>;
+
+/// Functions so far, by their addresses: they stay, as laws do, so that no address is used twice.
+static KNOWN: Mutex<BTreeMap<usize, Arc<Function>>> = Mutex::new(BTreeMap::new());
+
+thread_local! {
+    /// How work is done on this thread: it can be stopped.
+    static WAY: RefCell<Option<Arc<Way>>> = const { RefCell::new(None) };
+}
+
+/// The functions of a model.
+pub(crate) fn laws(given: Given) -> Laws {
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    Laws::new(given.into_iter().map(|(name, function)| {
+        let make = |function: Py<PyAny>| -> Arc<Function> {
+            Arc::new(move |scene: &Scene, params: &[Param], p: &[f64]| value(&function, scene, params, p))
+        };
+        (name, known.entry(function.as_ptr() as usize).or_insert_with(|| make(function)).clone())
+    }))
+}
+
+/// What the function says; an exception unwinds to whoever works with it.
+fn value(function: &Py<PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> f64 {
+    if WAY.with_borrow(|way| way.as_ref().is_some_and(|way| way.is_stopped())) {
+        resume_unwind(Box::new(Stopped));
+    }
+    let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
+    answer.unwrap_or_else(|error| resume_unwind(Box::new(error)))
+}
+
+fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> PyResult<f64> {
+    let (py, own) = (function.py(), PyDict::new(function.py()));
+    for (param, value) in params.iter().zip(p) {
+        own.set_item(PyString::intern(py, param.name), value)?;
+    }
+    let [q, dq, ddq, cmd, tau, t] = *scene;
+    let answer = function.call((q, dq, ddq, cmd, tau, t), Some(&own))?;
+    match answer.extract::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) => {
+            let message = format!(
+                "the law {function} gave {value} at q={q}, dq={dq}, ddq={ddq}, cmd={cmd}, tau={tau}, t={t} with {own}"
+            );
+            Err(raised(&message, Some("a law gives a finite number wherever a search may look".to_owned())))
+        }
+        Err(_) => Err(PyTypeError::new_err(format!("the law {function} gave {}, not a number", answer.repr()?))),
+    }
+}
+
+/// Does work on this thread, whose functions heed whether it was stopped.
+pub(crate) fn heeding<T: Send>(way: &Arc<Way>, work: impl FnOnce() -> T + Send) -> T {
+    WAY.set(Some(way.clone()));
+    // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.
+    Python::attach(|py| py.detach(work))
+}
