@@ -18,6 +18,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BtrError", module.py().get_type::<error::BtrError>())?;
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
+    module.add_function(wrap_pyfunction!(log::log_of_messages, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;

@@ -13,9 +13,10 @@ pub struct Mapping {
     /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<String>,
-    /// btr's name = the log's name. `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
+    /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor = 0.0175 }`.
+    /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
-    pub channels: IndexMap<String, String>,
+    pub channels: IndexMap<String, Theirs>,
     /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}` makes it
     /// one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -23,6 +24,30 @@ pub struct Mapping {
     /// Where things are in an MCAP file.
     #[serde(skip_serializing_if = "is_default")]
     pub topics: Topics,
+}
+
+/// What a log calls a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Theirs {
+    /// A name; a unit at its end (`_deg`) is heeded.
+    Name(String),
+    /// A name whose values are not in btr's unit.
+    Scaled {
+        /// The name.
+        column: String,
+        /// Times this, its values are in btr's unit; the name's end is not asked.
+        factor: f64,
+    },
+}
+
+impl Theirs {
+    /// The log's name.
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Theirs::Name(name) | Theirs::Scaled { column: name, .. } => name,
+        }
+    }
 }
 
 /// The topics of an MCAP file.
@@ -91,19 +116,21 @@ const FAMILIES: [(&str, &[&str]); 4] =
 impl Mapping {
     /// What the mapping says a foreign name is; `None` when it says nothing.
     pub(crate) fn meaning(&self, theirs: &str) -> Option<Meaning> {
-        let exact = self.channels.iter().find(|(_, t)| *t == theirs).map(|(ours, _)| ours.clone());
-        let name = exact.or_else(|| self.channels.iter().find_map(|(ours, t)| fill(t, ours, theirs)))?;
+        let exact = self.channels.iter().find(|(_, t)| t.name() == theirs).map(|(ours, t)| (ours.clone(), t));
+        let by_pattern = || self.channels.iter().find_map(|(ours, t)| Some((fill(t.name(), ours, theirs)?, t)));
+        let (name, said) = exact.or_else(by_pattern)?;
         let plain = Meaning::of(name);
-        Some(match suffix(theirs) {
-            Some((_, unit, factor)) => Meaning { unit, factor, ..plain },
-            None => plain,
+        Some(match (said, suffix(theirs)) {
+            (Theirs::Scaled { factor, .. }, _) => Meaning { factor: *factor, ..plain },
+            (Theirs::Name(_), Some((_, unit, factor))) => Meaning { unit, factor, ..plain },
+            (Theirs::Name(_), None) => plain,
         })
     }
 
     /// What a log has to call one of btr's channels, and the key that says so.
     pub(crate) fn theirs(&self, ours: &str) -> Option<(&str, String)> {
-        let exact = self.channels.get_key_value(ours).map(|(key, theirs)| (key.as_str(), theirs.clone()));
-        let by_pattern = |(key, theirs): (&'_ String, &String)| fill(key, theirs, ours);
+        let exact = self.channels.get_key_value(ours).map(|(key, t)| (key.as_str(), t.name().to_owned()));
+        let by_pattern = |(key, theirs): (&'_ String, &Theirs)| fill(key, theirs.name(), ours);
         exact
             .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
     }
@@ -248,8 +275,19 @@ mod tests {
     }
 
     #[test]
+    fn a_factor_says_what_the_name_does_not() {
+        let text = r#"channels = { "q_{joint}" = { column = "{joint}_deg", factor = -2.0 }, cmd_hip = "hip_goal" }"#;
+        let mapping: Mapping = toml::from_str(text).unwrap();
+        let meaning = mapping.meaning("hip_deg").unwrap();
+        assert_eq!((meaning.name.as_str(), meaning.unit, meaning.factor), ("q_hip", "rad", -2.0));
+        assert_eq!(mapping.theirs("q_hip"), Some(("q_{joint}", "hip_deg".to_owned())));
+        assert_eq!(toml::from_str::<Mapping>(&toml::to_string(&mapping).unwrap()).unwrap(), mapping);
+    }
+
+    #[test]
     fn a_misspelt_key_is_refused() {
         assert!(toml::from_str::<Mapping>("tme = \"t\"").is_err());
+        assert!(toml::from_str::<Mapping>(r#"channels.q_hip = { column = "hip", facto = 2.0 }"#).is_err());
     }
 
     proptest! {

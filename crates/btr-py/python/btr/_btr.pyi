@@ -1,4 +1,4 @@
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from pathlib import Path
 
@@ -40,6 +40,13 @@ class Model:
     def simulate(self, log: Log | str | PathLike[str] | None = ..., seed: int | None = ...) -> Log: ...
     def add(self, effects: list[str]) -> Model: ...
     def save(self, path: str | PathLike[str]) -> None: ...
+
+def log_of_messages(
+    name: str | PathLike[str],
+    topics: list[tuple[str, str, str]],
+    messages: Iterable[tuple[int, int, bytes]],
+    model: Model | None,
+) -> Log: ...
 
 _Given = Log | str | PathLike[str]
 _Tell = Callable[[str, float, float | None], None]
