@@ -41,10 +41,13 @@ def load_bag(path: Path, model: Model | None) -> Log:
 
 
 def read(reader: Any, name: str | None, model: Model | None) -> Log:
-    """The log of a reader of rosbags that is open: joint states, and what there is beside them, as in an MCAP file."""
+    """The log of a reader of rosbags: joint states, and what there is beside them, as in an MCAP file. Raises `BtrError` for a
+    reader that is not open and for a bag without joint states."""
     if name is None:
         paths = getattr(reader, "paths", None) or [getattr(reader, "path", "bag")]
         name = str(paths[0])
+    if not reader.connections:
+        raise BtrError(f"{name}: no topics, or not open\nhelp: open the reader first: with AnyReader([...]) as reader")
     # A bag in several files has a connection in each of them for the same topic.
     topics = [(c.topic, c.msgtype, getattr(c.ext, "serialization_format", "ros1")) for c in reader.connections]
     wanted = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in READ]

@@ -1,6 +1,6 @@
 //! A recording of ROS 2 messages on their way to a log.
 
-use super::other::{Kind, Sample, kind, samples};
+use super::other::{Kind, Names, Sample, kind, samples};
 use super::{merge, own};
 use crate::io::error::{IoError, Warning};
 use crate::io::names::Mapping;
@@ -29,6 +29,7 @@ pub struct Recording<'a> {
     types: BTreeMap<String, String>,
     own: Option<own::Rows>,
     samples: Vec<(Kind, Sample)>,
+    names: Names,
     messages: usize,
     /// Per topic: how many messages could not be decoded, and why the first could not.
     undecodable: IndexMap<String, (usize, String)>,
@@ -44,6 +45,7 @@ impl<'a> Recording<'a> {
             types: BTreeMap::new(),
             own: None,
             samples: Vec::new(),
+            names: Names::default(),
             messages: 0,
             undecodable: IndexMap::new(),
             warnings: Vec::new(),
@@ -88,8 +90,8 @@ impl<'a> Recording<'a> {
             // The log itself is there: nobody will ask for its views.
             (Plan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
             (&Plan::Read { kind, json }, _) => {
-                let names = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
-                samples(kind, names, json, data, log_ns).map(|samples| {
+                let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
+                samples(kind, elements, json, data, log_ns, &mut self.names).map(|samples| {
                     self.samples.extend(samples.into_iter().map(|sample| (kind, sample)));
                 })
             }
@@ -116,7 +118,7 @@ impl<'a> Recording<'a> {
             let log = rows.into_log().map_err(|source| IoError::Log { path: path.to_owned(), source })?;
             return Ok((log, self.warnings));
         }
-        let Some(merged) = merge::merge(self.samples) else {
+        let Some(merged) = merge::merge(self.samples, &self.names) else {
             let topics = self.types.iter().map(|(topic, schema)| format!("{topic} ({schema})")).collect();
             return Err(IoError::NoStates {
                 path: path.to_owned(),
