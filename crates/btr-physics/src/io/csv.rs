@@ -5,7 +5,8 @@
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
 
 use super::error::{IoError, Warning};
-use super::names::{Mapping, Meaning, header, seconds_per_unit};
+use super::mapping::Mapping;
+use super::names::{Meaning, header, seconds_per_unit};
 use super::series::{Series, assemble};
 use btr_core::log::{Log, Role};
 use csv::StringRecord;

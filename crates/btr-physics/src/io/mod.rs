@@ -4,6 +4,7 @@ mod bag;
 mod csv;
 mod error;
 mod lerobot;
+mod mapping;
 mod mcap;
 mod names;
 mod series;
@@ -12,8 +13,8 @@ mod tests;
 mod whole;
 
 pub use error::{IoError, Warning};
+pub use mapping::{Mapping, Theirs, Topics};
 pub use mcap::{Meta, Recording};
-pub use names::{Mapping, Theirs, Topics};
 pub use whole::{can_write, write_whole};
 
 use btr_core::log::Log;

@@ -1,7 +1,8 @@
 //! From the series of a file to a log: names, units, torque-off spells.
 
 use super::error::{IoError, Warning};
-use super::names::{Mapping, Meaning};
+use super::mapping::Mapping;
+use super::names::Meaning;
 use btr_core::log::{Log, Role};
 use std::path::Path;
 

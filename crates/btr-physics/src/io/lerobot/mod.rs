@@ -7,7 +7,7 @@ mod names;
 mod table;
 
 use super::error::{IoError, Warning};
-use super::names::Mapping;
+use super::mapping::Mapping;
 use super::series::assemble;
 use btr_core::log::Log;
 use indexmap::IndexMap;

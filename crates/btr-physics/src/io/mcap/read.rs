@@ -2,7 +2,7 @@
 
 use super::recording::Recording;
 use crate::io::error::{IoError, Warning};
-use crate::io::names::Mapping;
+use crate::io::mapping::Mapping;
 use btr_core::log::Log;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;

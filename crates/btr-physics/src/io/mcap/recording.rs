@@ -3,7 +3,7 @@
 use super::other::{Kind, Names, Sample, kind, samples};
 use super::{merge, own};
 use crate::io::error::{IoError, Warning};
-use crate::io::names::Mapping;
+use crate::io::mapping::Mapping;
 use btr_core::log::Log;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
