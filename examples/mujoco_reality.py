@@ -21,7 +21,7 @@ import numpy as np
 import btr
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-STEP_S, NOISE_RAD, QUANTUM_RAD = 0.00025, 0.0005, 0.0017453
+STEP_S, NOISE_RAD, QUANTUM_RAD = 0.0001, 0.0005, 0.0017453
 # Masses and gains of the robot, as a share of what the model file says.
 MASS, KP, KD = {"turret": 1.1, "upper": 0.9, "forearm": 1.15}, 1.06, 0.95
 PLANTED = {"coulomb_friction": 0.25, "armature": 0.03, "command_delay": 0.02}  # N·m, kg·m², s
@@ -82,13 +82,13 @@ class Robot:
         self.model = spec.compile()
 
     def __call__(self, controller: btr.Controller) -> btr.Log:
-        return self.play(controller.references)
+        return self.play(controller.references, controller.start)
 
-    def play(self, told: btr.Log) -> btr.Log:
-        """What the encoders say at every tick while the arm is told this, from rest where it is told to be first."""
+    def play(self, told: btr.Log, start: dict[str, float]) -> btr.Log:
+        """What the encoders say at every tick while the arm is told this, from rest at `start`."""
         data, clock_s = mujoco.MjData(self.model), told.clock_s
         commands = np.array([told[f"cmd_{joint}"] for joint in self.joints])
-        data.qpos[:] = commands[:, 0]
+        data.qpos[:] = [start[joint] for joint in self.joints]
         positions, velocities, torques = (np.zeros_like(commands) for _ in range(3))
         for tick in range(len(clock_s)):
             positions[:, tick], velocities[:, tick], torques[:, tick] = data.qpos, data.qvel, data.actuator_force
@@ -119,7 +119,7 @@ def main() -> None:
     robot = Robot(planted, arm)
 
     print(f"planted in MuJoCo: {planted}@{JOINT} {PLANTED[planted]}")
-    held_out = [robot.play(fresh(arm.joints, seed)) for seed in (1, 2)]
+    held_out = [robot.play(fresh(arm.joints, seed), dict.fromkeys(arm.joints, 0.0)) for seed in (1, 2)]
     with tempfile.TemporaryDirectory() as folder:
         experiment, out = btr.Model(arm.text + LOOP, arm.path), Path(folder) / "run"
         run = btr.coevolve(experiment, robot, out=out, seed=1)

@@ -33,7 +33,7 @@ class Twin:
     def __call__(self, controller: btr.Controller) -> btr.Log:
         self.asked.append(controller)
         references = controller.references
-        start = {"q_hinge": np.full(len(references), references["cmd_hinge"][0])}
+        start = {"q_hinge": np.full(len(references), controller.start["hinge"])}
         return self.model.simulate(btr.Log(references.clock_s, references.to_dict() | start), seed=controller.number)
 
 

@@ -275,6 +275,19 @@ impl Model {
         Ok(log)
     }
 
+    /// The robot as a controller finds it: the same in simulation and reality.
+    ///
+    /// # Errors
+    /// A point outside C.
+    pub fn beginning(&self, c: &[f64], scenario: usize) -> Result<Robot, WorldError> {
+        let (mut robot, situation) = (self.robot.clone(), &self.scenarios[scenario]);
+        match situation.replay {
+            Some(_) => place(&mut robot, &situation.start),
+            None => self.drive_at(c, situation)?.place(&mut robot),
+        }
+        Ok(robot)
+    }
+
     /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<Placed>, Setup) {
         self.in_the(&self.scenarios[scenario], s)

@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 type Raised = Arc<Mutex<Option<PyErr>>>;
 
 /// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is asked for every
-/// real test (number, iteration, scenario, names and values of the controller, its commands) and gives back a log; `tell` hears
+/// real test (number, iteration, scenario, names and values of the controller, its commands, where joints begin) and gives back a log; `tell` hears
 /// every closed iteration, as JSON.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
@@ -54,7 +54,15 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
         Python::attach(|py| {
             let references = Log::new(numbered("references"), asked.references.clone());
             let trial = asked.trial;
-            let asked = (trial.number, trial.iteration, trial.scenario, &asked.names, &trial.controller, references);
+            let asked = (
+                trial.number,
+                trial.iteration,
+                trial.scenario,
+                &asked.names,
+                &trial.controller,
+                references,
+                &asked.start,
+            );
             let log = function.call1(py, asked).and_then(|log| Ok(log.extract::<Py<Log>>(py)?.get().log.clone()));
             log.map_err(|error| match error.is_instance_of::<TestFailed>(py) {
                 true => Unanswered::Failed(error.value(py).to_string()),

@@ -4,11 +4,12 @@ use crate::error::{Raise, raised};
 use crate::model::Model;
 use btr_core::log;
 use btr_physics::experiment::LogSource;
-use btr_physics::io::{self, Mapping, Meta};
+use btr_physics::io::{self, Mapping, Meta, Recording, Warning};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyUserWarning};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -51,18 +52,14 @@ impl Log {
         Ok(Log { name, log })
     }
 
-    /// Reads a `.csv`, `.csv.gz` or `.mcap`; a model's `[channels]` say what foreign names mean. Raises `BtrError` for what is
-    /// no log.
+    /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` say what foreign names mean. Raises `BtrError` for
+    /// what is no log.
     #[staticmethod]
     #[pyo3(signature = (path, model = None))]
     fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
-        let file = model.map(|model| model.source.parse().map_err(Raise::raise)).transpose()?;
-        let mapping = file.map_or_else(Mapping::default, |file| file.channels);
+        let mapping = mapping(model)?;
         let (log, warnings) = py.detach(|| io::read_log(&path, &mapping)).map_err(Raise::raise)?;
-        for warning in warnings {
-            let text = CString::new(warning.to_string().replace('\0', ""))?;
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
-        }
+        warn(py, &warnings)?;
         Ok(Log { name: path, log })
     }
 
@@ -169,6 +166,45 @@ impl Log {
     fn missing(&self, channel: &str) -> PyErr {
         PyKeyError::new_err(format!("no channel {channel}; there are {}", self.keys().join(", ")))
     }
+}
+
+/// What a model says of foreign names.
+fn mapping(model: Option<&Model>) -> PyResult<Mapping> {
+    let file = model.map(|model| model.source.parse().map_err(Raise::raise)).transpose()?;
+    Ok(file.map_or_else(Mapping::default, |file| file.channels))
+}
+
+/// What a reader noticed, as Python's warnings.
+fn warn(py: Python<'_>, warnings: &[Warning]) -> PyResult<()> {
+    for warning in warnings {
+        let text = CString::new(warning.to_string().replace('\0', ""))?;
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
+    Ok(())
+}
+
+/// A log of ROS 2 messages that somebody else reads: topics with their type and encoding, and messages with the number of their
+/// topic, when they were recorded in ns, and their bytes.
+#[pyfunction]
+pub(crate) fn log_of_messages(
+    py: Python<'_>,
+    name: PathBuf,
+    topics: Vec<(String, String, String)>,
+    messages: &Bound<'_, PyAny>,
+    model: Option<&Model>,
+) -> PyResult<Log> {
+    let mapping = mapping(model)?;
+    let mut recording = Recording::new(&mapping);
+    for (id, (topic, schema, encoding)) in (0..).zip(&topics) {
+        recording.topic(id, topic, schema, encoding, &BTreeMap::new());
+    }
+    for message in messages.try_iter()? {
+        let (id, log_ns, data): (u16, i64, Bound<'_, PyBytes>) = message?.extract()?;
+        recording.take(id, u64::try_from(log_ns).unwrap_or(0), data.as_bytes());
+    }
+    let (log, warnings) = recording.into_log(&name).map_err(Raise::raise)?;
+    warn(py, &warnings)?;
+    Ok(Log { name, log })
 }
 
 /// A log that somebody asks about: a path, or a log that is there.

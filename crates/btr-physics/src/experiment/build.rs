@@ -7,7 +7,6 @@ use crate::drive::Replay;
 use crate::elsewhere::Way;
 use crate::model::{Model, Scenario};
 use crate::reality::{Asked, Called, Revealing, Unanswered};
-use crate::robot::Robot;
 use btr_core::coevolve::{Coevolution, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
@@ -131,7 +130,7 @@ impl Experiment {
         let mut model = Builder { file: &file, source }.model(situations)?;
         if let Some((trial, _)) = tests.first() {
             // Where the base is when the motion begins is the drive's business.
-            model.robot.start = self.beginning(trial).map_err(refused)?.start;
+            model.robot.start = self.model.beginning(&trial.controller, trial.scenario).map_err(refused)?.start;
         }
         Ok(model)
     }
@@ -144,7 +143,12 @@ impl Experiment {
         }
         let references = self.model.references(&trial.controller, trial.scenario)?;
         let replay = Replay::new(&told(log, &references), &self.model.robot);
-        let start = self.beginning(trial)?.movable().map(|(_, link)| (link.joint.start, 0.0)).collect();
+        let start = self
+            .model
+            .beginning(&trial.controller, trial.scenario)?
+            .movable()
+            .map(|(_, link)| (link.joint.start, 0.0))
+            .collect();
         Ok(Scenario {
             name: format!("test {}", trial.number),
             replay: Some(Arc::new(replay)),
@@ -152,16 +156,6 @@ impl Experiment {
             start,
             ..known.clone()
         })
-    }
-
-    /// The robot at the beginning of a test: the same in simulation and reality.
-    fn beginning(&self, trial: &Trial) -> Result<Robot, WorldError> {
-        let mut robot = self.model.robot.clone();
-        let situation = &self.model.scenarios[trial.scenario];
-        if situation.replay.is_none() {
-            self.model.drive.at(&self.model.robot, &trial.controller, situation.duration_s)?.place(&mut robot);
-        }
-        Ok(robot)
     }
 
     /// The file it came from.

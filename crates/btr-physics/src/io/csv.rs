@@ -5,7 +5,8 @@
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
 
 use super::error::{IoError, Warning};
-use super::names::{Mapping, Meaning, header, seconds_per_unit};
+use super::mapping::Mapping;
+use super::names::{Meaning, header, seconds_per_unit};
 use super::series::{Series, assemble};
 use btr_core::log::{Log, Role};
 use csv::StringRecord;
@@ -18,7 +19,8 @@ const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
 /// Reads a log. `path` is only for messages.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let broken = |e: csv::Error| IoError::Csv { path: path.to_owned(), what: e.to_string() };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
+    // Cells are trimmed where that is needed: csv would make a new record of every row.
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).flexible(true).from_reader(bytes);
     let mut table = Table::new(path, reader.headers().map_err(broken)?, mapping)?;
     let expected = table.columns.len();
     let mut row = StringRecord::new();
@@ -99,7 +101,7 @@ impl<'a> Table<'a> {
             match number(text) {
                 Some(value) => column.values.push(value),
                 None if column.wanted => return Err(not_a_number(self.path, line, &column.source, text)),
-                None => column.text = Some((line, text.to_owned())),
+                None => column.text = Some((line, text.trim().to_owned())),
             }
         }
         Ok(())
@@ -147,14 +149,15 @@ fn separator(header: &StringRecord) -> Option<&'static str> {
 
 /// A cell's number; NaN for a missing sample, `None` for text and for infinities (no sensor measures those).
 fn number(text: &str) -> Option<f64> {
-    if text.is_empty() || text.eq_ignore_ascii_case("nan") {
-        return Some(f64::NAN);
-    }
-    text.parse().ok().filter(|x: &f64| x.is_finite())
+    let finite = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
+    finite(text).or_else(|| match text.trim() {
+        missing if missing.is_empty() || missing.eq_ignore_ascii_case("nan") => Some(f64::NAN),
+        trimmed => finite(trimmed),
+    })
 }
 
 fn not_a_number(path: &Path, line: u64, column: &str, text: &str) -> IoError {
-    IoError::NotANumber { path: path.to_owned(), line, column: column.to_owned(), text: text.to_owned() }
+    IoError::NotANumber { path: path.to_owned(), line, column: column.to_owned(), text: text.trim().to_owned() }
 }
 
 /// The header of a log: the time, then every channel under a name that reads back as itself.

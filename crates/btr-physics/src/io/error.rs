@@ -26,6 +26,32 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// A rosbag2 in several files.
+    #[error("{}: a bag of {files} MCAP files", path.display())]
+    SplitBag {
+        /// The bag's folder.
+        path: PathBuf,
+        /// How many there are.
+        files: usize,
+    },
+    /// A data set of which no episode, or none that is there, was named.
+    #[error("{}: {} of this data set of {episodes}", path.display(), asked(wanted.as_deref()))]
+    Episode {
+        /// The data set's folder.
+        path: PathBuf,
+        /// The episode that was asked for.
+        wanted: Option<String>,
+        /// How many there are.
+        episodes: usize,
+    },
+    /// A LeRobot data set that is not as the format says.
+    #[error("{}: {what}", path.display())]
+    DataSet {
+        /// The file in it.
+        path: PathBuf,
+        /// What is wrong with that.
+        what: String,
+    },
     /// Nothing in the file at all.
     #[error("{}: the file is empty", path.display())]
     Empty {
@@ -152,10 +178,25 @@ impl IoError {
         match self {
             IoError::File { .. } => "check the path and the permissions".into(),
             IoError::Format { .. } => {
-                "logs end in .csv, .csv.gz or .mcap; a .toml is run by `btr coevolve` or `btr simulate`".into()
+                "logs end in .csv, .csv.gz or .mcap; a folder is a LeRobot data set (with #3 behind it: episode 3) or a ROS 2 bag; \
+                 a .toml is run by `btr coevolve` or `btr simulate`"
+                    .into()
             }
             IoError::Db3 { path } => {
-                format!("convert it: rosbags-convert --src {} --dst out --dst-storage mcap", bag_of(path).display())
+                let bag = bag_of(path).display();
+                format!("convert it: rosbags-convert --src {bag} --dst out --dst-storage mcap; or read it in Python: btr.load_log")
+            }
+            IoError::SplitBag { path, .. } => {
+                let bag = path.display();
+                format!("make it one: rosbags-convert --src {bag} --dst out --dst-storage mcap; or read it in Python: btr.load_log")
+            }
+            IoError::Episode { path, episodes, .. } => {
+                let path = path.display();
+                format!("name an episode behind the folder: `{path}#0` to `{path}#{}`", episodes.saturating_sub(1))
+            }
+            IoError::DataSet { .. } => {
+                "LeRobot data sets are read in their formats v2.0, v2.1 and v3.0; check that this one was downloaded as a whole"
+                    .into()
             }
             IoError::Empty { .. } | IoError::NoSamples { .. } => {
                 "the recording never started; record again, or leave this file out".into()
@@ -188,6 +229,10 @@ fn bag_of(path: &std::path::Path) -> &std::path::Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => path,
     }
+}
+
+fn asked(episode: Option<&str>) -> String {
+    episode.map_or("which episode".into(), |episode| format!("no episode `{episode}`"))
 }
 
 /// `a`, `b` and so on, shortened where nobody would read on.

@@ -1,7 +1,10 @@
-//! Logs and files: CSV for people, MCAP for robots and their viewers.
+//! Logs and files: CSV for people, MCAP for robots and their viewers; other people's bags and data sets are read.
 
+mod bag;
 mod csv;
 mod error;
+mod lerobot;
+mod mapping;
 mod mcap;
 mod names;
 mod series;
@@ -10,8 +13,8 @@ mod tests;
 mod whole;
 
 pub use error::{IoError, Warning};
-pub use mcap::Meta;
-pub use names::{Mapping, Topics};
+pub use mapping::{Mapping, Theirs, Topics};
+pub use mcap::{Meta, Recording};
 pub use whole::{can_write, write_whole};
 
 use btr_core::log::Log;
@@ -38,12 +41,16 @@ fn format(path: &Path) -> Result<Format, IoError> {
     }
 }
 
-/// Reads a log (`.csv`, `.csv.gz`, `.mcap`). Channels come under btr's names; the mapping says which foreign names mean
-/// them.
+/// Reads a log: a `.csv`, `.csv.gz` or `.mcap`, the folder of a ROS 2 bag, or an episode of a LeRobot data set (`FOLDER#3`, or
+/// the folder alone where there is but one). Channels come under btr's names; the mapping says which foreign names mean them.
 ///
 /// # Errors
 /// [`IoError`], with the place in the file and a remedy.
 pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    if let Some(episode) = lerobot::Episode::at(path)? {
+        return episode.read(mapping);
+    }
+    let path = &bag::file(path)?;
     let format = format(path)?;
     let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
     match format {

@@ -1,59 +1,6 @@
-//! What channels are called: btr's own names, the names of other people's logs, and the units that hide in both.
+//! What channels are called: btr's own names, and the units that hide in them.
 
 use btr_core::log::Role;
-use indexmap::IndexMap;
-use serde::{Deserialize, Serialize};
-
-/// Where a log's channels are: the `[channels]` table of a model or experiment file.
-///
-/// btr's own names (`t`, `cmd_<joint>`, `q_<joint>`, ...) are always understood; the mapping adds foreign ones.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Mapping {
-    /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time: Option<String>,
-    /// btr's name = the log's name. `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
-    #[serde(skip_serializing_if = "IndexMap::is_empty")]
-    pub channels: IndexMap<String, String>,
-    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}` makes it
-    /// one per joint.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque_on: Option<String>,
-    /// Where things are in an MCAP file.
-    #[serde(skip_serializing_if = "is_default")]
-    pub topics: Topics,
-}
-
-/// The topics of an MCAP file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Topics {
-    /// What the joints did: `sensor_msgs/msg/JointState`.
-    pub states: String,
-    /// What the joints were told: `JointState` or `trajectory_msgs/msg/JointTrajectory`.
-    pub commands: String,
-    /// `sensor_msgs/msg/Imu`.
-    pub imu: String,
-    /// Topics of bare numbers (`std_msgs/msg/Float64MultiArray`) and what each number is.
-    #[serde(skip_serializing_if = "IndexMap::is_empty")]
-    pub arrays: IndexMap<String, Vec<String>>,
-}
-
-impl Default for Topics {
-    fn default() -> Self {
-        Topics {
-            states: "/joint_states".into(),
-            commands: "/joint_commands".into(),
-            imu: "/imu".into(),
-            arrays: IndexMap::new(),
-        }
-    }
-}
-
-fn is_default(topics: &Topics) -> bool {
-    *topics == Topics::default()
-}
 
 /// What a name stands for.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +15,7 @@ pub(crate) struct Meaning {
     pub(crate) factor: f64,
 }
 
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
+pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// How headers end, which unit that is, and the factor to it. Longer endings first, and
 /// for each unit the SI one.
@@ -87,40 +34,6 @@ const SUFFIXES: [(&str, &str, f64); 9] = [
 /// The units that may end the header of a joint's channel, by the channel's prefix, the usual one first.
 const FAMILIES: [(&str, &[&str]); 4] =
     [("cmd_", &["rad", "m", "N·m", "V"]), ("q_", &["rad", "m"]), ("dq_", &["rad/s", "m/s"]), ("tau_", &["N·m", "N"])];
-
-impl Mapping {
-    /// What the mapping says a foreign name is; `None` when it says nothing.
-    pub(crate) fn meaning(&self, theirs: &str) -> Option<Meaning> {
-        let exact = self.channels.iter().find(|(_, t)| *t == theirs).map(|(ours, _)| ours.clone());
-        let name = exact.or_else(|| self.channels.iter().find_map(|(ours, t)| fill(t, ours, theirs)))?;
-        let plain = Meaning::of(name);
-        Some(match suffix(theirs) {
-            Some((_, unit, factor)) => Meaning { unit, factor, ..plain },
-            None => plain,
-        })
-    }
-
-    /// What a log has to call one of btr's channels, and the key that says so.
-    pub(crate) fn theirs(&self, ours: &str) -> Option<(&str, String)> {
-        let exact = self.channels.get_key_value(ours).map(|(key, theirs)| (key.as_str(), theirs.clone()));
-        let by_pattern = |(key, theirs): (&'_ String, &String)| fill(key, theirs, ours);
-        exact
-            .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
-    }
-
-    /// The name of the 0/1 channel that switches the given command.
-    pub(crate) fn torque_on_for(&self, command: &str) -> Option<String> {
-        let joint = command.strip_prefix("cmd_")?;
-        self.torque_on.as_ref().map(|name| name.replace("{joint}", joint))
-    }
-}
-
-/// When `theirs` fits the pattern `from`, the pattern `to` with the same joint.
-fn fill(from: &str, to: &str, theirs: &str) -> Option<String> {
-    let (head, tail) = from.split_once("{joint}")?;
-    let joint = theirs.strip_prefix(head)?.strip_suffix(tail)?;
-    (!joint.is_empty()).then(|| to.replace("{joint}", joint))
-}
 
 impl Meaning {
     /// btr's own name, with the unit and the role that its beginning tells.
@@ -159,7 +72,7 @@ pub(crate) fn header(name: &str) -> Option<String> {
 }
 
 /// Splits a unit off the end of a name, whatever its case.
-fn suffix(name: &str) -> Option<(&str, &'static str, f64)> {
+pub(super) fn suffix(name: &str) -> Option<(&str, &'static str, f64)> {
     SUFFIXES.iter().find_map(|&(ending, unit, factor)| {
         let at = name.len().checked_sub(ending.len())?;
         let (stem, tail) = name.split_at_checked(at)?;
@@ -230,26 +143,6 @@ mod tests {
         assert_eq!(read("q_rad"), ("q_rad".into(), "rad"));
         assert_eq!(read("q_knee_n"), ("q_knee_n".into(), "rad"));
         assert_eq!(Meaning::of_header("q_knee_deg").factor.to_bits(), DEGREE.to_bits());
-    }
-
-    #[test]
-    fn mappings_rename_one_by_one_and_by_pattern() {
-        let mapping: Mapping = toml::from_str(
-            r#"channels = { "cmd_{joint}" = "q_cmd_{joint}", q_motor = "encoder_deg", "q_{joint}" = "{joint}_pos_rad" }"#,
-        )
-        .unwrap();
-        let name = |theirs: &str| mapping.meaning(theirs).map(|m| m.name);
-        assert_eq!(name("q_cmd_hip"), Some("cmd_hip".into()));
-        assert_eq!(name("encoder_deg"), Some("q_motor".into()));
-        assert_eq!(name("hip_pos_rad"), Some("q_hip".into()));
-        assert_eq!(name("_pos_rad"), None);
-        assert_eq!(name("load"), None);
-        assert_eq!(mapping.meaning("encoder_deg").unwrap().factor.to_bits(), DEGREE.to_bits());
-    }
-
-    #[test]
-    fn a_misspelt_key_is_refused() {
-        assert!(toml::from_str::<Mapping>("tme = \"t\"").is_err());
     }
 
     proptest! {

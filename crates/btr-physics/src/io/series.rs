@@ -1,7 +1,8 @@
 //! From the series of a file to a log: names, units, torque-off spells.
 
 use super::error::{IoError, Warning};
-use super::names::{Mapping, Meaning};
+use super::mapping::Mapping;
+use super::names::Meaning;
 use btr_core::log::{Log, Role};
 use std::path::Path;
 
@@ -87,9 +88,9 @@ fn check_names(path: &Path, series: &[Series]) -> Result<(), IoError> {
 /// Names of the mapping that the log does not have. A log in btr's own names (say, a simulated one) owes nobody a
 /// foreign name, so a mapping of which nothing is found is no mistake.
 fn unused(mapping: &Mapping, series: &[Series]) -> Vec<Warning> {
-    let exact = mapping.channels.iter().filter(|(_, theirs)| !theirs.contains("{joint}"));
+    let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
     let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));
-    let mut wanted: Vec<(&str, &str)> = exact.map(|(o, t)| (o.as_str(), t.as_str())).collect();
+    let mut wanted: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();
     wanted.extend(switch.map(|name| ("torque_on", name.as_str())));
     let has = |theirs: &str| series.iter().any(|s| s.source == theirs);
     let foreign = series.iter().any(|s| mapping.meaning(&s.source).is_some());

@@ -16,6 +16,8 @@ pub struct Asked<'a> {
     pub names: Vec<&'a str>,
     /// The commands that it stands for, on the control clock.
     pub references: &'a Log,
+    /// Where each joint is when the test begins, at rest, in rad (m): by joint in the order of the robot's.
+    pub start: Vec<(&'a str, f64)>,
 }
 
 /// Why a robot gave no log.
@@ -50,7 +52,10 @@ impl Called {
         };
         self.store.ask(trial, &references)?;
         let names = self.model.drive.space().dims().iter().map(|dim| dim.name.as_str()).collect();
-        match (self.robot)(&Asked { trial, names, references: &references }) {
+        let begins = self.model.beginning(&trial.controller, trial.scenario);
+        let begins = begins.unwrap_or_else(|_| self.model.robot.clone());
+        let start = begins.movable().map(|(_, link)| (link.joint.name.as_str(), link.joint.start)).collect();
+        match (self.robot)(&Asked { trial, names, references: &references, start }) {
             // What the robot was told is known, whether its log says it or not.
             Ok(log) => self.store.keep(trial, &told(&log, &references), &Meta::default()),
             Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),

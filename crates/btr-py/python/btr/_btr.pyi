@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, final
@@ -26,6 +26,7 @@ __all__ = [
     "distances",
     "fit",
     "fitness_distance",
+    "log_of_messages",
     "measured",
     "searches",
     "serve",
@@ -93,6 +94,13 @@ class _Hands(Protocol):
 class Page:
     def html(self) -> str: ...
 
+def log_of_messages(
+    name: str | PathLike[str],
+    topics: Sequence[tuple[str, str, str]],
+    messages: Iterable[tuple[int, int, bytes]],
+    model: Model | None,
+) -> Log: ...
+
 _Given = Log | str | PathLike[str]
 _Laws = Sequence[tuple[str, Callable[..., float]]]
 _Tell = Callable[[str, float, float | None], None]
@@ -115,7 +123,7 @@ def coevolve(
     folder: str | PathLike[str],
     seed: int | None,
     resume: bool,
-    robot: Callable[[int, int, int, list[str], list[float], Log], Log] | None,
+    robot: Callable[[int, int, int, list[str], list[float], Log, list[tuple[str, float]]], Log] | None,
     tell: Callable[[str], None],
     hands: int | _Hands | None,
 ) -> str | None: ...

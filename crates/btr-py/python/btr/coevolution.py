@@ -30,6 +30,8 @@ class Controller:
     """The controller's parameters by name, in the units of the experiment's `[drive]`; empty where the drive is fixed."""
     references: Log
     """The commands that it stands for: `cmd_<joint>` on the control clock, each held until the next."""
+    start: dict[str, float]
+    """Where each joint is when the test begins, at rest, in rad (m): simulations begin there, and so should the robot."""
 
 
 Reality = Callable[[Controller], LogLike]
@@ -60,9 +62,11 @@ def coevolve(
     model = experiment if isinstance(experiment, Model) else load_model(experiment)
     folder = Path("runs") / model.name if out is None else Path(out)
 
-    def robot(number: int, iteration: int, scenario: int, names: list[str], values: list[float], references: Log) -> Log:
+    def robot(
+        number: int, iteration: int, scenario: int, names: list[str], values: list[float], references: Log, start: list[tuple[str, float]]
+    ) -> Log:
         assert reality is not None
-        controller = Controller(number, iteration, scenario, dict(zip(names, values)), references)
+        controller = Controller(number, iteration, scenario, dict(zip(names, values)), references, dict(start))
         return _checked(load_log(reality(controller)), controller)
 
     def heard(iteration: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from btr import _btr
+from btr import _btr, rosbag
 from btr import _laws as own
 from btr._btr import Log
 from btr._laws import Law, Number
@@ -19,7 +19,7 @@ from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap), a `Log`, or a pandas or polars frame with a column `t` in seconds."""
+"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder), a `Log`, or a pandas or polars frame with a column `t` in seconds."""
 Tell = Callable[[str, float, Union[float, None]], None]
 """Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without any), both
 in multiples of the noise floor. Called on another thread."""
@@ -135,18 +135,28 @@ def _toml(value: Any) -> str:
     return json.dumps(value) if isinstance(value, (bool, str, int, float, list)) else str(value)
 
 
-def load_log(source: LogLike, name: str | None = None, *, model: Model | None = None) -> Log:
-    """A log of a file, or of a frame with a column `t` in seconds; its other columns are called as in a CSV: `cmd_<joint>`,
-    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file mean what the
-    `[channels]` of a model say. Raises `BtrError` for what cannot be read as a log, `TypeError` for anything else than
-    these."""
+def load_log(
+    source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
+) -> Log:
+    """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's folder
+    or an open reader of the package rosbags, or of a frame with a column `t` in seconds. A frame's other columns are called as in a
+    CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file or bag
+    mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError` for what is no log."""
     if isinstance(source, Log):
         return source
     if isinstance(source, (str, os.PathLike)):
-        return Log.read(Path(source), None if model is None else model._model)
+        path = Path(source if episode is None else f"{os.fspath(source)}#{episode}")
+        if rosbag.is_bag(path):
+            return rosbag.load_bag(path, model)
+        return Log.read(path, None if model is None else model._model)
+    if episode is not None:
+        raise TypeError(f"an episode is one of a data set's folder, not of a {type(source).__name__}")
+    if rosbag.is_reader(source):
+        return rosbag.read(source, name, model)
     columns = getattr(source, "columns", None)
     if columns is None or "t" not in columns:
-        raise TypeError(f"a log is a path, a Log, or a frame with a column `t`, not {type(source).__name__}")
+        wanted = "a path, a Log, a reader of rosbags, or a frame with a column `t`"
+        raise TypeError(f"a log is {wanted}, not {type(source).__name__}")
     channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
     return Log(_floats(source["t"]), channels, name)
 

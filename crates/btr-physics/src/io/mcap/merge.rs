@@ -1,9 +1,8 @@
 //! Samples of several topics on the joint states' clock: commands held, the rest interpolated.
 
-use super::other::{Kind, Sample};
+use super::other::{Kind, Names, Sample};
 use crate::io::error::Warning;
 use btr_core::log::{hold, interpolate};
-use indexmap::IndexMap;
 
 /// Channels on one clock.
 pub(crate) struct Merged {
@@ -31,11 +30,11 @@ struct Track {
 }
 
 /// Merges samples in the order in which they were recorded; `None` when there are no joint states among them.
-pub(crate) fn merge(samples: Vec<(Kind, Sample)>) -> Option<Merged> {
+pub(crate) fn merge(samples: Vec<(Kind, Sample)>, names: &Names) -> Option<Merged> {
     // Stamps are when things happened, but only if everybody stamps; two clocks must not be mixed.
     let stamped = samples.iter().all(|(_, s)| s.stamp_ns > 0);
     let time = |s: &Sample| if stamped { s.stamp_ns } else { s.log_ns };
-    let mut clock: Vec<u64> = samples.iter().filter(|(k, s)| is_state(*k, s)).map(|(_, s)| time(s)).collect();
+    let mut clock: Vec<u64> = samples.iter().filter(|(k, s)| is_state(*k, s, names)).map(|(_, s)| time(s)).collect();
     clock.sort_unstable();
     clock.dedup();
     let first = *clock.first()?;
@@ -49,37 +48,41 @@ pub(crate) fn merge(samples: Vec<(Kind, Sample)>) -> Option<Merged> {
         warnings.push(Warning::ClockShifted { start_ns: zero });
     }
     let mut series = Vec::new();
-    for (name, mut track) in tracks(samples, time) {
+    for (name, track) in names.iter().zip(tracks(samples, names, time)) {
+        let Some(mut track) = track else { continue };
         let all = track.points.len();
         track.points.sort_by_key(|(ns, _)| *ns);
         track.points.dedup_by_key(|(ns, _)| *ns);
         if track.points.len() < all {
-            warnings.push(Warning::Repeated { channel: name.clone(), count: all - track.points.len() });
+            warnings.push(Warning::Repeated { channel: name.to_owned(), count: all - track.points.len() });
         }
-        series.push((name, track.onto(&clock_s, seconds)));
+        series.push((name.to_owned(), track.onto(&clock_s, seconds)));
     }
     Some(Merged { clock_s, series, warnings })
 }
 
 /// Whether a sample says where joints are.
-fn is_state(kind: Kind, sample: &Sample) -> bool {
-    kind == Kind::States || (kind == Kind::Array && sample.values.iter().any(|(name, _)| name.starts_with("q_")))
+fn is_state(kind: Kind, sample: &Sample, names: &Names) -> bool {
+    let position = |(number, _): &(usize, f64)| names.of(*number).starts_with("q_");
+    kind == Kind::States || (kind == Kind::Array && sample.values.iter().any(position))
 }
 
-/// The samples by channel.
-fn tracks(samples: Vec<(Kind, Sample)>, time: impl Fn(&Sample) -> u64) -> IndexMap<String, Track> {
-    let mut tracks: IndexMap<String, Track> = IndexMap::new();
+/// The samples by the channels' numbers.
+fn tracks(samples: Vec<(Kind, Sample)>, names: &Names, time: impl Fn(&Sample) -> u64) -> Vec<Option<Track>> {
+    let mut tracks: Vec<Option<Track>> = names.iter().map(|_| None).collect();
     for (kind, sample) in samples {
         let ns = time(&sample);
-        let state = is_state(kind, &sample);
-        for (name, value) in sample.values {
-            let onto = match kind {
-                _ if state => Onto::Exactly,
-                Kind::Trajectory => Onto::Planned,
-                _ if name.starts_with("cmd_") => Onto::Held,
-                _ => Onto::Between,
-            };
-            let track = tracks.entry(name).or_insert(Track { onto, points: Vec::new() });
+        let state = is_state(kind, &sample, names);
+        for (number, value) in sample.values {
+            let track = tracks[number].get_or_insert_with(|| {
+                let onto = match kind {
+                    _ if state => Onto::Exactly,
+                    Kind::Trajectory => Onto::Planned,
+                    _ if names.of(number).starts_with("cmd_") => Onto::Held,
+                    _ => Onto::Between,
+                };
+                Track { onto, points: Vec::new() }
+            });
             if let Some(after_start_ns) = sample.after_start_ns {
                 track.points.retain(|(planned, _)| *planned < ns.saturating_sub(after_start_ns));
             }

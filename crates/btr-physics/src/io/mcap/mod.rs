@@ -8,10 +8,12 @@ mod merge;
 mod other;
 mod own;
 mod read;
+mod recording;
 mod ros;
 mod views;
 mod write;
 
 pub(crate) use read::read;
+pub use recording::Recording;
 pub use write::Meta;
 pub(crate) use write::write;

@@ -3,8 +3,39 @@
 use super::ros::{
     Float64MultiArray, Imu, JointState, JointTrajectory, Quaternion, Time, TrajectoryPoint, Vector3, decode,
 };
-use crate::io::names::Topics;
+use crate::io::mapping::Topics;
+use indexmap::IndexSet;
 use serde_json::Value;
+
+/// The names of channels by number, in the order in which they came: every message has them all again.
+#[derive(Default)]
+pub(crate) struct Names {
+    all: IndexSet<String>,
+    /// Only to spare an allocation for each.
+    name: String,
+}
+
+impl Names {
+    fn number(&mut self, prefix: &str, rest: &str) -> usize {
+        self.name.clear();
+        self.name.push_str(prefix);
+        self.name.push_str(rest);
+        match self.all.get_index_of(&self.name) {
+            Some(number) => number,
+            None => self.all.insert_full(self.name.clone()).0,
+        }
+    }
+
+    /// The names, the first number's first.
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.all.iter().map(String::as_str)
+    }
+
+    /// The name of a number.
+    pub(crate) fn of(&self, number: usize) -> &str {
+        &self.all[number]
+    }
+}
 
 /// What was known at one moment.
 #[derive(Debug)]
@@ -13,8 +44,8 @@ pub(crate) struct Sample {
     pub(crate) stamp_ns: u64,
     /// When it was recorded, in ns.
     pub(crate) log_ns: u64,
-    /// Channels under btr's names.
-    pub(crate) values: Vec<(String, f64)>,
+    /// Channels by their numbers in [`Names`].
+    pub(crate) values: Vec<(usize, f64)>,
     /// For the first point of a trajectory: how far after the trajectory's start it lies, in ns. What earlier
     /// trajectories had planned from that start on is void.
     pub(crate) after_start_ns: Option<u64>,
@@ -51,13 +82,14 @@ pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -
     }
 }
 
-/// Decodes a message into samples; the text says why not.
+/// Decodes a message into samples; `elements` are those of an array of bare numbers. The text says why not.
 pub(crate) fn samples(
     kind: Kind,
-    names: &[String],
+    elements: &[String],
     json: bool,
     data: &[u8],
     log_ns: u64,
+    names: &mut Names,
 ) -> Result<Vec<Sample>, String> {
     let value = if json { Some(serde_json::from_slice::<Value>(data).map_err(|e| e.to_string())?) } else { None };
     let value = value.as_ref();
@@ -65,49 +97,50 @@ pub(crate) fn samples(
     match kind {
         Kind::States => {
             let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
-            one(m.header.stamp, states(&m)?)
+            one(m.header.stamp, states(&m, names)?)
         }
         Kind::Commands => {
             let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
-            one(m.header.stamp, commands(&m)?)
+            one(m.header.stamp, commands(&m, names)?)
         }
         Kind::Trajectory => {
             let m = value.map_or_else(|| decode::<JointTrajectory>(data), |v| Ok(json_trajectory(v)))?;
-            trajectory(&m, log_ns)
+            trajectory(&m, log_ns, names)
         }
         Kind::Imu => {
             let m = value.map_or_else(|| decode::<Imu>(data), |v| Ok(json_imu(v)))?;
-            one(m.header.stamp, imu(&m))
+            one(m.header.stamp, imu(&m, names))
         }
         Kind::Array => {
             let data =
                 value.map_or_else(|| decode::<Float64MultiArray>(data).map(|m| m.data), |v| Ok(numbers(&v["data"])))?;
-            one(Time::default(), named("", names, &data)?)
+            one(Time::default(), named("", elements, &data, names)?)
         }
     }
 }
 
-/// `<prefix><name>` for each number; none at all where the message leaves the array empty.
-fn named(prefix: &str, names: &[String], numbers: &[f64]) -> Result<Vec<(String, f64)>, String> {
+/// `<prefix><element>` for each number; none at all where the message leaves the array empty.
+fn named(prefix: &str, elements: &[String], numbers: &[f64], names: &mut Names) -> Result<Vec<(usize, f64)>, String> {
     if numbers.is_empty() {
         return Ok(Vec::new());
     }
-    if numbers.len() != names.len() {
-        return Err(format!("{} numbers for {} names", numbers.len(), names.len()));
+    if numbers.len() != elements.len() {
+        return Err(format!("{} numbers for {} names", numbers.len(), elements.len()));
     }
-    Ok(names.iter().zip(numbers).map(|(name, x)| (format!("{prefix}{name}"), *x)).collect())
+    Ok(elements.iter().zip(numbers).map(|(element, x)| (names.number(prefix, element), *x)).collect())
 }
 
-fn states(m: &JointState) -> Result<Vec<(String, f64)>, String> {
+fn states(m: &JointState, names: &mut Names) -> Result<Vec<(usize, f64)>, String> {
     let parts = [("q_", &m.position), ("dq_", &m.velocity), ("tau_", &m.effort)];
-    let parts: Result<Vec<_>, _> = parts.into_iter().map(|(prefix, numbers)| named(prefix, &m.name, numbers)).collect();
+    let parts: Result<Vec<_>, _> =
+        parts.into_iter().map(|(prefix, numbers)| named(prefix, &m.name, numbers, names)).collect();
     Ok(parts?.concat())
 }
 
 /// The position where a joint has one, else its effort: robots under torque control are told efforts.
-fn commands(m: &JointState) -> Result<Vec<(String, f64)>, String> {
-    let mut values = named("cmd_", &m.name, &m.position)?;
-    let efforts = named("cmd_", &m.name, &m.effort)?;
+fn commands(m: &JointState, names: &mut Names) -> Result<Vec<(usize, f64)>, String> {
+    let mut values = named("cmd_", &m.name, &m.position, names)?;
+    let efforts = named("cmd_", &m.name, &m.effort, names)?;
     if values.is_empty() {
         return Ok(efforts);
     }
@@ -120,10 +153,10 @@ fn commands(m: &JointState) -> Result<Vec<(String, f64)>, String> {
 }
 
 /// One sample per point, at its own time after the start.
-fn trajectory(m: &JointTrajectory, log_ns: u64) -> Result<Vec<Sample>, String> {
+fn trajectory(m: &JointTrajectory, log_ns: u64, names: &mut Names) -> Result<Vec<Sample>, String> {
     let sample = |(i, point): (usize, &TrajectoryPoint)| {
         let (stamp_ns, after_ns) = (m.header.stamp.ns(), point.time_from_start.ns());
-        let values = named("cmd_", &m.joint_names, &point.positions)?;
+        let values = named("cmd_", &m.joint_names, &point.positions, names)?;
         let stamp_ns = if stamp_ns == 0 { 0 } else { stamp_ns.saturating_add(after_ns) };
         let after_start_ns = (i == 0).then_some(after_ns);
         Ok(Sample { stamp_ns, log_ns: log_ns.saturating_add(after_ns), values, after_start_ns })
@@ -131,11 +164,11 @@ fn trajectory(m: &JointTrajectory, log_ns: u64) -> Result<Vec<Sample>, String> {
     m.points.iter().enumerate().map(sample).collect()
 }
 
-fn imu(m: &Imu) -> Vec<(String, f64)> {
+fn imu(m: &Imu, names: &mut Names) -> Vec<(usize, f64)> {
     let mut values = Vec::new();
     let mut add = |there: bool, parts: &[(&str, f64)]| {
         if there {
-            values.extend(parts.iter().map(|(axis, x)| (format!("imu_{axis}"), *x)));
+            values.extend(parts.iter().map(|(axis, x)| (names.number("imu_", axis), *x)));
         }
     };
     // -1 first in a covariance says that the quantity is not there.

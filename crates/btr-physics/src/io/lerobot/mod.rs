@@ -1,0 +1,180 @@
+//! Episodes of LeRobot data sets: folders with `meta/info.json`, and in `data/` Parquet files of one row per frame, one file per
+//! episode (format v2) or several episodes in a file (v3). Source: huggingface/lerobot, `src/lerobot/datasets`.
+//!
+//! Nothing in a data set says in which unit its joints are. Numbers are taken as they are; the `[channels]` of a model say more.
+
+mod names;
+mod table;
+
+use super::error::{IoError, Warning};
+use super::mapping::Mapping;
+use super::series::assemble;
+use btr_core::log::Log;
+use indexmap::IndexMap;
+use names::{COLUMNS, channels};
+use serde::Deserialize;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use table::Table;
+
+/// One episode of a data set.
+pub(crate) struct Episode {
+    /// As it was named, for reports.
+    path: PathBuf,
+    folder: PathBuf,
+    info: Info,
+    index: usize,
+}
+
+/// What `meta/info.json` tells.
+#[derive(Deserialize)]
+struct Info {
+    codebase_version: String,
+    total_episodes: usize,
+    /// Files in a folder; format v2 alone.
+    #[serde(default = "usual_chunk")]
+    chunks_size: usize,
+    /// A pattern in Python's format language.
+    data_path: String,
+    features: IndexMap<String, Feature>,
+}
+
+#[derive(Deserialize)]
+struct Feature {
+    #[serde(default)]
+    names: Value,
+}
+
+fn usual_chunk() -> usize {
+    1000
+}
+
+impl Episode {
+    /// The episode that a path names: `FOLDER#3`, or the folder of a data set of one. `None` where there is no data set.
+    ///
+    /// # Errors
+    /// A data set of several of which none, or one that is not there, was named; one that cannot be understood.
+    pub(crate) fn at(path: &Path) -> Result<Option<Self>, IoError> {
+        let Some((folder, wanted)) = place(path) else { return Ok(None) };
+        let info = Info::read(&folder.join("meta/info.json"))?;
+        let episodes = info.total_episodes;
+        let index = match &wanted {
+            Some(text) => text.parse().ok(),
+            None => (episodes == 1).then_some(0),
+        };
+        let unknown = || IoError::Episode { path: folder.clone(), wanted, episodes };
+        let index = index.filter(|index| *index < episodes).ok_or_else(unknown)?;
+        Ok(Some(Episode { path: path.to_owned(), folder, info, index }))
+    }
+
+    /// The episode as a log: `action` as `cmd_<joint>`, `observation.state` as `q_<joint>`, on the clock `timestamp`.
+    pub(crate) fn read(&self, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+        let known: Vec<&str> = COLUMNS.into_iter().filter(|column| self.info.features.contains_key(*column)).collect();
+        let wanted = [&["timestamp"], known.as_slice()].concat();
+        let mut columns = self.columns(&wanted)?.into_iter();
+        let clock_s = columns.next().and_then(|mut column| column.pop()).unwrap_or_default();
+        let mut series = Vec::new();
+        for (column, values) in known.into_iter().zip(columns) {
+            let names = channels(column, &self.info.features[column].names, values.len());
+            series.extend(names.into_iter().zip(values).map(|(name, values)| mapping.series(name, values)));
+        }
+        assemble(&self.path, clock_s, series, mapping)
+    }
+
+    /// The columns of some names, each as a series per number that a frame has.
+    fn columns(&self, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>, IoError> {
+        let files = self.files()?;
+        for file in &files {
+            if let Some(columns) = Table::open(file)?.episode(self.index, wanted)? {
+                return Ok(columns);
+            }
+        }
+        let what = format!("no frame of episode {} in the data", self.index);
+        let path = if let [only] = files.as_slice() { only.clone() } else { self.folder.join("data") };
+        Err(IoError::DataSet { path, what })
+    }
+
+    /// Where the episode's frames may be. Format v3 tells of the file in `meta/episodes` as well, but not always truly; its files'
+    /// own statistics never err.
+    fn files(&self) -> Result<Vec<PathBuf>, IoError> {
+        if self.info.codebase_version.starts_with("v2.") {
+            return Ok(vec![self.folder.join(self.info.data_file(self.index))]);
+        }
+        let mut files = Vec::new();
+        for chunk in entries(&self.folder.join("data"))? {
+            if chunk.is_dir() {
+                files.extend(
+                    entries(&chunk)?.into_iter().filter(|file| file.extension().is_some_and(|e| e == "parquet")),
+                );
+            }
+        }
+        Ok(files)
+    }
+}
+
+/// The folder of the data set that a path names, and what stands behind its `#`.
+fn place(path: &Path) -> Option<(PathBuf, Option<String>)> {
+    let is_set = |folder: &Path| folder.join("meta/info.json").is_file();
+    if is_set(path) {
+        return Some((path.to_owned(), None));
+    }
+    let (folder, episode) = path.to_str()?.rsplit_once('#')?;
+    is_set(Path::new(folder)).then(|| (PathBuf::from(folder), Some(episode.to_owned())))
+}
+
+/// What is in a folder, by name.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
+    let unread = |source| IoError::File { path: folder.to_owned(), source };
+    let mut entries: Vec<PathBuf> = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unread)? {
+        entries.push(entry.map_err(unread)?.path());
+    }
+    entries.sort();
+    Ok(entries)
+}
+
+impl Info {
+    fn read(path: &Path) -> Result<Self, IoError> {
+        let text = fs::read_to_string(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+        let odd = |what: String| IoError::DataSet { path: path.to_owned(), what };
+        let info: Info = serde_json::from_str(&text).map_err(|e| odd(e.to_string()))?;
+        let version = info.codebase_version.as_str();
+        if !version.starts_with("v2.") && !version.starts_with("v3.") {
+            return Err(odd(format!("a data set in format {version}")));
+        }
+        Ok(info)
+    }
+
+    /// The file of an episode in format v2, below the data set's folder.
+    fn data_file(&self, episode: usize) -> String {
+        let chunk = episode / self.chunks_size.max(1);
+        let numbers = [("episode_chunk", chunk), ("episode_index", episode), ("total_episodes", self.total_episodes)];
+        numbers.into_iter().fold(self.data_path.clone(), |text, (key, number)| filled(&text, key, number))
+    }
+}
+
+/// A pattern with a number for each `{key}` and `{key:06d}`.
+fn filled(pattern: &str, key: &str, number: usize) -> String {
+    let opening = format!("{{{key}");
+    let mut parts = pattern.split(&opening);
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (form, rest) = part.split_once('}').unwrap_or((part, ""));
+        let width = form.trim_start_matches(':').trim_end_matches('d').parse().unwrap_or(0);
+        text += &format!("{number:0width$}{rest}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_are_those_of_python() {
+        let text = "data/chunk-{episode_chunk:03d}/train-{episode_index:05d}-of-{n}-{episode_index}.parquet";
+        let text = filled(&filled(text, "episode_chunk", 2), "episode_index", 2417);
+        assert_eq!(text, "data/chunk-002/train-02417-of-{n}-2417.parquet");
+    }
+}

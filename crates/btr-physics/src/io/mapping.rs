@@ -1,0 +1,155 @@
+//! What a model file says of the names of other people's logs.
+
+use super::names::{Meaning, suffix};
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// Where a log's channels are: the `[channels]` table of a model or experiment file.
+///
+/// btr's own names (`t`, `cmd_<joint>`, `q_<joint>`, ...) are always understood; the mapping adds foreign ones.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Mapping {
+    /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<String>,
+    /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor = 0.0175 }`.
+    /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub channels: IndexMap<String, Theirs>,
+    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}` makes it
+    /// one per joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_on: Option<String>,
+    /// Where things are in an MCAP file.
+    #[serde(skip_serializing_if = "is_default")]
+    pub topics: Topics,
+}
+
+/// What a log calls a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Theirs {
+    /// A name; a unit at its end (`_deg`) is heeded.
+    Name(String),
+    /// A name whose values are not in btr's unit.
+    Scaled {
+        /// The name.
+        column: String,
+        /// Times this, its values are in btr's unit; the name's end is not asked.
+        factor: f64,
+    },
+}
+
+impl Theirs {
+    /// The log's name.
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Theirs::Name(name) | Theirs::Scaled { column: name, .. } => name,
+        }
+    }
+}
+
+/// The topics of an MCAP file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Topics {
+    /// What the joints did: `sensor_msgs/msg/JointState`.
+    pub states: String,
+    /// What the joints were told: `JointState` or `trajectory_msgs/msg/JointTrajectory`.
+    pub commands: String,
+    /// `sensor_msgs/msg/Imu`.
+    pub imu: String,
+    /// Topics of bare numbers (`std_msgs/msg/Float64MultiArray`) and what each number is.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub arrays: IndexMap<String, Vec<String>>,
+}
+
+impl Default for Topics {
+    fn default() -> Self {
+        Topics {
+            states: "/joint_states".into(),
+            commands: "/joint_commands".into(),
+            imu: "/imu".into(),
+            arrays: IndexMap::new(),
+        }
+    }
+}
+
+fn is_default(topics: &Topics) -> bool {
+    *topics == Topics::default()
+}
+
+impl Mapping {
+    /// What the mapping says a foreign name is; `None` when it says nothing.
+    pub(crate) fn meaning(&self, theirs: &str) -> Option<Meaning> {
+        let exact = self.channels.iter().find(|(_, t)| t.name() == theirs).map(|(ours, t)| (ours.clone(), t));
+        let by_pattern = || self.channels.iter().find_map(|(ours, t)| Some((fill(t.name(), ours, theirs)?, t)));
+        let (name, said) = exact.or_else(by_pattern)?;
+        let plain = Meaning::of(name);
+        Some(match (said, suffix(theirs)) {
+            (Theirs::Scaled { factor, .. }, _) => Meaning { factor: *factor, ..plain },
+            (Theirs::Name(_), Some((_, unit, factor))) => Meaning { unit, factor, ..plain },
+            (Theirs::Name(_), None) => plain,
+        })
+    }
+
+    /// What a log has to call one of btr's channels, and the key that says so.
+    pub(crate) fn theirs(&self, ours: &str) -> Option<(&str, String)> {
+        let exact = self.channels.get_key_value(ours).map(|(key, t)| (key.as_str(), t.name().to_owned()));
+        let by_pattern = |(key, theirs): (&'_ String, &Theirs)| fill(key, theirs.name(), ours);
+        exact
+            .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
+    }
+
+    /// The name of the 0/1 channel that switches the given command.
+    pub(crate) fn torque_on_for(&self, command: &str) -> Option<String> {
+        let joint = command.strip_prefix("cmd_")?;
+        self.torque_on.as_ref().map(|name| name.replace("{joint}", joint))
+    }
+}
+
+/// When `theirs` fits the pattern `from`, the pattern `to` with the same joint.
+fn fill(from: &str, to: &str, theirs: &str) -> Option<String> {
+    let (head, tail) = from.split_once("{joint}")?;
+    let joint = theirs.strip_prefix(head)?.strip_suffix(tail)?;
+    (!joint.is_empty()).then(|| to.replace("{joint}", joint))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::names::DEGREE;
+    use super::*;
+
+    #[test]
+    fn mappings_rename_one_by_one_and_by_pattern() {
+        let mapping: Mapping = toml::from_str(
+            r#"channels = { "cmd_{joint}" = "q_cmd_{joint}", q_motor = "encoder_deg", "q_{joint}" = "{joint}_pos_rad" }"#,
+        )
+        .unwrap();
+        let name = |theirs: &str| mapping.meaning(theirs).map(|m| m.name);
+        assert_eq!(name("q_cmd_hip"), Some("cmd_hip".into()));
+        assert_eq!(name("encoder_deg"), Some("q_motor".into()));
+        assert_eq!(name("hip_pos_rad"), Some("q_hip".into()));
+        assert_eq!(name("_pos_rad"), None);
+        assert_eq!(name("load"), None);
+        assert_eq!(mapping.meaning("encoder_deg").unwrap().factor.to_bits(), DEGREE.to_bits());
+    }
+
+    #[test]
+    fn a_factor_says_what_the_name_does_not() {
+        let text = r#"channels = { "q_{joint}" = { column = "{joint}_deg", factor = -2.0 }, cmd_hip = "hip_goal" }"#;
+        let mapping: Mapping = toml::from_str(text).unwrap();
+        let meaning = mapping.meaning("hip_deg").unwrap();
+        assert_eq!((meaning.name.as_str(), meaning.unit, meaning.factor), ("q_hip", "rad", -2.0));
+        assert_eq!(mapping.theirs("q_hip"), Some(("q_{joint}", "hip_deg".to_owned())));
+        assert_eq!(toml::from_str::<Mapping>(&toml::to_string(&mapping).unwrap()).unwrap(), mapping);
+    }
+
+    #[test]
+    fn a_misspelt_key_is_refused() {
+        assert!(toml::from_str::<Mapping>("tme = \"t\"").is_err());
+        assert!(toml::from_str::<Mapping>(r#"channels.q_hip = { column = "hip", facto = 2.0 }"#).is_err());
+    }
+}

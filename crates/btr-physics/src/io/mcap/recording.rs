@@ -1,0 +1,139 @@
+//! A recording of ROS 2 messages on their way to a log.
+
+use super::other::{Kind, Names, Sample, kind, samples};
+use super::{merge, own};
+use crate::io::error::{IoError, Warning};
+use crate::io::mapping::Mapping;
+use btr_core::log::Log;
+use indexmap::IndexMap;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What to do with a topic's messages.
+enum Plan {
+    Own,
+    Read { kind: Kind, json: bool },
+    Skip,
+}
+
+struct Topic {
+    name: String,
+    plan: Plan,
+}
+
+/// A recording as its messages come in, one after the other.
+pub struct Recording<'a> {
+    mapping: &'a Mapping,
+    topics: BTreeMap<u16, Topic>,
+    /// Topics with their types, for the message when nothing useful is found.
+    types: BTreeMap<String, String>,
+    own: Option<own::Rows>,
+    samples: Vec<(Kind, Sample)>,
+    names: Names,
+    messages: usize,
+    /// Per topic: how many messages could not be decoded, and why the first could not.
+    undecodable: IndexMap<String, (usize, String)>,
+    warnings: Vec<Warning>,
+}
+
+impl<'a> Recording<'a> {
+    /// Nothing recorded yet; the mapping says which topics count and what their names mean.
+    pub fn new(mapping: &'a Mapping) -> Self {
+        Recording {
+            mapping,
+            topics: BTreeMap::new(),
+            types: BTreeMap::new(),
+            own: None,
+            samples: Vec::new(),
+            names: Names::default(),
+            messages: 0,
+            undecodable: IndexMap::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Tells of a topic, with its type (`sensor_msgs/msg/JointState`), its messages' encoding (`cdr`, `json`) and what else the
+    /// recorder says; one that is known already stays as it is.
+    pub fn topic(&mut self, id: u16, name: &str, schema: &str, encoding: &str, metadata: &BTreeMap<String, String>) {
+        if self.topics.contains_key(&id) {
+            return;
+        }
+        self.types.insert(name.to_owned(), schema.to_owned());
+        let plan = self.plan(name, schema, encoding, metadata).unwrap_or_else(|why| {
+            self.warnings.push(Warning::TopicSkipped { topic: name.to_owned(), why });
+            Plan::Skip
+        });
+        self.topics.insert(id, Topic { name: name.to_owned(), plan });
+    }
+
+    fn plan(
+        &mut self,
+        name: &str,
+        schema: &str,
+        encoding: &str,
+        metadata: &BTreeMap<String, String>,
+    ) -> Result<Plan, String> {
+        if name == own::TOPIC && schema == own::TYPE {
+            self.own = Some(own::Rows::new(metadata)?);
+            return Ok(Plan::Own);
+        }
+        let kind = kind(&self.mapping.topics, name, schema, encoding).transpose()?;
+        Ok(kind.map_or(Plan::Skip, |kind| Plan::Read { kind, json: encoding == "json" }))
+    }
+
+    /// Takes in a message of a topic, recorded at `log_ns`.
+    pub fn take(&mut self, id: u16, log_ns: u64, data: &[u8]) {
+        self.messages += 1;
+        let Some(topic) = self.topics.get(&id) else { return };
+        let taken = match (&topic.plan, &mut self.own) {
+            (Plan::Own, Some(rows)) => rows.push(data),
+            // The log itself is there: nobody will ask for its views.
+            (Plan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
+            (&Plan::Read { kind, json }, _) => {
+                let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
+                samples(kind, elements, json, data, log_ns, &mut self.names).map(|samples| {
+                    self.samples.extend(samples.into_iter().map(|sample| (kind, sample)));
+                })
+            }
+            (Plan::Skip | Plan::Own, _) => Ok(()),
+        };
+        if let Err(why) = taken {
+            self.undecodable.entry(topic.name.clone()).or_insert((0, why)).0 += 1;
+        }
+    }
+
+    /// Tells that nothing more can be read.
+    pub(crate) fn breaks_off(&mut self, why: String) {
+        self.warnings.push(Warning::Truncated { messages: self.messages, why });
+    }
+
+    /// The log of all messages. `path` is only for messages.
+    ///
+    /// # Errors
+    /// [`IoError::NoStates`] without any joint states; samples that make no log.
+    pub fn into_log(mut self, path: &Path) -> Result<(Log, Vec<Warning>), IoError> {
+        let undecodable = self.undecodable.into_iter();
+        self.warnings.extend(undecodable.map(|(topic, (count, why))| Warning::Undecodable { topic, count, why }));
+        if let Some(rows) = self.own.filter(|rows| !rows.is_empty()) {
+            let log = rows.into_log().map_err(|source| IoError::Log { path: path.to_owned(), source })?;
+            return Ok((log, self.warnings));
+        }
+        let Some(merged) = merge::merge(self.samples, &self.names) else {
+            let topics = self.types.iter().map(|(topic, schema)| format!("{topic} ({schema})")).collect();
+            return Err(IoError::NoStates {
+                path: path.to_owned(),
+                wanted: self.mapping.topics.states.clone(),
+                topics,
+            });
+        };
+        self.warnings.extend(merged.warnings);
+        let (log, more) = crate::io::series::assemble(
+            path,
+            merged.clock_s,
+            merged.series.into_iter().map(|(name, values)| self.mapping.series(name, values)).collect(),
+            self.mapping,
+        )?;
+        self.warnings.extend(more);
+        Ok((log, self.warnings))
+    }
+}
