@@ -46,7 +46,7 @@ fn make_all(simulator: &dyn Simulator, jobs: &[Job], wanted: &[Wanted]) -> Vec<R
         simulator.make_all(&these.0, &these.1).into_iter().zip(ks.to_vec())
     };
     let at_once = side_by_side(simulator.side_by_side(), jobs.len());
-    let mut results: Vec<_> = order.par_chunks(at_once).flat_map_iter(few).collect();
+    let mut results: Vec<_> = order.par_chunks(at_once).with_max_len(1).flat_map_iter(few).collect();
     results.sort_by_key(|(_, k)| *k);
     results.into_iter().map(|(made, _)| made).collect()
 }

@@ -109,7 +109,8 @@ impl<'a> Bench<'a> {
         let at_once = side_by_side(self.family.side_by_side(), jobs);
         let tasks = which.iter().flat_map(|&log| points.chunks(at_once).map(move |few| (log, few)));
         let run = |(log, few): (usize, &[Vec<f64>])| self.of_log(few, log, step);
-        let parts: Vec<Option<Vec<f64>>> = tasks.collect::<Vec<_>>().into_par_iter().flat_map_iter(run).collect();
+        let parts: Vec<Option<Vec<f64>>> =
+            tasks.collect::<Vec<_>>().into_par_iter().with_max_len(1).flat_map_iter(run).collect();
         let joined = |point: usize| {
             let of_logs = (0..which.len()).map(|log| parts[log * points.len() + point].as_deref());
             Some(of_logs.collect::<Option<Vec<&[f64]>>>()?.concat())

@@ -1,0 +1,148 @@
+#!/usr/bin/env python3
+"""What hands at a distance cost, and how far they carry.
+
+    pip install './crates/btr-py[ray]'
+    python benches/scaling.py ray [--rounds 5]     # one worker and two of Ray on this machine, beside threads
+    python benches/scaling.py extrapolate          # up to 1000 workers that only take their time
+
+`extrapolate` runs two generations of a population once, and keeps the answer to every batch. Then it runs them again with workers that
+give the same answers after the time that their simulations would take on a core of their own: everything is measured but the
+simulations and the network, so this is what the machine that hands out the work can do.
+"""
+
+import argparse
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import btr
+from btr import executors
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+
+
+class Counted:
+    """Hands whose messages are counted; threads of this process do the work."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers, self.lock = workers, threading.Lock()
+        self.sent, self.answered, self.parcels = [], [], {}
+
+    def work(self, parcels: Sequence, batch: bytes) -> bytes:
+        answer = self.answer(parcels, batch)
+        with self.lock:
+            self.sent.append(len(batch))
+            self.answered.append(len(answer))
+            self.parcels |= {parcel.key: len(parcel.content) for parcel in parcels}
+        return answer
+
+    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
+        return executors.serve([p.key for p in parcels], batch, *[p.content for p in parcels])
+
+
+class Recorded(Counted):
+    """Keeps answers."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__(workers)
+        self.known: dict[bytes, bytes] = {}
+
+    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
+        answer = self.known[batch] = super().answer(parcels, batch)
+        return answer
+
+
+class Replayed(Counted):
+    """Gives kept answers, after the time they take."""
+
+    def __init__(self, recorded: Recorded, candidates: int, seconds: float) -> None:
+        super().__init__(recorded.workers)
+        self.known = recorded.known
+        self.per_byte = candidates * seconds / sum(recorded.sent)
+
+    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
+        time.sleep(self.per_byte * len(batch))
+        return self.known[batch]
+
+
+def seconds(run) -> float:
+    began = time.perf_counter()
+    run()
+    return time.perf_counter() - began
+
+
+def sizes(name: str, hands: Counted) -> None:
+    batches = len(hands.sent)
+    print(f"{name}: {batches} batches of {sum(hands.sent) / batches:.0f} bytes, answers of {sum(hands.answered) / batches:.0f},", end=" ")
+    print(f"{len(hands.parcels)} parcels of {sum(hands.parcels.values()) / 1e3:.0f} kB in all")
+
+
+def diagnosis(executor) -> None:
+    learn = sorted((ROBOTS / "arm").glob("learn_*.csv"))
+    btr.diagnose(btr.load_model(ROBOTS / "arm.toml"), learn, executor=executor)
+
+
+def loop(executor, **settings) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        btr.coevolve(btr.load_model(ROBOTS / "nao.toml", settings), out=folder, executor=executor)
+
+
+def ray(rounds: int) -> None:
+    one, two = executors.Ray(1, num_cpus=2), executors.Ray(2)
+    for name, work in (("diagnose, arm", diagnosis), ("coevolve, nao.toml", loop)):
+        counted = Counted(2)
+        work(counted)
+        sizes(name, counted)
+        work(two)  # every worker opens its parcels
+        taken = {label: [] for label in ("1 thread", "2 threads", "Ray, 1 worker", "Ray, 2 workers")}
+        for _ in range(rounds):
+            for label, executor in zip(taken, (1, 2, one, two)):
+                taken[label].append(seconds(lambda: work(executor)))
+        for label, times in taken.items():
+            print(f"  {label:<16}{statistics.median(times):6.2f} s   {min(times):.2f} .. {max(times):.2f}")
+
+
+def population(size: int, executor) -> float:
+    settings = {
+        "coevolve.iterations": 1,
+        "coevolve.controllers.generations": 2,
+        "coevolve.controllers.search.population": size,
+        "coevolve.transfer.count": 1,
+        "coevolve.simulators.generations": 1,
+        "coevolve.simulators.search.population": 2,
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        model = btr.load_model(ROBOTS / "ant.toml", settings)
+        return seconds(lambda: btr.coevolve(model, out=folder, executor=executor))
+
+
+def extrapolate(size: int, taking_s: float) -> None:
+    print(f"two generations of {size} candidates that take {1e3 * taking_s:.0f} ms each")
+    print(f"{'workers':>8}{'batches':>9}{'ideal s':>9}{'s':>8}{'share of the ideal':>20}")
+    for workers in (10, 100, 300, 1000):
+        recorded = Recorded(workers)
+        population(size, recorded)
+        replayed = Replayed(recorded, 2 * size, taking_s)
+        idle = population(size, Replayed(recorded, 2 * size, 0.0))
+        took, ideal = population(size, replayed), 2 * size * taking_s / workers
+        print(f"{workers:>8}{len(recorded.sent):>9}{ideal:>9.2f}{took:>8.2f}{100 * ideal / took:>18.0f} %   (nothing to wait for: {idle:.2f} s)")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["ray", "extrapolate"])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--size", type=int, default=4000)
+    parser.add_argument("--taking", type=float, default=0.05, help="seconds per candidate")
+    args = parser.parse_args()
+    if args.what == "ray":
+        ray(args.rounds)
+    else:
+        extrapolate(args.size, args.taking)
+
+
+if __name__ == "__main__":
+    main()
