@@ -18,7 +18,7 @@ pub mod fit;
 pub mod lag;
 pub mod log;
 pub mod noise;
-mod parallel;
+pub mod parallel;
 pub mod random;
 pub mod search;
 mod settings;

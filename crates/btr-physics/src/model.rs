@@ -12,9 +12,11 @@ use crate::sim::{self, EngineName, Setup};
 use crate::task::Fitness;
 use btr_core::family::Step;
 use btr_core::log::{Log, Role};
+use btr_core::parallel;
 use btr_core::smooth;
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Job, Simulator, WorldError};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -180,6 +182,18 @@ impl Model {
         let own = self.drive.space().nominal();
         let job = |(s, further): &'_ (Vec<f64>, Vec<Placed>)| self.prepare(s, &own, situation, further, step);
         self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
+    }
+
+    /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side by side
+    /// where they follow each other.
+    pub fn simulate_all(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
+        let at_once = parallel::side_by_side(abreast::at_most(), jobs.len());
+        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(|few| self.few(few)).collect()
+    }
+
+    fn few(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
+        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], Step::USUAL);
+        self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>())
     }
 
     fn run_once(
@@ -362,14 +376,12 @@ impl Simulator for Model {
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
-        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], Step::USUAL);
-        let ready: Vec<Result<Ready, WorldError>> = jobs.iter().map(ready).collect();
         let behaviour = |log: Result<Log, WorldError>| {
             let log = log?;
             let fitness = self.fitness.of(&log)?;
             Ok(Behaviour { log, fitness })
         };
-        self.run_ready(&ready).into_iter().map(behaviour).collect()
+        self.few(jobs).into_iter().map(behaviour).collect()
     }
 
     fn simulations(&self) -> &Space {

@@ -3,13 +3,16 @@
 use crate::error::{Raise, raised};
 use crate::laws;
 use crate::log::{Given, Log, numbered};
-use crate::work::at_once;
-use btr_core::world::Simulator;
+use crate::work::{at_once, way, working};
+use btr_core::space::Space;
+use btr_core::world::{Job, Simulator};
 use btr_physics::adapt::moved;
 use btr_physics::experiment::{self, Source};
 use btr_physics::io::{IoError, write_whole};
+use btr_physics::model;
 use btr_physics::verbs::{self, Addition, OwnLaw, OwnNumber};
 use pyo3::prelude::*;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -17,6 +20,15 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "btr", name = "Model")]
 pub(crate) struct Model {
     pub(crate) source: Source,
+    built: Box<model::Model>,
+}
+
+impl Model {
+    /// The model of a text that makes sense.
+    pub(crate) fn of(source: Source) -> PyResult<Self> {
+        let built = Box::new(experiment::model(&source).map_err(Raise::raise)?);
+        Ok(Model { source, built })
+    }
 }
 
 #[pymethods]
@@ -26,8 +38,7 @@ impl Model {
     #[pyo3(signature = (text, path, laws = vec![]))]
     fn new(py: Python<'_>, text: String, path: PathBuf, laws: laws::Given) -> PyResult<Self> {
         let source = Source { laws: laws::laws(laws), ..Source::new(path, text) };
-        py.detach(|| experiment::model(&source)).map_err(Raise::raise)?;
-        Ok(Model { source })
+        py.detach(|| Model::of(source))
     }
 
     /// The model of a file, with `key=value` settings as `--set` takes them.
@@ -59,9 +70,15 @@ impl Model {
 
     /// The joints that can move, in order.
     #[getter]
-    fn joints(&self) -> PyResult<Vec<String>> {
-        let model = experiment::model(&self.source).map_err(Raise::raise)?;
-        Ok(model.robot.movable().map(|(_, link)| link.joint.name.clone()).collect())
+    fn joints(&self) -> Vec<&str> {
+        self.built.robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()
+    }
+
+    /// S and C, as JSON: the dimensions of each.
+    #[getter]
+    fn spaces(&self) -> (String, String) {
+        let dims = |space: &Space| json!(space.dims()).to_string();
+        (dims(self.built.simulations()), dims(self.built.controllers()))
     }
 
     /// Writes the model file, whole or not at all; the files that it names are found from there.
@@ -88,16 +105,40 @@ impl Model {
         Ok(Log::new(numbered("simulated"), simulated))
     }
 
+    /// Many rollouts, side by side: a point of S and one of C for each; nothing where a simulation blew up.
+    #[pyo3(signature = (parameters, controllers, log = None))]
+    fn simulate_all(
+        &self,
+        py: Python<'_>,
+        parameters: Vec<Vec<f64>>,
+        controllers: Vec<Vec<f64>>,
+        log: Option<Given>,
+    ) -> PyResult<Vec<Option<Log>>> {
+        let log = log.map(Given::source);
+        let way = way(py, None, &self.source)?;
+        let simulated = working(py, &way, || {
+            let replaying = log.map(|log| experiment::model_replaying(&self.source, log)).transpose();
+            let replaying = replaying.map_err(Raise::raise)?;
+            let model = replaying.as_ref().unwrap_or(&self.built);
+            let points = parameters.iter().zip(&controllers);
+            points.clone().try_for_each(|(s, c)| within(model, s, c))?;
+            let jobs: Vec<Job> = points.map(|(s, c)| Job { s, c, scenario: 0 }).collect();
+            Ok(model.simulate_all(&jobs))
+        })?;
+        let logs = simulated.into_iter().map(|log| Some(Log::new(numbered("simulated"), log.ok()?)));
+        Ok(logs.collect())
+    }
+
     /// The model with effects (`coulomb_friction@knee`) in it, free to fit.
     fn add(&self, effects: Vec<String>) -> PyResult<Self> {
-        let model = experiment::model(&self.source).map_err(Raise::raise)?;
-        let addition = |text: &String| Addition::parse(text, &model.robot).map_err(Raise::raise);
+        let robot = &self.built.robot;
+        let addition = |text: &String| Addition::parse(text, robot).map_err(Raise::raise);
         let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?;
         if additions.is_empty() {
             return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".to_owned())));
         }
-        let text = verbs::add(&self.source, &model.robot, &additions).map_err(Raise::raise)?;
-        Ok(Model { source: Source { text, ..self.source.clone() } })
+        let text = verbs::add(&self.source, robot, &additions).map_err(Raise::raise)?;
+        Model::of(Source { text, ..self.source.clone() })
     }
 
     /// The text of the model with a user's own law in it; whether that makes sense is said when it is read.
@@ -105,6 +146,12 @@ impl Model {
         let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();
         verbs::add_law(&self.source, &OwnLaw { law, site, on, numbers }).map_err(Raise::raise)
     }
+}
+
+/// Whether points are in their spaces: what is outside is a mistake, not a simulation that failed.
+fn within(model: &model::Model, s: &[f64], c: &[f64]) -> PyResult<()> {
+    let checked = model.simulations().check(s).and_then(|()| model.controllers().check(c));
+    checked.map_err(|e| raised(&e.to_string(), None))
 }
 
 /// A number of a law: known, or free to fit between two bounds.

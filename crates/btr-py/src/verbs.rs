@@ -97,7 +97,7 @@ pub(crate) fn fit(
         let (found, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
-        let fitted = Model { source: Source { text, ..problem.source.clone() } };
+        let fitted = Model::of(Source { text, ..problem.source.clone() })?;
         let (document, space) =
             (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);

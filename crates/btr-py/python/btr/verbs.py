@@ -64,6 +64,34 @@ class Model:
         if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
         return self._model.simulate(None if log is None else _given(log), seed)
 
+    @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """The numbers in doubt, S: each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or
+        `log`) and `nominal` value."""
+        space: list[dict[str, Any]] = json.loads(self._model.spaces[0])
+        return space
+
+    @property
+    def controllers(self) -> list[dict[str, Any]]:
+        """The numbers of the drive that are searched, C, as `parameters` are told; empty where it is fixed."""
+        space: list[dict[str, Any]] = json.loads(self._model.spaces[1])
+        return space
+
+    def simulate_all(
+        self, parameters: ArrayLike | None = None, controllers: ArrayLike | None = None, *, log: LogLike | None = None
+    ) -> list[Log | None]:
+        """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in their units,
+        or `controllers` of shape (rollouts, len(self.controllers)), or both; what is left out has its nominal values. Driven as
+        `simulate` is, without noise. None stands for a simulation that blew up. Raises `BtrError` for a point outside its bounds,
+        `ValueError` for wrong shapes."""
+        given = [points for points in (parameters, controllers) if points is not None]
+        if not given:
+            raise ValueError("simulate_all needs parameters, controllers, or both: arrays with a row for every rollout")
+        rollouts = max(len(np.asarray(points)) for points in given)
+        s = _points(parameters, self.parameters, rollouts, "parameters")
+        c = _points(controllers, self.controllers, rollouts, "controllers")
+        return self._model.simulate_all(s, c, None if log is None else _given(log))
+
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that
         is not there."""
@@ -119,6 +147,20 @@ class Model:
 
     def __repr__(self) -> str:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
+
+
+def _points(points: ArrayLike | None, space: list[dict[str, Any]], rollouts: int, what: str) -> list[list[float]]:
+    """A row for every rollout, checked."""
+    if points is None:
+        middle = {"linear": lambda d: (d["min"] + d["max"]) / 2, "log": lambda d: (d["min"] * d["max"]) ** 0.5}
+        nominal = [middle[d["scale"]](d) if d["nominal"] is None else d["nominal"] for d in space]
+        return [nominal] * rollouts
+    rows = np.asarray(points, dtype=np.float64)
+    if rows.shape != (rollouts, len(space)):
+        names = ", ".join(dim["name"] for dim in space)
+        raise ValueError(f"{what} has shape {rows.shape} where ({rollouts}, {len(space)}) is needed: a row of {names or 'nothing'}")
+    listed: list[list[float]] = rows.tolist()
+    return listed
 
 
 def load_model(
