@@ -1,4 +1,4 @@
-"""The journeys of `examples/` run as they are and end where they say they do."""
+"""The journeys of `examples/`, and that of the README, run as they are and end where they say they do."""
 
 import os
 import re
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
 # Cells of text and code, which notebooks show one by one.
 JOURNEYS = ["coevolve", "compare_diagnose_fit", "own_robot"]
 
@@ -111,6 +112,19 @@ def test_a_journey_is_a_notebook(name: str, tmp_path: Path, monkeypatch: pytest.
     known: dict = {}
     exec(cells(name)[0], known)
     assert known["OUT"].parent == tmp_path and "__file__" not in known
+
+
+def test_the_journey_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robots").symlink_to(ROOT / "robots")
+    monkeypatch.chdir(tmp_path)
+    [journey] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    known: dict = {}
+    exec(journey, known)
+    assert known["answer"].names == ["coulomb_friction@yaw"] and 'answer.names == ["coulomb_friction@yaw"]' in journey
+    assert (tmp_path / "fitted.toml").exists()
+    # The law that is written down in the text below it.
+    [law] = re.findall(r"`(arm\.add_law\(.*?\))`", (ROOT / "README.md").read_text())
+    assert eval(law, known).text.count("[[effects]]") == 1
 
 
 def test_every_example_is_run_here() -> None:
