@@ -86,7 +86,7 @@ def test_a_notebook_shows_the_figures_that_there_are(disengaged: btr.CoevolveRes
     figures = [base64.b64decode(data) for data in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', shown)]
     assert figures == [(disengaged.folder / name).read_bytes() for name in ("figure3.svg", "figure5.svg")]
     assert all(figure.startswith(b"<svg ") for figure in figures)
-    assert "stopped: disengaged" in shown and "<td>7</td>" not in shown and shown.count("<tr>") == 1 + len(disengaged.iterations)
+    assert "stopped: disengaged" in shown and shown.count("<tr>") == 1 + len(disengaged.iterations)
     (tmp_path / "figure5.svg").write_bytes(figures[1])
     elsewhere = btr.CoevolveResult(disengaged.document, tmp_path)._repr_html_()
     assert elsewhere.count("<img") == 1 and "before and after" in elsewhere

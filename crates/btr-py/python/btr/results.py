@@ -197,7 +197,8 @@ class CoevolveResult(Result):
         return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}{lacks}"
 
     def _table(self) -> Rows:
-        columns = {"i": "iteration", "real_tests": "tests", "phi": "phi", "fitness_sim": "f simulated", "fitness_real": "f real"}
+        columns = {"i": "iteration", "real_tests": "tests", "phi": "phi"}
+        columns |= {"fitness_sim": "f simulated", "fitness_real": "f real"}
         return [{title: iteration[key] for key, title in columns.items()} for iteration in self.iterations]
 
     def _repr_html_(self) -> str:
