@@ -1,7 +1,11 @@
 """The loop from Python: its robot is a function, and whatever ends it leaves a run that goes on."""
 
+import base64
+import copy
 import json
 import os
+import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -58,6 +62,62 @@ def test_a_function_is_a_robot(experiment: btr.Model, undisturbed: dict, tmp_pat
     assert "6 real tests" in repr(found) and "<table>" in found._repr_html_()
     assert "mass@bob" in btr.load_model(found.adapted).text
     assert {key: value for key, value in found.document.items() if key != "files"} == undisturbed
+
+
+@pytest.fixture(scope="module")
+def disengaged(tmp_path_factory: pytest.TempPathFactory) -> btr.CoevolveResult:
+    """A run whose robot rubs, as its file has it."""
+    return btr.coevolve(ROBOTS / "disengage.toml", out=tmp_path_factory.mktemp("run"))
+
+
+def test_what_it_lacks_is_told(disengaged: btr.CoevolveResult) -> None:
+    assert disengaged.stop_reason == "disengaged" and disengaged.missing == ["coulomb_friction@hinge"]
+    assert repr(disengaged).split("\n\n")[0].endswith("\nmissing: coulomb_friction@hinge")
+    for key, value in [("stop_reason", "iterations_done"), ("diagnosis", None)]:
+        other = btr.CoevolveResult({**disengaged.document, key: value}, disengaged.folder)
+        assert other.missing == [] and "missing" not in repr(other)
+    unexplained = copy.deepcopy(disengaged)
+    unexplained.diagnosis["verdict"] = "unexplained"
+    assert unexplained.missing == []
+
+
+def test_a_notebook_shows_the_figures_that_there_are(disengaged: btr.CoevolveResult, tmp_path: Path) -> None:
+    shown = disengaged._repr_html_()
+    figures = [base64.b64decode(data) for data in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', shown)]
+    assert figures == [(disengaged.folder / name).read_bytes() for name in ("figure3.svg", "figure5.svg")]
+    assert all(figure.startswith(b"<svg ") for figure in figures)
+    assert "stopped: disengaged" in shown and shown.count("<tr>") == 1 + len(disengaged.iterations)
+    (tmp_path / "figure5.svg").write_bytes(figures[1])
+    elsewhere = btr.CoevolveResult(disengaged.document, tmp_path)._repr_html_()
+    assert elsewhere.count("<img") == 1 and "before and after" in elsewhere
+    assert "<img" not in btr.CoevolveResult(disengaged.document, tmp_path / "gone")._repr_html_()
+    assert pickle.loads(pickle.dumps(disengaged))._repr_html_() == shown
+
+
+def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
+    matplotlib = pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    run = copy.deepcopy(disengaged)
+    run.iterations[1]["fitness_real"] = None
+    run.document["augmentations"] = [{"after_iteration": 1, "real_tests": 2, "parameters": ["coulomb_friction.torque@hinge"]}]
+    phi, fitness = run.plot()
+    found, predicted, grown = phi.lines
+    assert list(found.get_ydata()) == [iteration["phi"] for iteration in run.iterations] and phi.get_yscale() == "log"
+    assert list(predicted.get_ydata()) == [iteration["phi_predicted"] for iteration in run.iterations]
+    assert list(grown.get_xdata()) == [1.5, 1.5] and grown.get_label() == "+ coulomb_friction.torque@hinge"
+    promised, real, _ = fitness.lines
+    assert list(promised.get_xdata()) == list(range(1, len(run.iterations) + 1))
+    assert list(promised.get_ydata()) == [iteration["fitness_sim"] for iteration in run.iterations]
+    assert np.isnan(real.get_ydata()[1]) and np.isfinite(real.get_ydata()[0])
+    assert [text.get_text() for text in fitness.get_legend().get_texts()][:2] == ["promised", "real"]
+    pair = list(pyplot.subplots(1, 2)[1])
+    assert disengaged.plot(ax=pair) == pair
+    for iteration in run.iterations:
+        iteration["fitness_sim"] = iteration["fitness_real"] = None
+    assert len(run.plot()) == 1
+    pyplot.close("all")
 
 
 def test_a_test_that_failed_is_spent(experiment: btr.Model, tmp_path: Path) -> None:
@@ -165,4 +225,5 @@ def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -
     text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))
     found = btr.coevolve(btr.Model(text, experiment.path), out=tmp_path)
     assert found.stop_reason is None and "references.csv" in found.waiting_for and "waiting for a real test" in repr(found)
+    assert found.missing == [] and "<img" not in found._repr_html_()
     assert json.loads((tmp_path / "history.json").read_text())["real_tests"] == 0

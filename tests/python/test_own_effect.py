@@ -17,7 +17,6 @@ import pytest
 import btr
 
 HERE = Path(__file__).parent
-EXAMPLE = HERE.parents[1] / "examples" / "own_effect.py"
 
 MODEL = """name = "swing"
 [robot]
@@ -295,13 +294,3 @@ def test_functions_of_one_name_in_two_models_are_two(swing: btr.Model) -> None:
 
     one, other = (swing.add_law(made(factor), site="hinge") for factor in (0.1, 0.9))
     assert one.text == other.text and one != other and one.simulate() != other.simulate()
-
-
-def test_the_example_runs() -> None:
-    run = subprocess.run([sys.executable, EXAMPLE], capture_output=True, text=True, check=True)
-    assert [line.split(":")[0] for line in run.stdout.splitlines() if not line.startswith(" ")] == [
-        "as its maker thinks it is",
-        "with an expression",
-        "with a function",
-    ]
-    assert run.stdout.count("95 % interval 0.2") == 3, run.stdout

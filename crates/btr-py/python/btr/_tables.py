@@ -34,7 +34,8 @@ def markup(headline: str, rows: Rows) -> str:
     """A headline and the rows as HTML."""
     head = "".join(f"<th>{html.escape(key)}</th>" for key in (rows[0] if rows else {}))
     body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell(x))}</td>' for x in row.values())}</tr>" for row in rows)
-    return f"<p>{html.escape(headline)}</p><table><tr>{head}</tr>{body}</table>"
+    lines = html.escape(headline).replace("\n", "<br>")
+    return f"<p>{lines}</p><table><tr>{head}</tr>{body}</table>"
 
 
 def frame(columns: Any) -> pandas.DataFrame:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from btr._btr import Log
-    from btr.results import CompareResult, DiagnoseResult, FitResult
+    from btr.results import CoevolveResult, CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
 """A colour by what it is for: the simulated, the measured or held out, what was before, what stands where it should not, what
@@ -129,6 +129,37 @@ def _share(dim: dict[str, Any], value: float | None) -> float:
     if dim["scale"] == "log":
         return math.log(value / low) / math.log(high / low)
     return float((value - low) / (high - low))
+
+
+def coevolve(found: CoevolveResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """What every iteration came to, on a pair of axes: phi on a logarithmic scale, of the new simulation and of the one before
+    it on tests that it had not seen; and the best controller's fitness, as it was promised and as it was. Without any fitness
+    phi is alone."""
+    ends = [("fitness_sim", "promised", "main"), ("fitness_real", "real", "second")]
+    has_fitness = any(iteration[key] is not None for iteration in found.iterations for key, _, _ in ends)
+    axes = list(ax) if ax else _figure(1, 1 + has_fitness, size=(6.4 * (1 + has_fitness), 3.6))
+    phi = [("phi", "of the simulation found", "main"), ("phi_predicted", "of the one before, on fresh tests", "second")]
+    drawn = [_iterations(found, axes[0], phi, "phi", "How far simulation is from reality")]
+    axes[0].set_yscale("log")
+    if has_fitness:
+        drawn.append(_iterations(found, axes[1], ends, "fitness", "What the best controller is worth"))
+    return drawn
+
+
+def _iterations(found: CoevolveResult, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> Axes:
+    """A line per key with its name and ink over the iterations, with marks where simulations gained parameters."""
+    for key, name, ink in lines:
+        values = [math.nan if iteration[key] is None else iteration[key] for iteration in found.iterations]
+        ax.plot([iteration["i"] for iteration in found.iterations], values, "o-", color=INK[ink], label=name)
+    for grown in found.augmentations:
+        gained = f"+ {', '.join(grown['parameters'])}"
+        ax.axvline(grown["after_iteration"] + 0.5, color=INK["third"], linestyle="--", label=gained)
+    ax.xaxis.set_major_locator(needed("matplotlib.ticker", "plot").MaxNLocator(integer=True))
+    ax.set_xlabel("iteration")
+    ax.set_ylabel(label)
+    ax.grid(color="#e6e6e6")
+    _head(ax, title)
+    return ax
 
 
 def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[Axes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import os
 from collections.abc import Sequence
@@ -89,6 +90,21 @@ def _ladder(steps: list[dict[str, Any]]) -> Rows:
     return [{"step": s["step"], "error (x noise floor)": s["train"], "held out": s["held_out"]} for s in steps]
 
 
+def _names(effects: list[dict[str, Any]]) -> list[str]:
+    """Effects that were found, as `effect@site`."""
+    sites = [(e["effect"], e["site"] if isinstance(e["site"], list) else [e["site"]]) for e in effects]
+    return [f"{effect}@{site}" for effect, all_sites in sites for site in all_sites]
+
+
+def _picture(path: Path, what: str) -> str:
+    """An SVG file in HTML; nothing where it is not there. As an image, whose style is not that of the page around it."""
+    try:
+        data = base64.b64encode(path.read_bytes()).decode()
+    except OSError:
+        return ""
+    return f'<p><img alt="{what}" style="max-width:100%" src="data:image/svg+xml;base64,{data}"></p>'
+
+
 class CheckResult(Result):
     """What logs are worth."""
 
@@ -127,8 +143,7 @@ class DiagnoseResult(Reported):
     @property
     def names(self) -> list[str]:
         """What was found, as `effect@site`: for `add` and `fit`."""
-        sites = [(e["effect"], e["site"] if isinstance(e["site"], list) else [e["site"]]) for e in self.effects]
-        return [f"{effect}@{site}" for effect, all_sites in sites for site in all_sites]
+        return _names(self.effects)
 
     def _headline(self) -> str:
         found = ", ".join(self.names)
@@ -166,17 +181,35 @@ class CoevolveResult(Result):
         """The model with what was found written in, for `load_model`."""
         return self.folder / "adapted.toml"
 
+    @property
+    def missing(self) -> list[str]:
+        """What its simulations lack, as `effect@site` for `Model.add`; empty unless it disengaged and its tests told why."""
+        cause = self.diagnosis if self.stop_reason == "disengaged" else None
+        return _names(cause["effects"]) if cause and cause["verdict"] == "effect_missing" else []
+
     def _headline(self) -> str:
         if self.waiting_for:
             return f"waiting for a real test: {self.waiting_for}"
         simulated = f"{self.real_tests} real tests, {self.simulated_evaluations} simulated"
         failed = [test["verdict"]["failed"]["why"] for test in self.tests if "failed" in test["verdict"]]
         why = f"\n{len(failed)} real tests failed, the last one: {failed[-1]}" if failed else ""
-        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}"
+        lacks = f"\nmissing: {', '.join(self.missing)}" if self.missing else ""
+        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}{lacks}"
 
     def _table(self) -> Rows:
-        columns = {"i": "iteration", "real_tests": "tests", "phi": "phi", "fitness_sim": "f simulated", "fitness_real": "f real"}
+        columns = {"i": "iteration", "real_tests": "tests", "phi": "phi"}
+        columns |= {"fitness_sim": "f simulated", "fitness_real": "f real"}
         return [{title: iteration[key] for key, title in columns.items()} for iteration in self.iterations]
+
+    def _repr_html_(self) -> str:
+        run = _picture(self.folder / "figure3.svg", "fitness, phi and parameters over the run")
+        following = _picture(self.folder / "figure5.svg", "joints beside their references, before and after")
+        return super()._repr_html_() + run + following
+
+    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draws phi per iteration, and fitness as it was promised and as it was where there is one, on a pair of Matplotlib's
+        axes or a new figure; returns what it drew on. Raises `ImportError` without Matplotlib."""
+        return plots.coevolve(self, ax)
 
 
 class FitResult(Reported):

@@ -1,0 +1,131 @@
+"""The journeys of `examples/`, and that of the README, run as they are and end where they say they do."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+# Cells of text and code, which notebooks show one by one.
+JOURNEYS = ["coevolve", "compare_diagnose_fit", "own_robot"]
+
+
+def said(name: str, folder: Path, *arguments: str) -> str:
+    """What an example prints; its own files go into the folder."""
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
+    environment = {**os.environ, "TMPDIR": str(folder), "MPLBACKEND": "Agg"}
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, cwd=folder, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+def numbers(line: str) -> list[float]:
+    """The numbers in a line."""
+    return [float(number) for number in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e[+-]\d+)?(?![\w.])", line)]
+
+
+def value(text: str, name: str) -> float:
+    """The number in a table's row, or behind an equals sign."""
+    [row] = [line for line in text.splitlines() if line.startswith((f"{name} ", f"{name}="))]
+    return numbers(row.removeprefix(name))[0]
+
+
+def test_a_model_and_its_logs(tmp_path: Path) -> None:
+    text = said("compare_diagnose_fit", tmp_path)
+    before, after = text.split("before: ")[1].split("after: ")
+    assert "where it fails: yaw" in before and "effect_missing ['coulomb_friction@yaw']" in before
+    assert after.startswith("no joint fails in any regime")
+    # The worst channel on logs that nothing was fitted to: rmse, fit, bias, lag, floor, chi.
+    assert numbers(before.split("q_yaw")[1].splitlines()[0])[5] > 20
+    assert all(numbers(after.split(f"q_{joint} ")[1].splitlines()[0])[5] < 1.5 for joint in ("yaw", "shoulder", "elbow"))
+    [step] = [line for line in text.splitlines() if line.startswith("  + coulomb_friction@yaw: ")]
+    assert max(numbers(step)) < 1.5
+    written = {path.name for path in tmp_path.glob("btr_*/*")}
+    assert written >= {"fitted.toml", "why.html"} and ("fitted.png" in written) == (find_spec("matplotlib") is not None)
+
+
+def test_a_robot_of_ones_own(tmp_path: Path) -> None:
+    text = said("own_robot", tmp_path)
+    assert "log_1.csv: fine" in text and "where it fails: knee" in text and "\nmissing: backlash@knee\n" in text
+    [step] = [line for line in text.splitlines() if line.startswith("+ backlash@knee")]
+    learnt, held_out = numbers(step)
+    assert learnt < 1.5 and held_out < 1.5
+    # What the example planted.
+    assert abs(value(text, "mass@shank") - 0.36) < 0.005 and abs(value(text, "backlash.gap@knee") - 0.03) < 0.001
+    assert abs(value(text, "mass@thigh") - 0.5) < 0.01
+
+
+def test_the_loop(tmp_path: Path) -> None:
+    text = said("coevolve", tmp_path)
+    first, rest = text.split("interrupted\n")
+    assert re.findall(r"test (\d+):", first) == ["0", "1", "2", "3"] and "iteration 2:" in first
+    assert re.findall(r"test (\d+):", rest)[0] == "4", "no test is asked for twice"
+    assert "1 real tests failed, the last one: the cable came off" in text
+    found, larger = rest.split("missing: coulomb_friction@hinge\n")
+    assert "stopped: disengaged" in found and "stopped: iterations_done" in larger
+    phi = [float(phi) for phi in re.findall(r"iteration \d+: phi (\S+)", text)]
+    assert phi[-1] < phi[2] / 20, phi
+    assert abs(value(text, "mass@bob") - 1.2) < 0.02 and abs(value(text, "kp@hinge") - 9.0) < 0.1
+    assert abs(value(text, "coulomb_friction.torque@hinge") - 0.4) < 0.02
+
+
+def test_an_effect_of_ones_own(tmp_path: Path) -> None:
+    lines = said("own_effect", tmp_path).splitlines()
+    errors = {line.split(":")[0]: numbers(line.split(":")[1]) for line in lines if not line.startswith(" ")}
+    assert list(errors) == ["as its maker thinks it is", "with an expression", "with a function"]
+    before, expression, function = errors.values()
+    assert min(before) > 5 and max(*expression, *function) < 1.5
+    assert sum("95 % interval 0.2" in line for line in lines) == 3, lines
+
+
+@pytest.mark.parametrize("planted", ["coulomb_friction", "armature", "command_delay"])
+def test_another_simulator_for_a_robot(planted: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="the robot is one in MuJoCo")
+    text = said("mujoco_reality", tmp_path, "--plant", planted)
+    assert f"\nmissing: {planted}@shoulder\n" in text
+    ladder, goes_on = text.split("what the model lacks")[1].split("the loop goes on with it")
+    assert numbers(ladder.strip().splitlines()[-1])[-1] <= 1.5
+    rows = [line for line in goes_on.split("\n\n")[1].splitlines() if line[0].isdigit()]
+    without, added = (float(row.split()[2]) for row in rows[-2:])
+    assert added <= without / 2
+
+
+def cells(name: str) -> list[str]:
+    """The code of a journey, cell by cell."""
+    parts = re.split(r"^# %%(.*)\n", (EXAMPLES / f"{name}.py").read_text(), flags=re.MULTILINE)
+    assert parts[0] == "", "what stands before the first cell is in no notebook"
+    return [code for kind, code in zip(parts[1::2], parts[2::2], strict=True) if "[markdown]" not in kind]
+
+
+@pytest.mark.parametrize("name", JOURNEYS)
+def test_a_journey_is_a_notebook(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for code in cells(name):
+        compile(code, name, "exec")
+    # It begins beside the file, of which a notebook does not know.
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    known: dict = {}
+    exec(cells(name)[0], known)
+    assert known["OUT"].parent == tmp_path and "__file__" not in known
+
+
+def test_the_journey_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robots").symlink_to(ROOT / "robots")
+    monkeypatch.chdir(tmp_path)
+    [journey] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    known: dict = {}
+    exec(journey, known)
+    assert known["answer"].names == ["coulomb_friction@yaw"] and 'answer.names == ["coulomb_friction@yaw"]' in journey
+    assert (tmp_path / "fitted.toml").exists()
+    # The law that is written down in the text below it.
+    [law] = re.findall(r"`(arm\.add_law\(.*?\))`", (ROOT / "README.md").read_text())
+    assert eval(law, known).text.count("[[effects]]") == 1
+
+
+def test_every_example_is_run_here() -> None:
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*JOURNEYS, "own_effect", "mujoco_reality"}
