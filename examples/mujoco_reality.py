@@ -64,10 +64,6 @@ class Robot:
             self.delay_s[self.joints.index(JOINT)] = PLANTED["command_delay"]
         spec = mujoco.MjSpec.from_file(str(ROBOTS / "arm.urdf"))
         spec.option.timestep, spec.option.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        for body in spec.bodies:
-            if body.name in MASS:
-                body.mass *= MASS[body.name]
-                body.inertia *= MASS[body.name]
         for joint, (kp, kd) in {"yaw": (20, 0.5), "shoulder": (25, 0.6), "elbow": (12, 0.25)}.items():
             servo = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             servo.gainprm[0], servo.biastype = KP * kp, mujoco.mjtBias.mjBIAS_AFFINE
@@ -80,6 +76,11 @@ class Robot:
             joint.frictionloss = PLANTED["coulomb_friction"]
             joint.solref_friction, joint.solimp_friction = [2 * STEP_S, 1], [0.999, 0.9999, 0.0001, 0.5, 2]
         self.model = spec.compile()
+        for link, factor in MASS.items():
+            body = self.model.body(link)
+            body.mass *= factor
+            body.inertia *= factor
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def __call__(self, controller: btr.Controller) -> btr.Log:
         return self.play(controller.references, controller.start)

@@ -88,8 +88,8 @@ fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
 /// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set in
-/// motion by noise would swing for long. Else released from rest, if a parabola with its vertex at the first tick fits nearly
-/// as many of the first samples as any parabola does; else by that one. `None` where too few are there.
+/// motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first tick fits nearly as
+/// many of the first samples as any parabola does, which has as many numbers; else by that one. `None` where too few are there.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
@@ -117,24 +117,30 @@ pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Opt
     (there.len() >= 3 && along.abs() <= telling * sigma * square.sqrt()).then_some(value)
 }
 
-/// The parabola at the first tick, through as many samples as it fits to `sigma`.
+/// A motion whose acceleration changes, per second cubed.
+struct Cubic {
+    motion: Motion,
+    jerk: f64,
+}
+
+/// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
 fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
     /// A fit is good while what it leaves is no more than so many sigma.
     const GOOD: f64 = 1.3;
     /// Released from rest is believed if it fits this share of the samples that any parabola fits.
     const NEARLY: f64 = 0.7;
-    let good = |to: usize, motion: &Motion| {
-        let at = |t: f64| motion.value + t * (motion.velocity + 0.5 * t * motion.acceleration);
+    let good = |to: usize, Cubic { motion, jerk }: &Cubic| {
+        let at = |t: f64| motion.value + t * (motion.velocity + t * (0.5 * motion.acceleration + t * jerk / 6.0));
         let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
         let (n, squares) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
         squares <= (GOOD * sigma).powi(2) * (n - 3.0)
     };
-    let longest = |fit: &dyn Fn(usize) -> Option<Motion>| {
+    let longest = |fit: &dyn Fn(usize) -> Option<Cubic>| {
         let mut fits = (FEWEST..=range.end).rev().filter_map(|to| Some((to, fit(to)?)));
-        fits.find(|(to, motion)| good(*to, motion))
+        fits.find(|(to, cubic)| good(*to, cubic)).map(|(to, cubic)| (to, cubic.motion))
     };
     let free = |to: usize| parabola(clock_s, values, 0..to, clock_s[0]);
-    let any = longest(&free);
+    let any = longest(&|to| Some(Cubic { motion: free(to)?, jerk: 0.0 }));
     let released = longest(&|to| released(clock_s, values, to));
     match (released, any) {
         (Some((short, motion)), Some((long, _))) if short as f64 >= NEARLY * long as f64 => Some(motion),
@@ -143,19 +149,24 @@ fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> O
     }
 }
 
-/// The parabola with its vertex at the first tick that is nearest to the first `to` samples.
-fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Motion> {
+/// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere begins
+/// with an acceleration that soon falls.
+fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Cubic> {
     let there = || (0..to).filter(|&i| values[i].is_finite());
-    let half_square = |i: usize| 0.5 * (clock_s[i] - clock_s[0]).powi(2);
-    let n = there().count() as f64;
-    let (mean_x, mean_s) = there().fold((0.0, 0.0), |(x, s), i| (x + values[i] / n, s + half_square(i) / n));
-    let (along, square) = there().fold((0.0, 0.0), |(along, square), i| {
-        let s = half_square(i) - mean_s;
-        (along + s * (values[i] - mean_x), square + s * s)
-    });
-    let acceleration = along / square;
-    let motion = Motion { value: mean_x - acceleration * mean_s, velocity: 0.0, acceleration };
-    acceleration.is_finite().then_some(motion)
+    let reach = there().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);
+    if there().count() < FEWEST || reach <= 0.0 {
+        return None;
+    }
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for i in there() {
+        let t = (clock_s[i] - clock_s[0]) / reach;
+        let row = Vector3::new(1.0, t * t, t * t * t);
+        normal += row * row.transpose();
+        right += row * values[i];
+    }
+    let fit = normal.cholesky()?.solve(&right);
+    let motion = Motion { value: fit[0], velocity: 0.0, acceleration: 2.0 * fit[1] / (reach * reach) };
+    Some(Cubic { motion, jerk: 6.0 * fit[2] / reach.powi(3) })
 }
 
 /// How far a fit reaches to each side.
@@ -215,6 +226,17 @@ mod tests {
         let falling: Vec<f64> = (0..40).map(|i| 0.1 + 12.0 * clock[i as usize].powi(2) + error(i)).collect();
         let begin = start(&clock, &falling, 1e-3).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && (begin.value - 0.1).abs() < 1.5e-3, "{begin:?}");
+    }
+
+    #[test]
+    fn who_is_told_at_once_to_be_elsewhere_begins_at_rest() {
+        // A servo of 19 rad/s, damped to a fifth, that is told to be 0.2 rad further.
+        let error = |i: u32| 7e-4 * (f64::from(i) * 12.9898).sin();
+        let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
+        let swings = |t: f64| 0.2 * (1.0 - (-4.0 * t).exp() * ((18.6 * t).cos() + 0.215 * (18.6 * t).sin()));
+        let values: Vec<f64> = (0..40).map(|i| swings(clock[i as usize]) + error(i)).collect();
+        let begin = start(&clock, &values, 7e-4).unwrap();
+        assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1.5e-3, "{begin:?}");
     }
 
     #[test]
