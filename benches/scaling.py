@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What hands at a distance cost, and how far they carry.
 
-    pip install './crates/btr-py[ray]'
+    pip install '.[ray]'
     python benches/scaling.py ray [--rounds 5]     # one worker and two of Ray on this machine, beside threads
     python benches/scaling.py extrapolate          # up to 1000 workers that only take their time
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Another simulator for a robot: an arm in MuJoCo has something in a joint that btr's model of it lacks.
 
-    pip install ./crates/btr-py mujoco
+    pip install . mujoco
     python examples/mujoco_reality.py [--plant coulomb_friction|armature|command_delay]
 
 The two know nothing of each other: MuJoCo reads the same URDF, with masses and gains that are somewhat off, takes steps of its own, and
