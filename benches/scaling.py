@@ -119,16 +119,17 @@ def population(size: int, executor) -> float:
         return seconds(lambda: btr.coevolve(model, out=folder, executor=executor))
 
 
-def extrapolate(size: int, taking_s: float) -> None:
+def extrapolate(size: int, taking_s: float, several: list[int]) -> None:
     print(f"two generations of {size} candidates that take {1e3 * taking_s:.0f} ms each")
     print(f"{'workers':>8}{'batches':>9}{'ideal s':>9}{'s':>8}{'share of the ideal':>20}")
-    for workers in (10, 100, 300, 1000):
+    for workers in several:
         recorded = Recorded(workers)
         population(size, recorded)
         replayed = Replayed(recorded, 2 * size, taking_s)
         idle = population(size, Replayed(recorded, 2 * size, 0.0))
         took, ideal = population(size, replayed), 2 * size * taking_s / workers
-        print(f"{workers:>8}{len(recorded.sent):>9}{ideal:>9.2f}{took:>8.2f}{100 * ideal / took:>18.0f} %   (nothing to wait for: {idle:.2f} s)")
+        row = f"{workers:>8}{len(recorded.sent):>9}{ideal:>9.2f}{took:>8.2f}{100 * ideal / took:>18.0f} %"
+        print(f"{row}   (nothing to wait for: {idle:.2f} s)")
 
 
 def main() -> None:
@@ -137,11 +138,12 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--size", type=int, default=4000)
     parser.add_argument("--taking", type=float, default=0.05, help="seconds per candidate")
+    parser.add_argument("--workers", type=int, nargs="+", default=[10, 100, 300, 1000])
     args = parser.parse_args()
     if args.what == "ray":
         ray(args.rounds)
     else:
-        extrapolate(args.size, args.taking)
+        extrapolate(args.size, args.taking, args.workers)
 
 
 if __name__ == "__main__":
