@@ -36,6 +36,7 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     assert "missing: coulomb_friction@yaw" in repr(found) and "The model lacks coulomb_friction" in found._repr_html_()
     fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add=found.names)
     assert fitted.held_out < 1.1 and fitted.values["coulomb_friction.torque@yaw"] > 0.1
+    assert fitted.success and fitted.nfev > 0 and list(fitted.x) == list(fitted.values.values())
     before, after = btr.compare(arm, HELD_OUT), btr.compare(fitted.model, HELD_OUT)
     worst = [max(channel["chi"] for channel in compared.channels) for compared in (before, after)]
     assert worst[0] > 10 and worst[1] < 1.2, worst
@@ -81,6 +82,32 @@ def test_a_model_is_a_text(arm: btr.Model) -> None:
     assert one == other and one != arm.simulate(LEARN[0]) and one.name != other.name
     more = arm.add("backlash@yaw")
     assert "backlash.gap@yaw" in more.text and "backlash" not in arm.text
+
+
+def test_a_population_is_what_its_members_are_alone(arm: btr.Model) -> None:
+    assert [p["name"] for p in arm.parameters][:2] == ["mass@turret", "mass@upper"] and arm.controllers == []
+    low, high = (np.array([p[end] for p in arm.parameters]) for end in ("min", "max"))
+    points = low + (high - low) * np.random.default_rng(5).random((11, len(low)))
+    together = arm.simulate_all(points, log=LEARN[0])
+    assert len(together) == 11 and together == [arm.simulate_all([point], log=LEARN[0])[0] for point in points]
+    nominal = [p["nominal"] for p in arm.parameters]
+    assert arm.simulate_all([nominal], log=LEARN[0]) == [arm.simulate(LEARN[0])] and together[0] != together[1]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "message"),
+    [
+        (lambda arm: arm.simulate_all(), ValueError, "needs parameters, controllers, or both"),
+        (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\) where \(1, 9\)"),
+        (lambda arm: arm.simulate_all([1.0] * 9), ValueError, "shape"),
+        (lambda arm: arm.simulate_all([[np.nan] * 9]), btr.BtrError, "mass@turret. = NaN lies outside"),
+        (lambda arm: arm.simulate_all([[1e9] * 9]), btr.BtrError, "lies outside its bounds"),
+        (lambda arm: arm.simulate_all(controllers=[[1.0]]), ValueError, r"controllers has shape \(1, 1\)"),
+    ],
+)
+def test_points_that_are_none_are_told(arm: btr.Model, wrong, error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        wrong(arm)
 
 
 def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:

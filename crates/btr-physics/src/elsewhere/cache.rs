@@ -29,6 +29,31 @@ impl<T> Cache<T> {
             }
             newest.1
         };
-        slot.get_or_init(|| make().map(Arc::new)).clone()
+        let made = slot.get_or_init(|| make().map(Arc::new)).clone();
+        if made.is_err() {
+            // What was missing may be there the next time.
+            let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+            slots.retain(|(_, other)| !Arc::ptr_eq(other, &slot));
+        }
+        made
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_made_once_while_it_fits_and_a_failure_is_forgotten() {
+        let cache: Cache<u64> = Cache::new(2);
+        let make = |key: u64, value: u64| cache.get(key, || Ok(value)).map(|value| *value);
+        assert_eq!((make(1, 10), make(1, 11), make(2, 20)), (Ok(10), Ok(10), Ok(20)));
+        assert_eq!(
+            (make(1, 12), make(3, 30), make(2, 21)),
+            (Ok(10), Ok(30), Ok(21)),
+            "the one used longest ago had to go"
+        );
+        assert_eq!(cache.get(9, || Err("not yet".to_owned())), Err("not yet".to_owned()));
+        assert_eq!(make(9, 90), Ok(90));
     }
 }

@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from btr import _tables, plots
 from btr._btr import Page, write_report
 from btr._tables import Rows, cell
@@ -226,6 +229,22 @@ class FitResult(Reported):
     def values(self) -> dict[str, float]:
         """The numbers by name."""
         return {parameter["name"]: parameter["value"] for parameter in self.parameters}
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """The numbers in their order, of shape (len(parameters),), in their units; as SciPy calls them."""
+        return np.array([parameter["value"] for parameter in self.parameters])
+
+    @property
+    def nfev(self) -> int:
+        """How many logs were simulated; as SciPy calls it."""
+        rollouts: int = self.rollouts
+        return rollouts
+
+    @property
+    def success(self) -> bool:
+        """Whether the search ended because there was nothing more to win; `stop_reason` says why it did. As SciPy calls it."""
+        return bool(self.stop_reason == "converged")
 
     def _headline(self) -> str:
         ladder = "; ".join(f"{s['step']}: {cell(s['train'])}, {cell(s['held_out'])} held out" for s in self.error_ladder)
