@@ -1,0 +1,113 @@
+//! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
+
+use btr_core::family::{Family, Step};
+use btr_core::log::Log;
+use btr_core::world::{Job, Made, Simulator, Wanted};
+use btr_physics::elsewhere::{Executor, Parcel, Parcels, Served, ServedModel, Way, serve};
+use btr_physics::experiment::{LogSource, Source, model};
+use btr_physics::verbs::Problem;
+use std::any::Any;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+type Tested<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// A worker in this process.
+struct Worker;
+
+impl Executor for Worker {
+    fn workers(&self) -> usize {
+        2
+    }
+
+    fn work(&self, parcels: &[Arc<Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+        let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
+        serve(&parcels, batch).map_err(|why| Box::new(why) as Box<dyn Any + Send>)
+    }
+}
+
+fn robots(name: &str) -> Tested<Source> {
+    Ok(Source::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots").join(name))?)
+}
+
+/// A model's own motion with noise, from `from_s` on.
+fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
+    let model = model(source)?;
+    let log: Log = model.simulate(&model.simulations().nominal(), &model.controllers().nominal(), 0, Some(seed))?;
+    let first = log.clock_s().partition_point(|t| *t < from_s);
+    let log = log.part(first..log.len()).from_zero();
+    Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
+}
+
+fn assert_the_same(here: &dyn Family, there: &dyn Family) {
+    let knobs = here.knobs().len();
+    let moved = |k: usize| (0..knobs).map(|i| if i == k { here.knobs()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
+    let points: Vec<Vec<f64>> = (0..knobs).step_by(knobs / 7 + 1).map(moved).collect();
+    let points: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
+    let bits = |all: Vec<Result<Vec<f64>, _>>| -> Vec<Vec<u64>> {
+        let of = |one: Result<Vec<f64>, _>| one.unwrap_or_default().iter().map(|x: &f64| x.to_bits()).collect();
+        all.into_iter().map(of).collect()
+    };
+    for log in 0..here.logs().len() {
+        for step in [Step::USUAL, Step::USUAL.halved()] {
+            assert_eq!(bits(here.residuals(&points, log, step)), bits(there.residuals(&points, log, step)));
+        }
+        let from = |family: &dyn Family| bits(vec![family.residual_from(points[0], log, &[0])]);
+        assert!(here.starts(log) == 0 || from(here) == from(there));
+    }
+}
+
+fn served(source: &Source, from_s: f64) -> Tested<(Problem, Served)> {
+    let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s, 2)?]);
+    let problem = Problem::new(source.clone(), &learn, &held_out)?;
+    let family = Served::new(&problem, &learn, &held_out, Arc::new(Way::elsewhere(Box::new(Worker))))?;
+    Ok((problem, family))
+}
+
+#[test]
+fn an_arm_with_files_of_its_own() -> Tested<()> {
+    let mut source = robots("arm.toml")?;
+    source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
+    let (problem, family) = served(&source, 0.0)?;
+    assert_the_same(&problem.beside, &family);
+    Ok(())
+}
+
+/// The ant at rest when its log begins has a family of beginnings; under way it is seen from where a model has it.
+#[test]
+fn families_that_were_derived_of_others() -> Tested<()> {
+    let mut source = robots("ant.toml")?;
+    source.set(&["simulation.duration_s=1.5".to_owned()])?;
+    let mut derived = 0;
+    for from_s in [0.0, 0.6] {
+        let (problem, family) = served(&source, from_s)?;
+        assert_the_same(&problem.beside, &family);
+        let u = vec![0.0; family.knobs().len()];
+        for (here, there) in
+            [(problem.beside.beginnings(), family.beginnings()), (problem.beside.seen_from(&u), family.seen_from(&u))]
+        {
+            assert_eq!(here.is_some(), there.is_some());
+            if let (Some(here), Some(there)) = (here, there) {
+                assert_the_same(&*here, &*there);
+                derived += 1;
+            }
+        }
+    }
+    assert!(derived > 0, "no family was derived of another one");
+    Ok(())
+}
+
+#[test]
+fn a_population_of_an_experiment() -> Tested<()> {
+    let source = robots("nao.toml")?;
+    let model = model(&source)?;
+    let (way, parcels) = (Way::elsewhere(Box::new(Worker)), Parcels::default());
+    let served =
+        ServedModel::new(&model, &source, &btr_core::distance::DistanceSpec::Rmse(Default::default()), &way, &parcels)?;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
+    let wanted = [Wanted::Fitness, Wanted::Behaviour, Wanted::Fitness];
+    let (here, there) = (model.make_all(&jobs, &wanted), served.make_all(&jobs, &wanted));
+    assert!(matches!(here[1], Ok(Made::Behaviour(_))) && here == there);
+    Ok(())
+}
