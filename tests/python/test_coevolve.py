@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +111,8 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
     assert list(promised.get_ydata()) == [iteration["fitness_sim"] for iteration in run.iterations]
     assert np.isnan(real.get_ydata()[1]) and np.isfinite(real.get_ydata()[0])
     assert [text.get_text() for text in fitness.get_legend().get_texts()][:2] == ["promised", "real"]
-    pair = list(pyplot.subplots(1, 2)[1])
-    assert disengaged.plot(ax=pair) == pair
+    pair = pyplot.subplots(1, 2)[1]
+    assert disengaged.plot(ax=pair) == list(pair)
     for iteration in run.iterations:
         iteration["fitness_sim"] = iteration["fitness_real"] = None
     assert len(run.plot()) == 1
@@ -152,8 +151,10 @@ def unplugged(controller: btr.Controller) -> btr.Log:
         (lambda c: 3, TypeError, "a log is a path"),
         (lambda c: btr.Log([0.0, 0.0], {"q_hinge": [0, 0]}), btr.BtrError, "does not increase"),
         (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [0]}), btr.BtrError, "1 values where the clock has 2"),
-        (lambda c: btr.Log([0.0], {"q_hinge": [0]}), btr.BtrError, "1 samples"),
-        (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [np.nan] * 2}), btr.BtrError, "measures nothing"),
+        (lambda c: btr.Log([0.0], {"q_hinge": [0]}), btr.BtrError, "at least two samples"),
+        (lambda c: btr.Log([0.0, 0.1], {"q_hinge": [np.nan] * 2}), btr.BtrError, "measures nothing"),
+        (lambda c: btr.Log([0.0, 0.1], {"q_foo": [0, 1]}), btr.BtrError, "measures nothing of this robot: it has q_foo"),
+        (lambda c: btr.Log([0.0, 10.0, 20.0], {"q_hinge": [0, 1, 2]}), btr.BtrError, "is its time in milliseconds"),
         (lambda c: "nowhere.csv", btr.BtrError, "nowhere.csv"),
     ],
 )
@@ -163,8 +164,10 @@ def test_whatever_breaks_the_robot_the_run_goes_on(
     with pytest.raises(error, match=message):
         btr.coevolve(experiment, broken_at(3, Twin(experiment), how), out=tmp_path)
     assert len(list(tmp_path.glob("transfers/*/log.*"))) == 3
-    with pytest.raises(btr.BtrError, match="holds a run already"):
+    with pytest.raises(btr.BtrError, match="holds a run already\nhelp: go on with resume=True"):
         btr.coevolve(experiment, Twin(experiment), out=tmp_path)
+    with pytest.raises(btr.BtrError, match="is not the one that"):
+        btr.coevolve(experiment, out=tmp_path, resume=True)
     robot = Twin(experiment)
     assert finished(experiment, tmp_path, robot, resume=True) == undisturbed
     assert [controller.number for controller in robot.asked] == [3, 4, 5]
@@ -212,7 +215,7 @@ def test_ctrl_c_ends_a_diagnosis_within_a_round() -> None:
     def tell(step: str, *errors: object) -> None:
         steps.append(step)
         if len(steps) == 2:
-            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+            os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
         btr.diagnose(arm, learn, tell=tell)

@@ -154,7 +154,10 @@ def test_arrays_dicts_frames_and_logs_are_the_same() -> None:
     t, x, late = waves()
     one, other = btr.Log(t, {"q_a": x, "cmd_a": x}), btr.Log(t, {"q_a": late, "cmd_a": x, "q_b": x})
     value = distance.rmse(x, late)
-    assert distance.rmse(one, other) == distance.rmse(one.to_dict(), other.to_dict()) == value
+    same = {name: other[name] for name in one.keys()}
+    assert distance.rmse(one, other) == distance.rmse(one.to_dict(), same) == value
+    with pytest.raises(btr.BtrError, match="only one side has q_b"):
+        distance.rmse(one.to_dict(), other.to_dict())
     assert distance.rmse(list(x), late[:, None]) == value
     assert distance.rmse(np.c_[x, x], np.c_[late, x], channels="0") == value
     assert distance.rmse({"q_a": x, "b": x}, {"q_a": late, "b": x}, channels=["q_*"]) == value
@@ -187,7 +190,7 @@ T, X, _ = waves()
         (lambda: distance.rmse(np.ones((2, 2, 2)), X), r"series of shape \(2, 2, 2\)"),
         (lambda: distance.rmse(3.0, 4.0), r"series of shape \(\)"),
         (lambda: distance.rmse({"a": X[:, None]}, {"a": X}), r"channel a has shape \(1000, 1\)"),
-        (lambda: distance.rmse({"a": X}, {"b": X}), "no channel to compare"),
+        (lambda: distance.rmse({"a": X}, {"b": X}), "only one side has a, b"),
         (lambda: distance.rmse({}, {}), "no channel to compare"),
         (lambda: distance.rmse(btr.Log(T, {"a": X}), btr.Log(T, {"a": X})), "of logs commands and sensors"),
         (lambda: distance.rmse({"a": X}, {"a": X}, channels="b*"), "no channel is called `b\\*`"),

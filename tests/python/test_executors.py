@@ -1,5 +1,6 @@
 """Whoever does the work, the answer is the same, bit by bit; also when a machine is lost."""
 
+import os
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -57,7 +58,6 @@ def test_a_pool_of_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None
 
 
 def test_a_pool_of_processes(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
-    # A fork would copy threads that are at work.
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert_the_same(arm, executor, alone, tmp_path)
 
@@ -89,6 +89,47 @@ def test_a_worker_that_computes_something_else_is_found_out(arm: btr.Model) -> N
         answer(arm, other)
     with pytest.raises(btr.BtrError, match="makes no sense"):
         answer(arm, Own(lambda answer: b""))
+
+
+def test_an_answer_to_another_batch_is_found_out(arm: btr.Model, tmp_path: Path) -> None:
+    class Late(Own):
+        """Gives every batch the answer to the one before."""
+
+        before: bytes | None = None
+
+        def work(self, parcels: Sequence, batch: bytes) -> bytes:
+            answer = super().work(parcels, batch)
+            answer, self.before = self.before or answer, answer
+            return answer
+
+    for ask in (lambda: answer(arm, Late()), lambda: history(tmp_path, Late())):
+        with pytest.raises(btr.BtrError, match="it is one to another batch"):
+            ask()
+
+
+def test_a_robot_of_its_own_is_one_for_workers_too(tmp_path: Path) -> None:
+    experiment = btr.load_model(ROBOTS / "pendulum.toml")
+    text = experiment.text[: experiment.text.index("[reality]")] + '[reality]\nkind = "logs"\nfiles = ["gone.csv"]\n'
+    text += experiment.text[experiment.text.index("[coevolve]") :]
+    phis = []
+    for name, executor in (("alone", 1), ("served", Own())):
+        found = btr.coevolve(
+            btr.Model(text, experiment.path), lambda c: experiment.simulate(seed=1), out=tmp_path / name, executor=executor
+        )
+        phis.append([iteration["phi"] for iteration in found.iterations])
+    assert phis[0] == phis[1] and phis[0][0] is not None
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
+def test_a_fork_works_with_threads_of_its_own(arm: btr.Model) -> None:
+    # This process has used btr before; with its threads gone, a fork would wait for them for ever.
+    chi = [channel["chi"] for channel in btr.compare(arm, LEARN).channels]
+    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as executor:
+        assert executor.submit(compared, arm).result(timeout=120) == chi
+
+
+def compared(arm: btr.Model) -> list[float]:
+    return [channel["chi"] for channel in btr.compare(arm, LEARN).channels]
 
 
 def test_what_an_executor_raises_ends_the_work(arm: btr.Model, tmp_path: Path) -> None:

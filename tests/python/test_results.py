@@ -170,7 +170,7 @@ def test_what_was_withheld_is_not_drawn(answers: dict) -> None:
 def test_pictures_go_where_they_are_told(answers: dict) -> None:
     _, (bars, steps, values, ladder, lines) = pyplot.subplots(1, 5)
     assert answers["compare"].plot(bars) is bars and answers["diagnose"].plot(ax=steps) is steps
-    assert answers["fit"].plot((values, ladder)) == [values, ladder]
+    assert answers["fit"].plot(np.array([values, ladder])) == [values, ladder]
     assert btr.load_log(LEARN[0]).plot(ax=lines) == [lines] and len(pyplot.get_fignums()) == 1
 
 

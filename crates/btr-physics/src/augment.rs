@@ -2,6 +2,7 @@
 //! abduction over what the robot did, and the first half of its re-parametrisation.
 
 use crate::beside::Beside;
+use crate::elsewhere::Served;
 use crate::experiment::Experiment;
 use crate::robot::Base;
 use crate::verbs::{AddError, Addition, LadderStep, add};
@@ -67,7 +68,8 @@ impl Cause {
         let logs = asked.iter().map(|(_, log)| (*log).clone()).collect();
         let beside = Beside::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
         let question = Question { max_rollouts: allowance(experiment), ..Question::default() };
-        let bench = Bench::new(&beside);
+        let family = Served::here(Arc::new(beside), experiment.way.clone());
+        let bench = Bench::new(&family);
         let Some(found) = diagnose(&bench, question, tell) else {
             return Err("the model blows up on the real tests as it stands".to_owned());
         };

@@ -162,7 +162,7 @@ impl Run {
     /// # Errors
     /// When the disk refuses; the state before the step is still there.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<Step, RunError> {
-        let (model, spec) = (experiment.model.clone(), &self.state.plan().distance);
+        let (model, spec) = (experiment.model.clone(), (&self.state.plan().distance, experiment.has_robot()));
         let served = ServedModel::new(&model, experiment.source(), spec, &experiment.way, &self.parcels);
         let served = served.map_err(RunError::NotServed)?;
         let mut on = On { simulator: &served, distance: self.distance.as_ref(), reality: experiment.reality.as_mut() };

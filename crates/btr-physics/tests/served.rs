@@ -1,5 +1,6 @@
 //! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
 
+use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::family::{Family, Step};
 use btr_core::log::Log;
 use btr_core::world::{Job, Made, Simulator, Wanted};
@@ -102,8 +103,7 @@ fn a_population_of_an_experiment() -> Tested<()> {
     let source = robots("nao.toml")?;
     let model = model(&source)?;
     let (way, parcels) = (Way::elsewhere(Box::new(Worker)), Parcels::default());
-    let served =
-        ServedModel::new(&model, &source, &btr_core::distance::DistanceSpec::Rmse(Default::default()), &way, &parcels)?;
+    let served = ServedModel::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &way, &parcels)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
     let wanted = [Wanted::Fitness, Wanted::Behaviour, Wanted::Fitness];

@@ -1,7 +1,7 @@
 //! The loop from Python, with a Python function for a robot if there is one.
 
 use crate::error::{Raise, TestFailed, raised};
-use crate::log::{Log, numbered};
+use crate::log::{Log, numbered, warn};
 use crate::model::Model;
 use crate::work::{Hands, way, working};
 use btr_cli::Watch;
@@ -35,16 +35,21 @@ pub(crate) fn coevolve(
     let (way, raised_there) = (way(py, hands, &model.source)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
-    let document = working(py, &way, || {
+    let asked = robot.is_some();
+    let (document, waiting, warnings) = working(py, &way, || {
         let mut experiment = Experiment::on(source, seed, &folder, robot, way.clone()).map_err(Raise::raise)?;
         let mut watcher = Watcher { way: way.clone(), tell, told: 0 };
         let ended = btr_cli::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
-        let document = ended.map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
-        Ok(document.map(|document| document.to_string()))
+        let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
+        let waiting = ended.and_then(|ended| ended.waiting);
+        Ok((document.map(|document| document.to_string()), waiting, experiment.warnings))
     })?;
-    match raised_there.lock().unwrap_or_else(PoisonError::into_inner).take() {
-        Some(error) => Err(error),
-        None => Ok(document),
+    warn(py, &warnings)?;
+    match (raised_there.lock().unwrap_or_else(PoisonError::into_inner).take(), waiting) {
+        (Some(error), _) => Err(error),
+        // Nobody but the function could have done what is awaited.
+        (None, Some(what)) if asked => Err(raised(&what, None)),
+        (None, _) => Ok(document),
     }
 }
 
@@ -114,6 +119,9 @@ impl Watch for Watcher {
 
 impl Raise for btr_cli::Failure {
     fn raise(self) -> PyErr {
-        raised(&self.message, self.help)
+        // The command line's options are called like that here.
+        let ours =
+            |help: String| help.replace("--resume", "resume=True").replace("--out", "out=").replace("--seed", "seed=");
+        raised(&self.message, self.help.map(ours))
     }
 }

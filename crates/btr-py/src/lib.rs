@@ -40,6 +40,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(verbs::fit, module)?)?;
     module.add_class::<work::Parcel>()?;
     module.add_function(wrap_pyfunction!(coevolve::coevolve, module)?)?;
+    module.add_function(wrap_pyfunction!(work::forked, module)?)?;
     module.add_function(wrap_pyfunction!(work::serve, module)?)?;
     module.add_function(wrap_pyfunction!(page::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)

@@ -4,7 +4,7 @@ use crate::error::{Raise, raised};
 use crate::model::Model;
 use btr_core::log;
 use btr_physics::experiment::LogSource;
-use btr_physics::io::{self, Mapping, Meta, Recording, Warning};
+use btr_physics::io::{self, Mapping, Meta, Recording};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyUserWarning};
 use pyo3::prelude::*;
@@ -143,7 +143,17 @@ impl Log {
     }
 
     fn __eq__(&self, other: &Self) -> bool {
-        self.log == other.log
+        // A sample that is missing on both sides is the same.
+        let bits = |log: &log::Log| -> Vec<Vec<u64>> {
+            let series = log.channels().map(|(_, channel)| channel.values.as_slice()).chain([log.clock_s()]);
+            series
+                .map(|values| values.iter().map(|x| if x.is_nan() { u64::MAX } else { (x + 0.0).to_bits() }).collect())
+                .collect()
+        };
+        let heads = |log: &log::Log| -> Vec<_> {
+            log.channels().map(|(name, c)| (name.to_owned(), c.unit.clone(), c.role)).collect()
+        };
+        heads(&self.log) == heads(&other.log) && bits(&self.log) == bits(&other.log)
     }
 
     fn __repr__(&self) -> String {
@@ -175,7 +185,7 @@ fn mapping(model: Option<&Model>) -> PyResult<Mapping> {
 }
 
 /// What a reader noticed, as Python's warnings.
-fn warn(py: Python<'_>, warnings: &[Warning]) -> PyResult<()> {
+pub(crate) fn warn(py: Python<'_>, warnings: &[impl ToString]) -> PyResult<()> {
     for warning in warnings {
         let text = CString::new(warning.to_string().replace('\0', ""))?;
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;

@@ -105,13 +105,14 @@ impl Model {
         Ok(Log::new(numbered("simulated"), simulated))
     }
 
-    /// Many rollouts, side by side: a point of S and one of C for each; nothing where a simulation blew up.
+    /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing where a
+    /// simulation blew up.
     #[pyo3(signature = (parameters, controllers, log = None))]
     fn simulate_all(
         &self,
         py: Python<'_>,
-        parameters: Vec<Vec<f64>>,
-        controllers: Vec<Vec<f64>>,
+        parameters: Option<Vec<Vec<f64>>>,
+        controllers: Option<Vec<Vec<f64>>>,
         log: Option<Given>,
     ) -> PyResult<Vec<Option<Log>>> {
         let log = log.map(Given::source);
@@ -120,9 +121,12 @@ impl Model {
             let replaying = log.map(|log| experiment::model_replaying(&self.source, log)).transpose();
             let replaying = replaying.map_err(Raise::raise)?;
             let model = replaying.as_ref().unwrap_or(&self.built);
-            let points = parameters.iter().zip(&controllers);
-            points.clone().try_for_each(|(s, c)| within(model, s, c))?;
-            let jobs: Vec<Job> = points.map(|(s, c)| Job { s, c, scenario: 0 }).collect();
+            let rollouts = parameters.as_ref().or(controllers.as_ref()).map_or(0, Vec::len);
+            let rows =
+                |given: Option<Vec<Vec<f64>>>, space: &Space| given.unwrap_or_else(|| vec![space.nominal(); rollouts]);
+            let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
+            s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
+            let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
             Ok(model.simulate_all(&jobs))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::new(numbered("simulated"), log.ok()?)));

@@ -9,6 +9,7 @@ use pyo3::types::PyBytes;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -79,6 +80,24 @@ impl Executor for Elsewhere {
     }
 }
 
+/// Whether this process is a fork of one that had threads at work: they are not in it.
+static FORKED: AtomicBool = AtomicBool::new(false);
+
+/// To be called in the child after a fork.
+#[pyfunction]
+pub(crate) fn forked() {
+    FORKED.store(true, Ordering::Relaxed);
+}
+
+/// Does work where it finds threads: in a fork, whose parent's are not there, in a pool of its own.
+fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    if !FORKED.load(Ordering::Relaxed) {
+        return Ok(work());
+    }
+    let pool = rayon::ThreadPoolBuilder::new().build().map_err(|e| raised(&e.to_string(), None))?;
+    Ok(pool.install(work))
+}
+
 /// Answers a batch, wherever work is done: `parcels` are keys and contents.
 #[pyfunction]
 pub(crate) fn serve<'py>(
@@ -88,7 +107,7 @@ pub(crate) fn serve<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let answer = py.detach(|| elsewhere::serve(&parcels, batch)).map_err(|why| raised(&why, None))?;
+    let answer = py.detach(|| threaded(|| elsewhere::serve(&parcels, batch)))?.map_err(|why| raised(&why, None))?;
     Ok(PyBytes::new(py, &answer))
 }
 
@@ -104,7 +123,7 @@ pub(crate) fn working<T: Send>(
         std::thread::scope(|scope| {
             let (done, finished) = channel::<()>();
             let worker = scope.spawn(move || {
-                let ended = catch_unwind(AssertUnwindSafe(|| way.during(|| laws::heeding(way, work))));
+                let ended = catch_unwind(AssertUnwindSafe(|| threaded(|| way.during(|| laws::heeding(way, work)))));
                 drop(done);
                 ended
             });
@@ -119,7 +138,7 @@ pub(crate) fn working<T: Send>(
     });
     match (interrupted, ended) {
         (Some(signal), _) => Err(signal),
-        (None, Ok(ended)) => ended.map_err(|why| raised(&why, None))?,
+        (None, Ok(ended)) => ended?.map_err(|why| raised(&why, None))?,
         (None, Err(cause)) => Err(cause_of(cause)),
     }
 }
@@ -130,7 +149,7 @@ pub(crate) fn at_once<T: Send>(
     source: &Source,
     work: impl FnOnce() -> PyResult<T> + Send,
 ) -> PyResult<T> {
-    if source.laws.is_empty() { py.detach(work) } else { working(py, &way(py, None, source)?, work) }
+    if source.laws.is_empty() { py.detach(|| threaded(work))? } else { working(py, &way(py, None, source)?, work) }
 }
 
 /// What work unwound with, as an exception.

@@ -1,8 +1,8 @@
 //! A family whose residuals are worked out elsewhere, or here, as long as nobody stops it.
 
-use super::Way;
 use super::folder::Folder;
 use super::message::{Batch, Content, Derived, Parcel, Points, Residuals, Sparse, proof_of};
+use super::{MOST_AT_ONCE, Way};
 use crate::experiment::{self, LogSource};
 use crate::verbs::Problem;
 use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
@@ -31,14 +31,12 @@ impl Served {
     pub fn new(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], way: Arc<Way>) -> Result<Self, String> {
         let local: Arc<dyn Family> = Arc::new(problem.beside.clone());
         let parcel = way.executor.as_ref().map(|_| parcel(problem, learn, held_out)).transpose()?;
-        Ok(Served {
-            base: local.clone(),
-            local,
-            derived: Vec::new(),
-            way,
-            parcel: parcel.map(Arc::new),
-            proof: Arc::default(),
-        })
+        Ok(Served { parcel: parcel.map(Arc::new), ..Served::here(local, way) })
+    }
+
+    /// A family that nobody works on but this process, as long as nobody stops it.
+    pub fn here(local: Arc<dyn Family>, way: Arc<Way>) -> Self {
+        Served { base: local.clone(), local, derived: Vec::new(), way, parcel: None, proof: Arc::default() }
     }
 
     fn derived(&self, local: Box<dyn Family>, how: Derived) -> Box<dyn Family> {
@@ -56,11 +54,12 @@ impl Served {
         nudged: Option<&[usize]>,
     ) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
         let parcel = self.parcel.as_ref()?;
+        let many = points.len();
         let points = points.iter().map(|u| Sparse::of(u)).collect();
         let (derived, nudged) = (self.derived.clone(), nudged.map(<[usize]>::to_vec));
         let batch = Batch::Points(Points { derived, log, halvings, points, nudged });
         let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
-        let residuals: Residuals = self.way.ask(std::slice::from_ref(parcel), &batch, proof)?;
+        let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, many, proof)?;
         Some(residuals.into_iter().map(|r| r.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
@@ -81,7 +80,7 @@ fn parcel(problem: &Problem, learn: &[LogSource], held_out: &[LogSource]) -> Res
     };
     let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
     Parcel::of(&Content::Problem {
-        model: Folder::pack(&problem.source)?,
+        model: Folder::pack(&problem.source, false)?,
         learn: read(learn)?,
         held_out: read(held_out)?,
     })
@@ -117,7 +116,7 @@ impl Family for Served {
     }
 
     fn side_by_side(&self) -> usize {
-        self.way.side_by_side(self.local.side_by_side())
+        if self.parcel.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
     }
 
     fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {

@@ -3,8 +3,8 @@
 use crate::adapt::each_named_file;
 use crate::experiment::Source;
 use serde::{Deserialize, Serialize};
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use toml_edit::DocumentMut;
 
 /// A model file's text, in which the files that it names have names of the folder's own.
@@ -16,14 +16,21 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Packs a model file. An index of logs stays where it is, by its absolute path: it names further files.
-    pub(super) fn pack(source: &Source) -> Result<Self, String> {
+    /// Packs a model file, with the logs of its `[reality]` if they are wanted. What names further files (an index of logs, a
+    /// folder, a data set's episode) stays where it is, by its absolute path.
+    pub(super) fn pack(source: &Source, with_logs: bool) -> Result<Self, String> {
         let mut document = source.text.parse::<DocumentMut>().map_err(|e| e.to_string())?;
+        if let Some(reality) = document.get_mut("reality").filter(|_| !with_logs).and_then(|r| r.as_table_like_mut()) {
+            for key in ["files", "held_out"] {
+                reality.remove(key);
+            }
+        }
         let mut files = Vec::new();
         let mut failed = None;
         each_named_file(&mut document, |(_, key), value| {
             let Some(path) = value.as_str().map(|path| source.folder().join(path)) else { return };
-            if key == "index" {
+            let episode = path.to_string_lossy().contains('#') && !path.is_file();
+            if key == "index" || episode || path.is_dir() {
                 *value = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned().into();
                 return;
             }
@@ -44,9 +51,8 @@ impl Folder {
 
     /// Lays the files out for as long as `open` takes.
     pub(super) fn unpacked<T>(&self, open: impl FnOnce(Source) -> Result<T, String>) -> Result<T, String> {
-        static OPENED: AtomicUsize = AtomicUsize::new(0);
-        let number = OPENED.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("btr-{}-{number}", std::process::id()));
+        // Nobody else's: who shares a temporary folder may share process numbers, too.
+        let folder = std::env::temp_dir().join(format!("btr-{:016x}", RandomState::new().build_hasher().finish()));
         let opened = self.lay_out(&folder).map_err(|e| format!("{}: {e}", folder.display()));
         let opened = opened.and_then(|()| open(Source::new(folder.join(&self.name), &self.text)));
         // What cannot be removed is left to who cleans temporary folders.
@@ -55,7 +61,7 @@ impl Folder {
     }
 
     fn lay_out(&self, folder: &Path) -> std::io::Result<()> {
-        std::fs::create_dir_all(folder)?;
+        std::fs::create_dir(folder)?;
         for (name, bytes) in &self.files {
             let path = folder.join(name);
             path.parent().map_or(Ok(()), std::fs::create_dir_all)?;

@@ -23,9 +23,7 @@ pub struct Parcel {
 impl Parcel {
     pub(super) fn of(content: &Content) -> Result<Self, String> {
         let bytes = postcard::to_allocvec(&(VERSION, content)).map_err(|e| e.to_string())?;
-        let mut hasher = DefaultHasher::new();
-        hasher.write(&bytes);
-        Ok(Parcel { key: hasher.finish(), bytes })
+        Ok(Parcel { key: name_of(&bytes), bytes })
     }
 
     pub(super) fn content(bytes: &[u8]) -> Result<Content, String> {
@@ -45,8 +43,9 @@ impl Parcel {
 pub(super) enum Content {
     /// A model beside its logs.
     Problem { model: Folder, learn: Vec<(PathBuf, Log)>, held_out: Vec<(PathBuf, Log)> },
-    /// An experiment's simulations, and by what they are compared with real tests (as JSON, which tells names from tables).
-    Experiment { experiment: Folder, distance: String },
+    /// An experiment's simulations, by what they are compared with real tests (as JSON, which tells names from tables), and whether
+    /// a robot of its own stands for its `[reality]`.
+    Experiment { experiment: Folder, distance: String, robot: bool },
     /// What came of a real test.
     Test(Behaviour),
 }
@@ -96,7 +95,7 @@ pub(super) struct Points {
 }
 
 /// Residuals, or why there are none.
-pub(super) type Residuals = Vec<Result<Vec<f64>, String>>;
+pub(super) type Residuals = Result<Vec<f64>, String>;
 
 /// A candidate of a population.
 #[derive(Serialize, Deserialize)]
@@ -119,8 +118,8 @@ pub(super) enum Asked {
     },
 }
 
-/// What was made of candidates, or why nothing was.
-pub(super) type Population = Vec<Result<Made, String>>;
+/// What was made of a candidate, or why nothing was.
+pub(super) type Rated = Result<Made, String>;
 
 /// A batch of either kind.
 #[derive(Serialize, Deserialize)]
@@ -133,12 +132,14 @@ pub(super) enum Batch {
 #[derive(Serialize, Deserialize)]
 pub(super) struct Answer<T> {
     pub(super) proof: u64,
-    pub(super) results: T,
+    /// Which batch it answers.
+    pub(super) batch: u64,
+    pub(super) results: Vec<T>,
 }
 
 impl<T: DeserializeOwned> Answer<T> {
-    /// The results, if the proof is this one.
-    pub(super) fn read(bytes: &[u8], proof: u64) -> Result<T, String> {
+    /// The results, if the proof is this one and they are those of a batch for so many.
+    pub(super) fn read(bytes: &[u8], proof: u64, batch: &[u8], many: usize) -> Result<Vec<T>, String> {
         let answer: Answer<T> =
             postcard::from_bytes(bytes).map_err(|e| format!("a worker's answer makes no sense: {e}"))?;
         if answer.proof != proof {
@@ -146,8 +147,18 @@ impl<T: DeserializeOwned> Answer<T> {
                         or its build of btr"
                 .to_owned());
         }
+        if answer.batch != name_of(batch) || answer.results.len() != many {
+            return Err("a worker's answer makes no sense: it is one to another batch".to_owned());
+        }
         Ok(answer.results)
     }
+}
+
+/// A name for bytes: the same for the same ones.
+pub(super) fn name_of(bytes: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    hasher.write(bytes);
+    hasher.finish()
 }
 
 /// A proof of numbers: the same for the same bits.

@@ -17,7 +17,7 @@ pub use message::Parcel;
 pub use serve::serve;
 pub use simulator::{Parcels, ServedModel};
 
-use message::Answer;
+use message::{Answer, Batch};
 use serde::de::DeserializeOwned;
 use std::any::Any;
 use std::panic::resume_unwind;
@@ -88,25 +88,24 @@ impl Way {
         }
     }
 
-    /// The answer to a batch, from a worker that has proved itself; `None` where there is nobody to ask.
-    fn ask<B: serde::Serialize, T: DeserializeOwned>(
+    /// The answer to a batch for so many, from a worker that has proved itself; `None` where there is nobody to ask.
+    fn ask<T: DeserializeOwned>(
         &self,
         parcels: &[Arc<Parcel>],
-        batch: &B,
+        batch: &Batch,
+        many: usize,
         proof: impl FnOnce() -> u64,
-    ) -> Option<T> {
+    ) -> Option<Vec<T>> {
         self.heed();
         let executor = self.executor.as_ref()?;
-        let answer = postcard::to_allocvec(batch)
-            .map_err(|e| Box::new(e.to_string()) as Box<dyn Any + Send>)
-            .and_then(|batch| executor.work(parcels, &batch))
-            .and_then(|bytes| Answer::<T>::read(&bytes, proof()).map_err(|why| Box::new(why) as Box<dyn Any + Send>));
+        let senseless = |why: String| -> Box<dyn Any + Send> { Box::new(why) };
+        let asked = || {
+            let batch = postcard::to_allocvec(batch).map_err(|e| senseless(e.to_string()))?;
+            let answer = executor.work(parcels, &batch)?;
+            Answer::read(&answer, proof(), &batch, many).map_err(senseless)
+        };
+        let answer = asked().unwrap_or_else(|why| resume_unwind(why));
         self.heed();
-        Some(answer.unwrap_or_else(|why| resume_unwind(why)))
-    }
-
-    /// How many are best asked for at once, where here it is `here`.
-    fn side_by_side(&self, here: usize) -> usize {
-        if self.executor.is_some() { MOST_AT_ONCE } else { here }
+        Some(answer)
     }
 }

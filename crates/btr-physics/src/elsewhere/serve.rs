@@ -3,7 +3,7 @@
 use super::cache::Cache;
 use super::family::proof;
 use super::message::{
-    Answer, Asked, Batch, Candidate, Content, Derived, Parcel, Points, Population, Residuals, Sparse,
+    Answer, Asked, Batch, Candidate, Content, Derived, Parcel, Points, Rated, Residuals, Sparse, name_of,
 };
 use super::simulator;
 use crate::experiment::{self, LogSource};
@@ -33,12 +33,12 @@ static TESTS: Cache<Known> = Cache::new(256);
 /// Parcels of another version, files that are not there.
 pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8]) -> Result<Vec<u8>, String> {
     let ((key, content), tests) = parcels.split_first().ok_or("no parcel")?;
-    let batch = postcard::from_bytes(batch).map_err(|e| e.to_string())?;
+    let (batch, asked) = (name_of(batch), postcard::from_bytes(batch).map_err(|e| e.to_string())?);
     let known = PROBLEMS.get(*key, || open(Parcel::content(content)?))?;
-    let answer = match (&*known, batch) {
+    let answer = match (&*known, asked) {
         (Known::Family { family, proof }, Batch::Points(points)) => {
             let results = residuals(family.as_ref(), *key, &points)?;
-            postcard::to_allocvec(&Answer { proof: *proof, results })
+            postcard::to_allocvec(&Answer { proof: *proof, batch, results })
         }
         (Known::Simulations { model, distance, proof }, Batch::Population(candidates)) => {
             let open = |(key, content): &(u64, &[u8])| TESTS.get(*key, || open(Parcel::content(content)?));
@@ -49,6 +49,7 @@ pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8]) -> Result<Vec<u8>, String> 
                 .collect();
             postcard::to_allocvec(&Answer {
                 proof: *proof,
+                batch,
                 results: population(model, distance.as_ref(), &tests, &candidates)?,
             })
         }
@@ -66,8 +67,8 @@ fn open(content: Content) -> Result<Known, String> {
             let problem = Problem::new(source, &made(learn), &made(held_out)).map_err(|e| e.to_string())?;
             Ok(Known::Family { proof: proof(&problem.beside), family: Box::new(problem.beside) })
         }),
-        Content::Experiment { experiment, distance } => experiment.unpacked(|source| {
-            let model = experiment::simulations(&source).map_err(|e| e.to_string())?;
+        Content::Experiment { experiment, distance, robot } => experiment.unpacked(|source| {
+            let model = experiment::simulations(&source, robot).map_err(|e| e.to_string())?;
             let spec: DistanceSpec = serde_json::from_str(&distance).map_err(|e| e.to_string())?;
             Ok(Known::Simulations { proof: simulator::proof(&model), model: Box::new(model), distance: spec.build() })
         }),
@@ -75,7 +76,7 @@ fn open(content: Content) -> Result<Known, String> {
     }
 }
 
-fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Residuals, String> {
+fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Vec<Residuals>, String> {
     let Some((last, before)) = points.derived.split_last() else { return Ok(at(base, points)) };
     let mut hasher = DefaultHasher::new();
     hasher.write_u64(key);
@@ -99,7 +100,7 @@ fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Residuals, 
     }
 }
 
-fn at(family: &dyn Family, points: &Points) -> Residuals {
+fn at(family: &dyn Family, points: &Points) -> Vec<Residuals> {
     let dense: Vec<Vec<f64>> = points.points.iter().map(Sparse::dense).collect();
     let (log, mut step) = (points.log, Step::USUAL);
     (0..points.halvings).for_each(|_| step = step.halved());
@@ -119,7 +120,7 @@ fn population(
     distance: &dyn Distance,
     tests: &[&Behaviour],
     candidates: &[Candidate],
-) -> Result<Population, String> {
+) -> Result<Vec<Rated>, String> {
     let plain = |real: &Behaviour, simulated: &Behaviour| Compared {
         distance: distance.distance(real, simulated),
         residuals: None,

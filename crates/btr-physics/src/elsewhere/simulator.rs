@@ -1,8 +1,8 @@
 //! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
 
-use super::Way;
 use super::folder::Folder;
-use super::message::{Asked, Batch, Candidate, Content, Parcel, Population, proof_of};
+use super::message::{Asked, Batch, Candidate, Content, Parcel, Rated, proof_of};
+use super::{MOST_AT_ONCE, Way};
 use crate::experiment::Source;
 use crate::model::Model;
 use btr_core::distance::DistanceSpec;
@@ -28,19 +28,20 @@ pub struct ServedModel<'a> {
 }
 
 impl<'a> ServedModel<'a> {
-    /// The simulations of an experiment with this text, for a run with this distance.
+    /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands for what
+    /// the text says of reality.
     ///
     /// # Errors
     /// A file that the experiment names and that cannot be read any more.
     pub fn new(
         local: &'a Model,
         source: &Source,
-        distance: &DistanceSpec,
+        (distance, robot): (&DistanceSpec, bool),
         way: &'a Way,
         parcels: &'a Parcels,
     ) -> Result<Self, String> {
         let experiment = match way.executor {
-            Some(_) => Some(parcels.experiment(local, source, distance)?),
+            Some(_) => Some(parcels.experiment(local, source, (distance, robot))?),
             None => None,
         };
         Ok(ServedModel { local, way, parcels, experiment })
@@ -52,14 +53,15 @@ impl Parcels {
         &self,
         model: &Model,
         source: &Source,
-        distance: &DistanceSpec,
+        (distance, robot): (&DistanceSpec, bool),
     ) -> Result<(Arc<Parcel>, u64), String> {
         let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, parcel, proof)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
             return Ok((parcel.clone(), *proof));
         }
         let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
-        let parcel = Parcel::of(&Content::Experiment { experiment: Folder::pack(source)?, distance })?;
+        let experiment = Folder::pack(source, !robot)?;
+        let parcel = Parcel::of(&Content::Experiment { experiment, distance, robot })?;
         let (parcel, proof) = (Arc::new(parcel), proof(model));
         *known = Some((source.text.clone(), parcel.clone(), proof));
         Ok((parcel, proof))
@@ -109,7 +111,7 @@ impl ServedModel<'_> {
             Some(Candidate { s, c, scenario, wanted: asked(wanted)? })
         };
         let candidates: Option<Vec<Candidate>> = jobs.iter().zip(wanted).map(candidate).collect();
-        let made: Population = self.way.ask(&parcels, &Batch::Population(candidates?), || *proof)?;
+        let made: Vec<Rated> = self.way.ask(&parcels, &Batch::Population(candidates?), jobs.len(), || *proof)?;
         Some(made.into_iter().map(|made| made.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
@@ -132,7 +134,7 @@ impl Simulator for ServedModel<'_> {
     }
 
     fn side_by_side(&self) -> usize {
-        self.way.side_by_side(self.local.side_by_side())
+        if self.experiment.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {

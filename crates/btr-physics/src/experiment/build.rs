@@ -92,9 +92,16 @@ impl Experiment {
         Ok(())
     }
 
-    /// What identifies the experiment: its text with all settings, and its seed.
+    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for what the text
+    /// says of reality. Which one that is nobody can tell.
     pub fn stamp(&self) -> String {
-        format!("# --seed {}\n{}", self.seed, self.source.text)
+        let robot = if self.has_robot() { ", reality is a function" } else { "" };
+        format!("# --seed {}{robot}\n{}", self.seed, self.source.text)
+    }
+
+    /// Whether a robot of its own stands for what the file says of reality.
+    pub fn has_robot(&self) -> bool {
+        self.robot.is_some()
     }
 
     /// Goes on with a larger S: `text` is the file with further parameters. Reality stays what it was, so that a hidden twin
@@ -209,14 +216,15 @@ pub(super) struct Builder<'a> {
     pub(super) source: &'a Source,
 }
 
-/// The simulations of an experiment, without reality and plan.
+/// The simulations of an experiment, without reality and plan; `robot` where a robot of its own stands for what the file says of
+/// reality.
 ///
 /// # Errors
 /// Whatever does not make sense, at its line.
-pub fn simulations(source: &Source) -> Result<Model, FileError> {
+pub fn simulations(source: &Source, robot: bool) -> Result<Model, FileError> {
     let file = source.parse()?;
     let builder = Builder { file: &file, source };
-    let situations = match &file.reality {
+    let situations = match file.reality.as_ref().filter(|_| !robot) {
         Some(section) => builder.situations(section)?,
         None => Situations::single(file.simulation.duration_s),
     };

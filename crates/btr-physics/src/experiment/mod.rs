@@ -19,5 +19,6 @@ pub use enlarged::enlarges;
 pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
 pub use log_source::LogSource;
 pub use parse::{FileError, Source, nearest, suggestion};
+pub(crate) use pieces::timely;
 pub use replays::{Checked, Replays, replays};
 pub use single::{model, model_driven_by, model_replaying, recorded};

@@ -29,15 +29,17 @@ pub(super) fn read(source: &LogSource, file: &File) -> Result<(Log, Vec<String>)
         LogSource::File(path) => io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
         LogSource::Made { log, .. } => (log.clone().from_zero(), Vec::new()),
     };
-    let path = source.path();
+    timely(source.path(), &log)?;
+    Ok((log, warnings.iter().map(ToString::to_string).collect()))
+}
+
+/// Refuses a log that is too short, or whose clock cannot be in seconds.
+pub(crate) fn timely(path: &Path, log: &Log) -> Result<(), FileError> {
     if log.len() < 2 {
         return Err(about(path, "a log needs at least two samples", None));
     }
     let step_s = log.usual_step_s().unwrap_or(0.0);
-    if step_s > LONGEST_STEP_S {
-        return Err(slow(path, step_s));
-    }
-    Ok((log, warnings.iter().map(ToString::to_string).collect()))
+    if step_s > LONGEST_STEP_S { Err(slow(path, step_s)) } else { Ok(()) }
 }
 
 /// A clock that is not in seconds.

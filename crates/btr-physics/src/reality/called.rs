@@ -1,11 +1,12 @@
 //! A function per test: another simulator, or whatever can be called that drives a robot.
 
 use super::store::{Store, StoreError, or_pending};
-use crate::experiment::{Robotic, told};
+use crate::experiment::{Robotic, timely, told};
 use crate::io::Meta;
 use crate::model::Model;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
+use std::path::Path;
 use std::sync::Arc;
 
 /// What a robot is asked to do.
@@ -56,11 +57,40 @@ impl Called {
         let begins = begins.unwrap_or_else(|_| self.model.robot.clone());
         let start = begins.movable().map(|(_, link)| (link.joint.name.as_str(), link.joint.start)).collect();
         match (self.robot)(&Asked { trial, names, references: &references, start }) {
-            // What the robot was told is known, whether its log says it or not.
-            Ok(log) => self.store.keep(trial, &told(&log, &references), &Meta::default()),
+            Ok(log) => match self.useless(trial, &log) {
+                Some(what) => Ok(Outcome::Pending { what }),
+                // What the robot was told is known, whether its log says it or not.
+                None => self.store.keep(trial, &told(&log, &references), &Meta::default()),
+            },
             Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),
             Err(Unanswered::Broken(what)) => Ok(Outcome::Pending { what }),
         }
+    }
+}
+
+impl Called {
+    /// What is wrong with a log that would be kept for nothing: a real test is too dear for that.
+    fn useless(&self, trial: &Trial, log: &Log) -> Option<String> {
+        let name = format!("the log of real test {}", trial.number);
+        if let Err(error) = timely(Path::new(&name), log) {
+            let help = error.help.as_ref().map_or_else(String::new, |help| format!("\nhelp: {help}"));
+            return Some(format!("{error}{help}"));
+        }
+        let joints = self.model.robot.movable().map(|(_, link)| link.joint.name.as_str());
+        let of_joints: Vec<String> =
+            joints.flat_map(|joint| ["q", "dq", "tau"].map(|kind| format!("{kind}_{joint}"))).collect();
+        let is_ours = |channel: &str| {
+            let of_the_base = ["imu_", "foot_", "base_", "ball_"].iter().any(|kind| channel.starts_with(kind));
+            of_the_base || of_joints.iter().any(|name| name == channel)
+        };
+        let measured = log.channels().any(|(channel, c)| is_ours(channel) && c.values.iter().any(|x| x.is_finite()));
+        (!measured).then(|| {
+            let has = log.channels().map(|(channel, _)| channel).collect::<Vec<_>>().join(", ");
+            format!(
+                "{name} measures nothing of this robot: it has {has}\nhelp: give back {}, ...",
+                of_joints.join(", ")
+            )
+        })
     }
 }
 

@@ -26,6 +26,7 @@ __all__ = [
     "distances",
     "fit",
     "fitness_distance",
+    "forked",
     "log_of_messages",
     "measured",
     "searches",
@@ -78,8 +79,8 @@ class Model:
     def spaces(self) -> tuple[str, str]: ...
     def simulate_all(
         self,
-        parameters: Sequence[Sequence[float]],
-        controllers: Sequence[Sequence[float]],
+        parameters: Sequence[Sequence[float]] | None,
+        controllers: Sequence[Sequence[float]] | None,
         log: Log | str | PathLike[str] | None = ...,
     ) -> list[Log | None]: ...
     def add(self, effects: Sequence[str]) -> Model: ...
@@ -135,6 +136,7 @@ def coevolve(
     tell: Callable[[str], None],
     hands: int | _Hands | None,
 ) -> str | None: ...
+def forked() -> None: ...
 def serve(parcels: Sequence[tuple[int, bytes]], batch: bytes) -> bytes: ...
 def write_report(path: str | PathLike[str], html: str) -> None: ...
 def command(arguments: Sequence[str]) -> int: ...

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from btr import _tables
+from btr._btr import BtrError
 
 if TYPE_CHECKING:
     import pandas
@@ -18,7 +19,9 @@ Floats = NDArray[np.float64]
 
 
 def frame(clock_s: Floats, columns: dict[str, Floats]) -> pandas.DataFrame:
-    """A pandas frame with the clock as column `t`."""
+    """A pandas frame with the clock as column `t`; raises `BtrError` where a channel is called so."""
+    if "t" in columns:
+        raise BtrError("a channel is called t, as the clock is in a frame\nhelp: give it another name")
     return _tables.frame({"t": clock_s, **columns})
 
 

@@ -146,6 +146,9 @@ def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLik
         raise TypeError("both sides are logs, or none is: a log has a clock of its own")
     if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
         raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
+    apart = sorted(one.keys() ^ other.keys())
+    if apart:
+        raise wrong(f"only one side has {', '.join(apart)}", "give both sides the same channels")
     first = next(iter(one.values()), np.empty(0))
     clock = _clock(len(first), dt_s, clock_s)
     return _btr.measured("real", clock, list(one.items())), _btr.measured("simulated", clock, list(other.items()))

@@ -7,6 +7,8 @@ bit by bit, whoever does the work: no random number is drawn by workers, and eac
 
 from __future__ import annotations
 
+import numbers
+import os
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, Union, runtime_checkable
@@ -15,6 +17,14 @@ from btr import _btr
 from btr._optional import needed
 
 __all__ = ["ExecutorLike", "Futures", "Hands", "Ray", "hands_of", "serve"]
+
+
+_MOST_THREADS = 10_000
+_MOST_SHARED = 512
+
+# A fork has none of its parent's threads: it works with its own.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_btr.forked)
 
 
 def serve(keys: Sequence[int], batch: bytes, *contents: bytes) -> bytes:
@@ -46,6 +56,8 @@ class Futures:
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {type(executor).__name__} has none")
         self._executor = executor
         self._workers = _workers_of(executor) if workers is None else workers
+        if not 1 <= self._workers <= _MOST_THREADS:
+            raise ValueError(f"workers={workers!r}: 1 to {_MOST_THREADS}")
         self._shared = _Shared(self._scatter if callable(getattr(executor, "scatter", None)) else None)
 
     @property
@@ -115,8 +127,11 @@ class _Shared:
         if self._put is None:
             return parcel.content
         with self._lock:
-            if parcel.key not in self._known:
-                self._known[parcel.key] = self._put(parcel.content)
+            # The last ones used stay: a long run has many real tests.
+            shared = self._known.pop(parcel.key, None)
+            self._known[parcel.key] = self._put(parcel.content) if shared is None else shared
+            while len(self._known) > _MOST_SHARED:
+                self._known.pop(next(iter(self._known)))
             return self._known[parcel.key]
 
 
@@ -126,14 +141,16 @@ ExecutorLike = Union[None, int, str, Hands, Any]
 
 def hands_of(executor: ExecutorLike) -> int | Hands | None:
     """What `executor=` means; raises `TypeError` or `ValueError` where that is nothing."""
-    if executor is None or executor == "threads":
+    if executor is None or (isinstance(executor, str) and executor == "threads"):
         return None
-    if isinstance(executor, bool) or (isinstance(executor, int) and executor < 1):
-        raise ValueError(f"executor={executor!r}: a number of threads is 1 or more")
+    if isinstance(executor, numbers.Integral):
+        if isinstance(executor, bool) or not 1 <= int(executor) <= _MOST_THREADS:
+            raise ValueError(f"executor={executor!r}: a number of threads is 1 to {_MOST_THREADS}")
+        return int(executor)
     if isinstance(executor, str):
         if executor == "ray":
             return Ray()
         raise ValueError(f'executor={executor!r}: "threads", "ray", a number of threads, or an object with submit')
-    if isinstance(executor, (int, Hands)):
+    if isinstance(executor, Hands):
         return executor
     return Futures(executor)

@@ -98,7 +98,7 @@ def _ladder(ladder: Sequence[dict[str, Any]], ax: Axes) -> Axes:
 def fit(found: FitResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Every fitted value with its 95 % interval between its bounds, and how the error fell: on a pair of axes."""
     rows = max(len(found.parameters), len(found.error_ladder))
-    values, ladder = ax or _figure(1, 2, size=(13.0, _height(rows)))
+    values, ladder = _figure(1, 2, size=(13.0, _height(rows))) if ax is None else ax
     return [_values(found, values), _ladder(found.error_ladder, ladder)]
 
 
@@ -137,7 +137,7 @@ def coevolve(found: CoevolveResult, ax: Sequence[Axes] | None = None) -> list[Ax
     phi is alone."""
     ends = [("fitness_sim", "promised", "main"), ("fitness_real", "real", "second")]
     has_fitness = any(iteration[key] is not None for iteration in found.iterations for key, _, _ in ends)
-    axes = list(ax) if ax else _figure(1, 1 + has_fitness, size=(6.4 * (1 + has_fitness), 3.6))
+    axes = _figure(1, 1 + has_fitness, size=(6.4 * (1 + has_fitness), 3.6)) if ax is None else list(ax)
     phi = [("phi", "of the simulation found", "main"), ("phi_predicted", "of the one before, on fresh tests", "second")]
     drawn = [_iterations(found, axes[0], phi, "phi", "How far simulation is from reality")]
     axes[0].set_yscale("log")

@@ -171,12 +171,12 @@ class CoevolveResult(Result):
 
     def __init__(self, document: dict[str, Any], folder: Path) -> None:
         super().__init__(document)
-        self.folder = folder
+        self.folder = folder.absolute()
 
     @property
     def logs(self) -> list[Path]:
         """What the robot did in each real test that gave a log, in their order."""
-        found = (sorted(test.glob("log.*"))[:1] for test in sorted((self.folder / "transfers").iterdir()))
+        found = (sorted(test.glob("log.*"))[:1] for test in sorted(self.folder.glob("transfers/*")))
         return [log for logs in found for log in logs]
 
     @property

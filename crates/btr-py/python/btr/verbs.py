@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -87,7 +88,7 @@ class Model:
         given = [points for points in (parameters, controllers) if points is not None]
         if not given:
             raise ValueError("simulate_all needs parameters, controllers, or both: arrays with a row for every rollout")
-        rollouts = max(len(np.asarray(points)) for points in given)
+        rollouts = max(len(np.atleast_1d(points)) for points in given)
         s = _points(parameters, self.parameters, rollouts, "parameters")
         c = _points(controllers, self.controllers, rollouts, "controllers")
         return self._model.simulate_all(s, c, None if log is None else _given(log))
@@ -142,6 +143,13 @@ class Model:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __copy__(self) -> Model:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Model:
+        # Models never change.
+        return self
+
     def __reduce__(self) -> tuple[type[Model], tuple[Any, ...]]:
         return Model, (self.text, self.path, own.for_pickles(self._laws))
 
@@ -149,12 +157,12 @@ class Model:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
 
 
-def _points(points: ArrayLike | None, space: list[dict[str, Any]], rollouts: int, what: str) -> list[list[float]]:
+def _points(
+    points: ArrayLike | None, space: list[dict[str, Any]], rollouts: int, what: str
+) -> list[list[float]] | None:
     """A row for every rollout, checked."""
     if points is None:
-        middle = {"linear": lambda d: (d["min"] + d["max"]) / 2, "log": lambda d: (d["min"] * d["max"]) ** 0.5}
-        nominal = [middle[d["scale"]](d) if d["nominal"] is None else d["nominal"] for d in space]
-        return [nominal] * rollouts
+        return None
     rows = np.asarray(points, dtype=np.float64)
     if rows.shape != (rollouts, len(space)):
         names = ", ".join(dim["name"] for dim in space)
@@ -174,7 +182,13 @@ def load_model(
 
 
 def _toml(value: Any) -> str:
-    return json.dumps(value) if isinstance(value, (bool, str, int, float, list)) else str(value)
+    if isinstance(value, (tuple, np.ndarray, np.generic)):
+        value = np.asarray(value).tolist()
+    if not isinstance(value, (bool, str, int, float, list, dict)):
+        raise TypeError(f"a setting is a number, a text, a list or a table, not {value!r}")
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(inner)}" for key, inner in value.items()) + "}"
+    return json.dumps(value)
 
 
 def load_log(
@@ -184,7 +198,11 @@ def load_log(
     or an open reader of the package rosbags, or of a frame with a column `t` in seconds. A frame's other columns are called as in a
     CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file or bag
     mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError` for what is no log."""
+    if isinstance(source, (str, os.PathLike, Log)) and name is not None:
+        raise TypeError("a file or a Log has a name of its own")
     if isinstance(source, Log):
+        if episode is not None:
+            raise TypeError("an episode is one of a data set's folder, not of a Log")
         return source
     if isinstance(source, (str, os.PathLike)):
         path = Path(source if episode is None else f"{os.fspath(source)}#{episode}")
@@ -215,6 +233,13 @@ def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
     if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
         return [_given(logs)]
     return [_given(log) for log in logs]
+
+
+def _count(number: int, what: str) -> int:
+    """A whole number that is not below 0; raises `BtrError` for others."""
+    if not 0 <= operator.index(number) < 2**63:
+        raise _btr.BtrError(f"{what} = {number}\nhelp: give a whole number from 0 on")
+    return number
 
 
 def _silent(step: str, train: float, held_out: float | None) -> None:
@@ -248,7 +273,7 @@ def diagnose(
     the noise floor; `max_effects` is the most that are named, and
     `executor` is who does the work (see `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the
     model blows up; what `tell` raises ends the work."""
-    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), max_effects, tell, hands_of(executor))
+    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), _count(max_effects, "max_effects"), tell, hands_of(executor))
     return DiagnoseResult(json.loads(document), page)
 
 
@@ -263,12 +288,12 @@ def fit(
     logs: LogLike | Iterable[LogLike],
     *,
     held_out: LogLike | Iterable[LogLike] = (),
-    add: Iterable[str] = (),
+    add: str | Iterable[str] = (),
     tell: Tell = _silent,
     executor: ExecutorLike = None,
 ) -> FitResult:
     """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
     first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs that tell nothing, or on which the model blows up; what
     `tell` raises ends the work."""
-    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), list(add), tell, hands_of(executor))
+    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), [add] if isinstance(add, str) else list(add), tell, hands_of(executor))
     return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted.text))

@@ -154,6 +154,9 @@ impl Info {
     }
 }
 
+/// No file's name has a wider number.
+const WIDEST: usize = 32;
+
 /// A pattern with a number for each `{key}` and `{key:06d}`.
 fn filled(pattern: &str, key: &str, number: usize) -> String {
     let opening = format!("{{{key}");
@@ -161,7 +164,7 @@ fn filled(pattern: &str, key: &str, number: usize) -> String {
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         let (form, rest) = part.split_once('}').unwrap_or((part, ""));
-        let width = form.trim_start_matches(':').trim_end_matches('d').parse().unwrap_or(0);
+        let width = form.trim_start_matches(':').trim_end_matches('d').parse().unwrap_or(0).min(WIDEST);
         text += &format!("{number:0width$}{rest}");
     }
     text
