@@ -1,4 +1,5 @@
-"""How long `btr.load_log` takes for one log as CSV, as MCAP, as another robot's MCAP and as a LeRobot episode: medians over rounds.
+"""How long `btr.load_log` takes for one log as CSV, as MCAP, as another robot's MCAP and as a LeRobot episode: medians over
+rounds.
 
     pip install . pyarrow rosbags
     python benches/python_load.py

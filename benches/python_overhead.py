@@ -51,7 +51,8 @@ def main() -> None:
             python.append(from_python(model, args.candidates))
         ratio = statistics.median(p / r for p, r in zip(python, rust))
         medians = f"Rust {1e3 * statistics.median(rust):.2f} ms, Python {1e3 * statistics.median(python):.2f} ms"
-        print(f"{name}: {args.candidates} rollouts: {medians}; ratio {ratio:.3f} ({min(rust) * 1e3:.2f} and {min(python) * 1e3:.2f} at best)")
+        best = f"{min(rust) * 1e3:.2f} and {min(python) * 1e3:.2f} at best"
+        print(f"{name}: {args.candidates} rollouts: {medians}; ratio {ratio:.3f} ({best})")
 
 
 if __name__ == "__main__":

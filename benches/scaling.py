@@ -5,9 +5,9 @@
     python benches/scaling.py ray [--rounds 5]     # one worker and two of Ray on this machine, beside threads
     python benches/scaling.py extrapolate          # up to 1000 workers that only take their time
 
-`extrapolate` runs two generations of a population once, and keeps the answer to every batch. Then it runs them again with workers that
-give the same answers after the time that their simulations would take on a core of their own: everything is measured but the
-simulations and the network, so this is what the machine that hands out the work can do.
+`extrapolate` runs two generations of a population once, and keeps the answer to every batch. Then it runs them again with
+workers that give the same answers after the time that their simulations would take on a core of their own: everything is
+measured but the simulations and the network, so this is what the machine that hands out the work can do.
 """
 
 import argparse
@@ -76,7 +76,8 @@ def seconds(run) -> float:
 
 def sizes(name: str, hands: Counted) -> None:
     batches = len(hands.sent)
-    print(f"{name}: {batches} batches of {sum(hands.sent) / batches:.0f} bytes, answers of {sum(hands.answered) / batches:.0f},", end=" ")
+    sent, answered = sum(hands.sent) / batches, sum(hands.answered) / batches
+    print(f"{name}: {batches} batches of {sent:.0f} bytes, answers of {answered:.0f},", end=" ")
     print(f"{len(hands.parcels)} parcels of {sum(hands.parcels.values()) / 1e3:.0f} kB in all")
 
 

@@ -4,10 +4,10 @@
     pip install . mujoco
     python examples/mujoco_reality.py [--plant coulomb_friction|armature|command_delay]
 
-The two know nothing of each other: MuJoCo reads the same URDF, with masses and gains that are somewhat off, takes steps of its own, and
-has noisy encoders. The loop asks it for the motions on which simulations that explain the past disagree, and finds masses and gains
-that explain them as well as such a model can; that is not well. The real tests are then asked what the model lacks; it is added, fitted,
-and judged on motions that nothing was fitted to. Half a minute.
+The two know nothing of each other: MuJoCo reads the same URDF, with masses and gains that are somewhat off, takes steps of
+its own, and has noisy encoders. The loop asks it for the motions on which simulations that explain the past disagree, and
+finds masses and gains that explain them as well as such a model can; that is not well. The real tests are then asked what the
+model lacks; it is added, fitted, and judged on motions that nothing was fitted to. Half a minute.
 """
 
 import argparse
@@ -100,7 +100,8 @@ class Robot:
         positions += self.noise.normal(0, NOISE_RAD, positions.shape)
         read = QUANTUM_RAD * np.round(positions / QUANTUM_RAD)
         channels = {"cmd": commands, "q": read, "dq": velocities, "tau": torques}
-        return btr.Log(clock_s, {f"{kind}_{joint}": rows[k] for kind, rows in channels.items() for k, joint in enumerate(self.joints)})
+        named = {f"{kind}_{joint}": rows[k] for kind, rows in channels.items() for k, joint in enumerate(self.joints)}
+        return btr.Log(clock_s, named)
 
 
 def fresh(joints: list[str], seed: int) -> btr.Log:

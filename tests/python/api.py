@@ -21,8 +21,8 @@ def public_modules() -> list[ModuleType]:
 
 
 def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
-    """What a module offers, with its classes' own methods and properties, as names within it: functions and classes that it lists or,
-    where it lists nothing, makes."""
+    """What a module offers, with its classes' own methods and properties, as names within it: functions and classes that it
+    lists or, where it lists nothing, makes."""
     listed = getattr(module, "__all__", None)
     for name, value in vars(module).items():
         is_own = name in listed if listed else not name.startswith("_") and getattr(value, "__module__", "") == module.__name__

@@ -59,7 +59,8 @@ enum Left {
     Interrupted,
 }
 
-/// Begins or resumes an experiment's run in a folder, turns the loop, and writes its files; `None` where the watcher stopped it.
+/// Begins or resumes an experiment's run in a folder, turns the loop, and writes its files; `None` where the watcher stopped
+/// it.
 ///
 /// # Errors
 /// A folder in use or without a run, a disk that refuses.

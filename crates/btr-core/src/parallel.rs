@@ -1,7 +1,7 @@
 //! How work is shared out.
 
-/// How many of `jobs` to hand out at once where up to `most` are done best side by side: so many that all threads have as much to do,
-/// in as few turns as that takes. What comes out depends on it in nothing but time.
+/// How many of `jobs` to hand out at once where up to `most` are done best side by side: so many that all threads have as
+/// much to do, in as few turns as that takes. What comes out depends on it in nothing but time.
 pub fn side_by_side(most: usize, jobs: usize) -> usize {
     shared_among(rayon::current_num_threads(), most.max(1), jobs)
 }

@@ -63,8 +63,8 @@ pub fn in_place(clock_s: &[f64], values: &mut [f64]) {
     values.iter_mut().zip(smoothed).for_each(|(value, motion)| *value = motion.value);
 }
 
-/// The same as [`smooth`] with fits that reach just far enough: four samples to each side. For motions whose accelerations must not be
-/// rounded off more than need be.
+/// The same as [`smooth`] with fits that reach just far enough: four samples to each side. For motions whose accelerations
+/// must not be rounded off more than need be.
 pub fn finely(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
     // Rounded stamps must not lose the outermost sample.
     within(clock_s, values, usual_step_s(clock_s).map_or(REACH_S, |step| (REACH_SAMPLES + 0.1) * step))
@@ -87,9 +87,10 @@ fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
 }
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
-/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set in
-/// motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first tick fits nearly as
-/// many of the first samples as any parabola does, which has as many numbers; else by that one. `None` where too few are there.
+/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set
+/// in motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first tick fits nearly
+/// as many of the first samples as any parabola does, which has as many numbers; else by that one. `None` where too few are
+/// there.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
@@ -100,8 +101,8 @@ pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
     }
 }
 
-/// The mean of the first readings; `None` where they are fewer than three, or have a slope beyond so many standard deviations of
-/// what noise alone would give them.
+/// The mean of the first readings; `None` where they are fewer than three, or have a slope beyond so many standard deviations
+/// of what noise alone would give them.
 pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Option<f64> {
     let first_s = *clock_s.first()?;
     // Short, as a command may come at once.
@@ -149,8 +150,8 @@ fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> O
     }
 }
 
-/// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere begins
-/// with an acceleration that soon falls.
+/// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere
+/// begins with an acceleration that soon falls.
 fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Cubic> {
     let there = || (0..to).filter(|&i| values[i].is_finite());
     let reach = there().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);

@@ -68,8 +68,8 @@ pub trait Simulator: Sync {
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         jobs.iter().map(|job| self.run(job.s, job.c, job.scenario)).collect()
     }
-    /// What is wanted of each job's behaviour, in the order of the jobs. Who simulates elsewhere need not send behaviours home of
-    /// which only a number is wanted.
+    /// What is wanted of each job's behaviour, in the order of the jobs. Who simulates elsewhere need not send behaviours
+    /// home of which only a number is wanted.
     fn make_all(&self, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
         self.run_all(jobs).into_iter().zip(wanted).map(|(behaviour, wanted)| Ok(wanted.of(behaviour?))).collect()
     }

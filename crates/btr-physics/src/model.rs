@@ -159,8 +159,8 @@ impl Model {
         )
     }
 
-    /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step, with
-    /// the time in s.
+    /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step,
+    /// with the time in s.
     pub(crate) fn led(
         &self,
         s: &[f64],
@@ -171,8 +171,8 @@ impl Model {
         self.run_once((s, &self.drive.space().nominal()), situation, further, Step::USUAL, None, lead)
     }
 
-    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many in one
-    /// situation.
+    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many in
+    /// one situation.
     pub(crate) fn rollouts_in(
         &self,
         points: &[(Vec<f64>, Vec<Placed>)],
@@ -184,8 +184,8 @@ impl Model {
         self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
     }
 
-    /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side by side
-    /// where they follow each other.
+    /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side
+    /// by side where they follow each other.
     pub fn simulate_all(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
         let at_once = parallel::side_by_side(abreast::at_most(), jobs.len());
         jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(|few| self.few(few)).collect()

@@ -17,9 +17,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The exception that a robot's function ended with.
 type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is asked for every
-/// real test (number, iteration, scenario, names and values of the controller, its commands, where joints begin) and gives back a log; `tell` hears
-/// every closed iteration, as JSON.
+/// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is
+/// asked for every real test (number, iteration, scenario, names and values of the controller, its commands, where joints
+/// begin) and gives back a log; `tell` hears every closed iteration, as JSON.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn coevolve(

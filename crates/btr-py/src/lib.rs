@@ -1,5 +1,5 @@
-//! Python bindings of btr: `import btr`. Answers cross over as JSON text, logs as NumPy arrays; what is nice to have in Python is
-//! written in Python, in the package around this module.
+//! Python bindings of btr: `import btr`. Answers cross over as JSON text, logs as NumPy arrays; what is nice to have in
+//! Python is written in Python, in the package around this module.
 
 #![allow(clippy::needless_pass_by_value, reason = "what Python hands over is owned here")]
 

@@ -52,8 +52,8 @@ impl Log {
         Ok(Log { name, log })
     }
 
-    /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` say what foreign names mean. Raises `BtrError` for
-    /// what is no log.
+    /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` say what foreign names mean. Raises
+    /// `BtrError` for what is no log.
     #[staticmethod]
     #[pyo3(signature = (path, model = None))]
     fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
@@ -113,8 +113,8 @@ impl Log {
     }
 
     /// Draws channels in their units against the clock in s; without any, what joints were told and what they read. What
-    /// belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything. Returns the list of
-    /// axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
+    /// belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything. Returns the list
+    /// of axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
     #[pyo3(signature = (*channels, ax = None))]
     fn plot<'py>(
         slf: &Bound<'py, Self>,
@@ -193,8 +193,8 @@ pub(crate) fn warn(py: Python<'_>, warnings: &[impl ToString]) -> PyResult<()> {
     Ok(())
 }
 
-/// A log of ROS 2 messages that somebody else reads: topics with their type and encoding, and messages with the number of their
-/// topic, when they were recorded in ns, and their bytes.
+/// A log of ROS 2 messages that somebody else reads: topics with their type and encoding, and messages with the number of
+/// their topic, when they were recorded in ns, and their bytes.
 #[pyfunction]
 pub(crate) fn log_of_messages(
     py: Python<'_>,

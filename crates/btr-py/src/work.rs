@@ -111,8 +111,8 @@ pub(crate) fn serve<'py>(
     Ok(PyBytes::new(py, &answer))
 }
 
-/// Does work in a thread of its own while this one waits for it and for Ctrl-C. What was raised in it (by a listener, a worker, a
-/// user's function) is what is raised here.
+/// Does work in a thread of its own while this one waits for it and for Ctrl-C. What was raised in it (by a listener, a
+/// worker, a user's function) is what is raised here.
 pub(crate) fn working<T: Send>(
     py: Python<'_>,
     way: &Arc<Way>,

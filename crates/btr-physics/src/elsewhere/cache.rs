@@ -17,7 +17,8 @@ impl<T> Cache<T> {
         Cache { most, slots: Mutex::new(Vec::new()) }
     }
 
-    /// The value of a key, made where it is not there. Others that want the same wait for it; those that want another one do not.
+    /// The value of a key, made where it is not there. Others that want the same wait for it; those that want another one do
+    /// not.
     pub(super) fn get(&self, key: u64, make: impl FnOnce() -> Result<T, String>) -> Result<Arc<T>, String> {
         let slot = {
             let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);

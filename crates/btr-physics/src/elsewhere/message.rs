@@ -43,8 +43,8 @@ impl Parcel {
 pub(super) enum Content {
     /// A model beside its logs.
     Problem { model: Folder, learn: Vec<(PathBuf, Log)>, held_out: Vec<(PathBuf, Log)> },
-    /// An experiment's simulations, by what they are compared with real tests (as JSON, which tells names from tables), and whether
-    /// a robot of its own stands for its `[reality]`.
+    /// An experiment's simulations, by what they are compared with real tests (as JSON, which tells names from tables), and
+    /// whether a robot of its own stands for its `[reality]`.
     Experiment { experiment: Folder, distance: String, robot: bool },
     /// What came of a real test.
     Test(Behaviour),

@@ -1,9 +1,9 @@
 //! Simulations that somebody else works out: other threads, processes or machines, behind whatever hands out calls there.
 //!
-//! A worker is told once what it works on (a [`Parcel`]: the model with its files, the logs) and then gets batches: points of a family, or
-//! candidates of a population. It answers with numbers. No random number is drawn there, so that an answer is the same whoever gives it,
-//! and however often it is asked for again because a machine was lost. Every answer carries the worker's proof: what it computes at
-//! the model's own values, which must be what is computed here, bit by bit.
+//! A worker is told once what it works on (a [`Parcel`]: the model with its files, the logs) and then gets batches: points of
+//! a family, or candidates of a population. It answers with numbers. No random number is drawn there, so that an answer is
+//! the same whoever gives it, and however often it is asked for again because a machine was lost. Every answer carries the
+//! worker's proof: what it computes at the model's own values, which must be what is computed here, bit by bit.
 
 mod cache;
 mod family;

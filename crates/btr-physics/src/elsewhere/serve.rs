@@ -26,8 +26,8 @@ static PROBLEMS: Cache<Known> = Cache::new(4);
 /// Real tests of a run.
 static TESTS: Cache<Known> = Cache::new(256);
 
-/// Answers a batch: `parcels` are keys and contents, the first of them what the batch is about. To be called wherever work is done, in
-/// one thread; what a parcel takes to be opened is done once in a process.
+/// Answers a batch: `parcels` are keys and contents, the first of them what the batch is about. To be called wherever work is
+/// done, in one thread; what a parcel takes to be opened is done once in a process.
 ///
 /// # Errors
 /// Parcels of another version, files that are not there.

@@ -28,8 +28,8 @@ pub struct ServedModel<'a> {
 }
 
 impl<'a> ServedModel<'a> {
-    /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands for what
-    /// the text says of reality.
+    /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands
+    /// for what the text says of reality.
     ///
     /// # Errors
     /// A file that the experiment names and that cannot be read any more.

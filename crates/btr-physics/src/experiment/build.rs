@@ -92,8 +92,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for what the text
-    /// says of reality. Which one that is nobody can tell.
+    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for what
+    /// the text says of reality. Which one that is nobody can tell.
     pub fn stamp(&self) -> String {
         let robot = if self.has_robot() { ", reality is a function" } else { "" };
         format!("# --seed {}{robot}\n{}", self.seed, self.source.text)
@@ -122,8 +122,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told, from where
-    /// every test begins.
+    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told, from
+    /// where every test begins.
     ///
     /// # Errors
     /// A controller that does not fit.
@@ -216,8 +216,8 @@ pub(super) struct Builder<'a> {
     pub(super) source: &'a Source,
 }
 
-/// The simulations of an experiment, without reality and plan; `robot` where a robot of its own stands for what the file says of
-/// reality.
+/// The simulations of an experiment, without reality and plan; `robot` where a robot of its own stands for what the file says
+/// of reality.
 ///
 /// # Errors
 /// Whatever does not make sense, at its line.

@@ -1,4 +1,5 @@
-"""Back-to-Reality: compare a model with measurements, learn which physical effect is missing, add it and watch the error fall.
+"""Back-to-Reality: compare a model with measurements, learn which physical effect is missing, add it and watch the error
+fall.
 
     import btr
 
@@ -7,9 +8,9 @@
     fitted = btr.fit(model, ["monday.mcap"], held_out=["friday.mcap"], add=answer.names)
     fitted.model.save("fitted.toml")
 
-A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column `t` in seconds.
-Errors are `BtrError`, with what to do about it. Everything that simulates runs on all cores without holding Python's lock, but for laws
-that are functions (`Model.add_law`).
+A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column `t`
+in seconds. Errors are `BtrError`, with what to do about it. Everything that simulates runs on all cores without holding
+Python's lock, but for laws that are functions (`Model.add_law`).
 """
 
 from btr import distance, executors, search

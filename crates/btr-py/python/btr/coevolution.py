@@ -1,4 +1,5 @@
-"""The loop: controllers are found in simulation, a few are tried in reality, and what they really did finds a better simulation."""
+"""The loop: controllers are found in simulation, a few are tried in reality, and what they really did finds a better
+simulation."""
 
 from __future__ import annotations
 
@@ -35,9 +36,9 @@ class Controller:
 
 
 Reality = Callable[[Controller], LogLike]
-"""Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a frame, or a
-path. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be resumed. Called on another
-thread; Ctrl-C waits for it, so that no real test is lost."""
+"""Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
+frame, or a path. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be
+resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost."""
 Iteration = Mapping[str, Any]
 """A closed iteration, as under `iterations` in the result."""
 
@@ -52,21 +53,28 @@ def coevolve(
     tell: Callable[[Iteration], object] | None = None,
     executor: ExecutorLike = None,
 ) -> CoevolveResult:
-    """Lets controllers and simulations of an experiment co-evolve (Zagal, Delpiano and Ruiz-del-Solar 2009), as `btr coevolve` does.
+    """Lets controllers and simulations of an experiment co-evolve (Zagal, Delpiano and Ruiz-del-Solar 2009), as `btr
+    coevolve` does.
 
-    `reality` takes the place of the experiment's `[reality]`. Everything is kept in the folder `out` (`runs/<name>`), a checkpoint after
-    every step: with `resume` a run goes on that was interrupted, by Ctrl-C, an exception, or a lost machine. The same experiment and seed
-    give the same results for every `executor`. `tell` hears every closed iteration.
+    `reality` takes the place of the experiment's `[reality]`. Everything is kept in the folder `out` (`runs/<name>`), a
+    checkpoint after every step: with `resume` a run goes on that was interrupted, by Ctrl-C, an exception, or a lost machine.
+    The same experiment and seed give the same results for every `executor`. `tell` hears every closed iteration.
 
-    Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell` raised.
+    Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell`
+    raised.
     """
     model = experiment if isinstance(experiment, Model) else load_model(experiment)
     folder = Path("runs") / model.name if out is None else Path(out)
-
     asked = _nobody if reality is None else reality
 
     def robot(
-        number: int, iteration: int, scenario: int, names: list[str], values: list[float], references: Log, start: list[tuple[str, float]]
+        number: int,
+        iteration: int,
+        scenario: int,
+        names: list[str],
+        values: list[float],
+        references: Log,
+        start: list[tuple[str, float]],
     ) -> Log:
         controller = Controller(number, iteration, scenario, dict(zip(names, values)), references, dict(start))
         return load_log(asked(controller))
@@ -75,10 +83,10 @@ def coevolve(
         if tell is not None:
             tell(json.loads(iteration))
 
+    seed = None if seed is None else _count(seed, "seed")
+    function, hands = None if reality is None else robot, hands_of(executor)
     try:
-        document = _btr.coevolve(
-            model._model, folder, None if seed is None else _count(seed, "seed"), resume, None if reality is None else robot, heard, hands_of(executor)
-        )
+        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, hands)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"go on with btr.coevolve(..., out={str(folder)!r}, resume=True)") from interrupt
     if document is None:

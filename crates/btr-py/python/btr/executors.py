@@ -1,8 +1,9 @@
 """Who does the work: threads of this process, other processes, other machines.
 
-`executor=` of `coevolve`, `diagnose` and `fit` is `None` (all threads of this machine), a number of threads, `"ray"`, anything with
-`submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes here. What comes out is the same,
-bit by bit, whoever does the work: no random number is drawn by workers, and each of them proves that it computes what is computed here.
+`executor=` of `coevolve`, `diagnose` and `fit` is `None` (all threads of this machine), a number of threads, `"ray"`,
+anything with `submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes here. What
+comes out is the same, bit by bit, whoever does the work: no random number is drawn by workers, and each of them proves that
+it computes what is computed here.
 """
 
 from __future__ import annotations
@@ -51,9 +52,11 @@ class Futures:
     """
 
     def __init__(self, executor: Any, workers: int | None = None) -> None:
-        """`workers` is how many batches are worked on at once; raises `TypeError` where that is not given and cannot be found out."""
+        """`workers` is how many batches are worked on at once; raises `TypeError` where that is not given and cannot be found
+        out."""
         if not callable(getattr(executor, "submit", None)):
-            raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {type(executor).__name__} has none")
+            kind = type(executor).__name__
+            raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
         self._executor = executor
         self._workers = _workers_of(executor) if workers is None else workers
         if not 1 <= self._workers <= _MOST_THREADS:
@@ -81,20 +84,21 @@ def _workers_of(executor: Any) -> int:
     if known is None and callable(getattr(executor, "ncores", None)):
         known = sum(executor.ncores().values())
     if not isinstance(known, int):
-        raise TypeError(f"how many workers does this {type(executor).__name__} have? btr.executors.Futures(executor, workers=8)")
+        kind = type(executor).__name__
+        raise TypeError(f"how many workers does this {kind} have? btr.executors.Futures(executor, workers=8)")
     return known
 
 
 class Ray:
     """The machines of a Ray cluster (`pip install btr[ray]`), with btr of the same version on each.
 
-    What workers must know lies in Ray's object store, once. A batch whose machine was lost is done again by another one, with the same
-    answer. A worker takes one processor.
+    What workers must know lies in Ray's object store, once. A batch whose machine was lost is done again by another one, with
+    the same answer. A worker takes one processor.
     """
 
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
-        """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches are worked on
-        at once: as many as the cluster has processors, unless given."""
+        """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches
+        are worked on at once: as many as the cluster has processors, unless given."""
         ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})

@@ -20,18 +20,19 @@ from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder), a `Log`, or a pandas or polars frame with a column `t` in seconds."""
+"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder), a `Log`, or a pandas or polars frame with a column `t` in
+seconds."""
 Tell = Callable[[str, float, Union[float, None]], None]
-"""Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without any), both
-in multiples of the noise floor. Called on another thread."""
+"""Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without
+any), both in multiples of the noise floor. Called on another thread."""
 
 
 class Model:
     """A robot's model: the text of a model file, and where relative paths in it begin."""
 
     def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
-        """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the text
-        names: `law = "python:slip"` needs `{"slip": slip}`."""
+        """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the
+        text names: `law = "python:slip"` needs `{"slip": slip}`."""
         self._laws = dict(laws or {})
         self._model = _btr.Model(text, Path(path), own.by_text(self._laws))
 
@@ -61,8 +62,8 @@ class Model:
         return self._model.joints
 
     def simulate(self, log: LogLike | None = None, *, seed: int | None = None) -> Log:
-        """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's sensors
-        if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
+        """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's
+        sensors if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
         return self._model.simulate(None if log is None else _given(log), seed)
 
     @property
@@ -81,10 +82,10 @@ class Model:
     def simulate_all(
         self, parameters: ArrayLike | None = None, controllers: ArrayLike | None = None, *, log: LogLike | None = None
     ) -> list[Log | None]:
-        """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in their units,
-        or `controllers` of shape (rollouts, len(self.controllers)), or both; what is left out has its nominal values. Driven as
-        `simulate` is, without noise. None stands for a simulation that blew up. Raises `BtrError` for a point outside its bounds,
-        `ValueError` for wrong shapes."""
+        """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in
+        their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; what is left out has its nominal
+        values. Driven as `simulate` is, without noise. None stands for a simulation that blew up. Raises `BtrError` for a
+        point outside its bounds, `ValueError` for wrong shapes."""
         given = [points for points in (parameters, controllers) if points is not None]
         if not given:
             raise ValueError("simulate_all needs parameters, controllers, or both: arrays with a row for every rollout")
@@ -94,30 +95,31 @@ class Model:
         return self._model.simulate_all(s, c, None if log is None else _given(log))
 
     def add(self, *effects: str) -> Model:
-        """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that
-        is not there."""
+        """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site
+        that is not there."""
         return self._with_text(self._model.add(list(effects)).text)
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
-        """The model with a physical effect of your own at the joints `site`: on their `torque` (beside the motor's, in N·m or N),
-        on the `command` that reaches the servo, or on the `reading` that servo and log have of the position (both in rad or m).
+        """The model with a physical effect of your own at the joints `site`: on their `torque` (beside the motor's, in N·m or
+        N), on the `command` that reaches the servo, or on the `reading` that servo and log have of the position (both in rad
+        or m).
 
             model.add_law("-a*tanh(dq/b)", site="elbow", a=(0.0, 2.0), b=0.1)
 
         `law` is an expression, which the command line understands as well (`btr effects formula` lists what it may say), or a
         function `law(q, dq, ddq, cmd, tau, t, **parameters)` of position, velocity, acceleration (of the last step), command,
-        motor torque (of the last step) and time, all SI. Parameters are numbers, or bounds `(least, most)` between which a fit
-        looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
+        motor torque (of the last step) and time, all SI. Parameters are numbers, or bounds `(least, most)` between which a
+        fit looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
 
-        A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them on
-        one core. 4 s of a desk arm in steps of 1 ms take 8 ms, and 2.7 ms with the expression. Its answer may depend on nothing
-        but its arguments: it is asked more than once in a step, for velocities nearby too, and on a thread of its own. What it
-        raises ends the verb and arrives; an answer that is not finite is a `BtrError`. It stays in memory once it was used. The
-        text has its name only: whoever reads a saved file gives the function along (`load_model(..., laws=...)`), and pickles
-        hold it as they hold functions, with cloudpickle's help where it has no module.
+        A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them
+        on one core. 4 s of a desk arm in steps of 1 ms take 8 ms, and 2.7 ms with the expression. Its answer may depend on
+        nothing but its arguments: it is asked more than once in a step, for velocities nearby too, and on a thread of its
+        own. What it raises ends the verb and arrives; an answer that is not finite is a `BtrError`. It stays in memory once
+        it was used. The text has its name only: whoever reads a saved file gives the function along (`load_model(...,
+        laws=...)`), and pickles hold it as they hold functions, with cloudpickle's help where it has no module.
 
-        Raises `BtrError` for a law or a joint that makes no sense and for names that are taken, `TypeError` for wrong kinds and
-        for a function that does not take the parameters."""
+        Raises `BtrError` for a law or a joint that makes no sense and for names that are taken, `TypeError` for wrong kinds
+        and for a function that does not take the parameters."""
         numbers, laws = own.numbers(parameters), self._laws
         if isinstance(law, str):
             text = law
@@ -134,8 +136,8 @@ class Model:
         return Model(text, self.path, self._laws)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where it
-        cannot be written."""
+        """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where
+        it cannot be written."""
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
@@ -166,7 +168,8 @@ def _points(
     rows = np.asarray(points, dtype=np.float64)
     if rows.shape != (rollouts, len(space)):
         names = ", ".join(dim["name"] for dim in space)
-        raise ValueError(f"{what} has shape {rows.shape} where ({rollouts}, {len(space)}) is needed: a row of {names or 'nothing'}")
+        needed = f"({rollouts}, {len(space)}) is needed: a row of {names or 'nothing'}"
+        raise ValueError(f"{what} has shape {rows.shape} where {needed}")
     listed: list[list[float]] = rows.tolist()
     return listed
 
@@ -174,8 +177,8 @@ def _points(
 def load_model(
     path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None, *, laws: Mapping[str, Law] | None = None
 ) -> Model:
-    """The model of a file; `settings` change values of it by their dotted keys, as `--set` does; `laws` are the functions that it
-    names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no sense."""
+    """The model of a file; `settings` change values of it by their dotted keys, as `--set` does; `laws` are the functions
+    that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no sense."""
     texts = [f"{key}={_toml(value)}" for key, value in (settings or {}).items()]
     model = _btr.Model.read(Path(path), texts, own.by_text(laws or {}))
     return Model(model.text, path, laws)
@@ -194,10 +197,11 @@ def _toml(value: Any) -> str:
 def load_log(
     source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
 ) -> Log:
-    """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's folder
-    or an open reader of the package rosbags, or of a frame with a column `t` in seconds. A frame's other columns are called as in a
-    CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names in a file or bag
-    mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError` for what is no log."""
+    """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's
+    folder or an open reader of the package rosbags, or of a frame with a column `t` in seconds. A frame's other columns are
+    called as in a CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign
+    names in a file or bag mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError`
+    for what is no log."""
     if isinstance(source, (str, os.PathLike, Log)) and name is not None:
         raise TypeError("a file or a Log has a name of its own")
     if isinstance(source, Log):
@@ -268,18 +272,19 @@ def diagnose(
     tell: Tell = _silent,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
-    """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that nothing
-    known explains the error. Judged on the held-out logs; without any, on the last part of each log. Errors are in multiples of
-    the noise floor; `max_effects` is the most that are named, and
-    `executor` is who does the work (see `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the
-    model blows up; what `tell` raises ends the work."""
-    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), _count(max_effects, "max_effects"), tell, hands_of(executor))
+    """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that
+    nothing known explains the error. Judged on the held-out logs; without any, on the last part of each log. Errors are in
+    multiples of the noise floor; `max_effects` is the most that are named, and `executor` is who does the work (see
+    `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
+    the work."""
+    most, hands = _count(max_effects, "max_effects"), hands_of(executor)
+    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
     return DiagnoseResult(json.loads(document), page)
 
 
 def add(model: Model, *effects: str) -> Model:
-    """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that is
-    not there."""
+    """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that
+    is not there."""
     return model.add(*effects)
 
 
@@ -293,7 +298,8 @@ def fit(
     executor: ExecutorLike = None,
 ) -> FitResult:
     """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
-    first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs that tell nothing, or on which the model blows up; what
-    `tell` raises ends the work."""
-    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), [add] if isinstance(add, str) else list(add), tell, hands_of(executor))
+    first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs
+    that tell nothing, or on which the model blows up; what `tell` raises ends the work."""
+    added, hands = [add] if isinstance(add, str) else list(add), hands_of(executor)
+    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), added, tell, hands)
     return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted.text))
