@@ -47,13 +47,13 @@ if [ ! -x target/venv/bin/python ]; then
 fi
 python=target/venv/bin/python
 install $python -r tests/python/requirements.txt
-rm -f target/wheels/btr-*.whl
+rm -f target/dist/btr-*.whl
 if command -v uv >/dev/null; then
-    uv build --quiet --wheel --out-dir target/wheels .
+    uv build --quiet --wheel --out-dir target/dist .
 else
-    $python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir target/wheels .
+    $python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir target/dist .
 fi
-install $python --force-reinstall --no-deps target/wheels/btr-*.whl
+install $python --force-reinstall --no-deps target/dist/btr-*.whl
 $python -m pytest --quiet -rs tests/python
 
 # What needs no more than NumPy, on every Python that the wheel is for.
@@ -69,6 +69,6 @@ for version in 3.10 3.11 3.12 3.13; do
     step "tests in Python $version: the same wheel"
     "$other" -m venv --clear "target/venv-$version"
     python=target/venv-$version/bin/python
-    install "$python" pytest hypothesis target/wheels/btr-*.whl
+    install "$python" pytest hypothesis target/dist/btr-*.whl
     "$python" -m pytest --quiet -rs tests/python/test_{import,verbs,search,distance,coevolve}.py
 done
