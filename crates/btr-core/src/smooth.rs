@@ -126,27 +126,52 @@ struct Cubic {
 
 /// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
 fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
-    /// A fit is good while what it leaves is no more than so many sigma.
-    const GOOD: f64 = 1.3;
     /// Released from rest is believed if it fits this share of the samples that any parabola fits.
     const NEARLY: f64 = 0.7;
-    let good = |to: usize, Cubic { motion, jerk }: &Cubic| {
-        let at = |t: f64| motion.value + t * (motion.velocity + t * (0.5 * motion.acceleration + t * jerk / 6.0));
-        let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
-        let (n, squares) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
-        squares <= (GOOD * sigma).powi(2) * (n - 3.0)
-    };
     let longest = |fit: &dyn Fn(usize) -> Option<Cubic>| {
         let mut fits = (FEWEST..=range.end).rev().filter_map(|to| Some((to, fit(to)?)));
-        fits.find(|(to, cubic)| good(*to, cubic)).map(|(to, cubic)| (to, cubic.motion))
+        fits.find(|(to, cubic)| cubic.is_good(clock_s, values, *to, sigma)).map(|(to, cubic)| (to, cubic.motion))
     };
     let free = |to: usize| parabola(clock_s, values, 0..to, clock_s[0]);
     let any = longest(&|to| Some(Cubic { motion: free(to)?, jerk: 0.0 }));
-    let released = longest(&|to| released(clock_s, values, to));
-    match (released, any) {
+    let from_rest = longest(&|to| released(clock_s, values, to));
+    match (from_rest, any) {
         (Some((short, motion)), Some((long, _))) if short as f64 >= NEARLY * long as f64 => Some(motion),
-        (_, Some((_, motion))) => Some(motion),
-        _ => (FEWEST..=range.end).find_map(free),
+        (Some((_, motion)), None) | (_, Some((_, motion))) => Some(motion),
+        // Too fast for the clock: what leaves less of the very first samples.
+        _ => (FEWEST..=range.end).find_map(|to| {
+            let free = Cubic { motion: free(to)?, jerk: 0.0 };
+            let from_rest = released(clock_s, values, to)
+                .filter(|it| it.left(clock_s, values, to) <= free.left(clock_s, values, to));
+            Some(from_rest.unwrap_or(free).motion)
+        }),
+    }
+}
+
+/// The same for a series that is known to begin at rest.
+pub fn from_rest(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
+    let first_s = *clock_s.first()?;
+    let most = clock_s.partition_point(|t| *t <= first_s + 2.0 * reach_s(clock_s));
+    let fits = || (FEWEST..=most).filter_map(|to| Some((to, released(clock_s, values, to)?)));
+    let good = fits().rev().find(|(to, cubic)| cubic.is_good(clock_s, values, *to, sigma));
+    good.or_else(|| fits().next()).map(|(_, cubic)| cubic.motion)
+}
+
+impl Cubic {
+    /// What it leaves of the first `to` samples: the sum of squares.
+    fn left(&self, clock_s: &[f64], values: &[f64], to: usize) -> f64 {
+        let Motion { value, velocity, acceleration } = self.motion;
+        let at = |t: f64| value + t * (velocity + t * (0.5 * acceleration + t * self.jerk / 6.0));
+        let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
+        errors.map(|e| e * e).sum()
+    }
+
+    /// Whether it fits the first `to` samples to `sigma`.
+    fn is_good(&self, clock_s: &[f64], values: &[f64], to: usize, sigma: f64) -> bool {
+        /// A fit is good while what it leaves is no more than so many sigma.
+        const GOOD: f64 = 1.3;
+        let there = values[..to].iter().filter(|x| x.is_finite()).count() as f64;
+        self.left(clock_s, values, to) <= (GOOD * sigma).powi(2) * (there - 3.0)
     }
 }
 
@@ -238,6 +263,17 @@ mod tests {
         let values: Vec<f64> = (0..40).map(|i| swings(clock[i as usize]) + error(i)).collect();
         let begin = start(&clock, &values, 7e-4).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1.5e-3, "{begin:?}");
+    }
+
+    #[test]
+    fn what_is_too_fast_for_its_clock_is_not_set_in_motion_backwards() {
+        // A light joint that sticks for a moment and then follows: readings without noise.
+        let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
+        let values: Vec<f64> = clock.iter().map(|t| 0.4 * (1.0 - (-(t / 0.06f64).powf(3.6)).exp())).collect();
+        let begin = start(&clock, &values, 1e-6).unwrap();
+        assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 2e-3, "{begin:?}");
+        let known = from_rest(&clock, &values, 1e-6).unwrap();
+        assert!(known.velocity.abs() < 1e-12 && known.value.abs() < 2e-3, "{known:?}");
     }
 
     #[test]

@@ -63,7 +63,7 @@ class Model:
 
     def simulate(self, log: LogLike | None = None, *, seed: int | None = None) -> Log:
         """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's
-        sensors if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
+        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
         return self._model.simulate(None if log is None else _given(log), seed)
 
     @property
@@ -137,7 +137,9 @@ class Model:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where
-        it cannot be written."""
+        its name does not end in `.toml`, so that no log is written over, or it cannot be written."""
+        if Path(path).suffix != ".toml":
+            raise _btr.BtrError(f"{path}: the name of a model ends in .toml")
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
@@ -218,7 +220,9 @@ def load_log(
     if rosbag.is_reader(source):
         return rosbag.read(source, name, model)
     columns = getattr(source, "columns", None)
-    if columns is None or "t" not in columns:
+    if columns is not None and "t" not in columns:
+        raise TypeError(f"a frame needs a column `t`, the time in s; this one has {', '.join(map(str, columns))}")
+    if columns is None:
         wanted = "a path, a Log, a reader of rosbags, or a frame with a column `t`"
         raise TypeError(f"a log is {wanted}, not {type(source).__name__}")
     channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
@@ -239,6 +243,11 @@ def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
     return [_given(log) for log in logs]
 
 
+def _loaded(model: Model | str | os.PathLike[str]) -> Model:
+    """A model, or that of a file."""
+    return model if isinstance(model, Model) else load_model(model)
+
+
 def _count(number: int, what: str) -> int:
     """A whole number that is not below 0; raises `BtrError` for others."""
     if not 0 <= operator.index(number) < 2**63:
@@ -250,21 +259,21 @@ def _silent(step: str, train: float, held_out: float | None) -> None:
     """Nobody listens."""
 
 
-def check(model: Model, logs: LogLike | Iterable[LogLike]) -> CheckResult:
+def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
     """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt. Raises `BtrError`
     for logs that cannot be read or do not fit the model."""
-    return CheckResult(json.loads(_btr.check(model._model, _all(logs))))
+    return CheckResult(json.loads(_btr.check(_loaded(model)._model, _all(logs))))
 
 
-def compare(model: Model, logs: LogLike | Iterable[LogLike]) -> CompareResult:
+def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
     """How far the model is off on every channel, in multiples of the noise floor, and where. Raises `BtrError` for logs that
     cannot be read or have no channel in common with the model."""
-    document, page = _btr.compare(model._model, _all(logs))
+    document, page = _btr.compare(_loaded(model)._model, _all(logs))
     return CompareResult(json.loads(document), page)
 
 
 def diagnose(
-    model: Model,
+    model: Model | str | os.PathLike[str],
     logs: LogLike | Iterable[LogLike],
     *,
     held_out: LogLike | Iterable[LogLike] = (),
@@ -277,7 +286,7 @@ def diagnose(
     multiples of the noise floor; `max_effects` is the most that are named, and `executor` is who does the work (see
     `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
     the work."""
-    most, hands = _count(max_effects, "max_effects"), hands_of(executor)
+    model, most, hands = _loaded(model), _count(max_effects, "max_effects"), hands_of(executor)
     document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
     return DiagnoseResult(json.loads(document), page)
 
@@ -289,7 +298,7 @@ def add(model: Model, *effects: str) -> Model:
 
 
 def fit(
-    model: Model,
+    model: Model | str | os.PathLike[str],
     logs: LogLike | Iterable[LogLike],
     *,
     held_out: LogLike | Iterable[LogLike] = (),
@@ -300,6 +309,7 @@ def fit(
     """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
     first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs
     that tell nothing, or on which the model blows up; what `tell` raises ends the work."""
-    added, hands = [add] if isinstance(add, str) else list(add), hands_of(executor)
+    model, hands = _loaded(model), hands_of(executor)
+    added = [add] if isinstance(add, str) else list(add)
     document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), added, tell, hands)
     return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted.text))
