@@ -89,15 +89,15 @@ fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
 /// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set
 /// in motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first tick fits nearly
-/// as many of the first samples as any parabola does, which has as many numbers; else by that one. `None` where too few are
-/// there.
-pub fn start(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
+/// as many of the first samples as any parabola does, which has as many numbers; else by that one. A velocity that was `measured`
+/// there, late and rough as it may be, decides between the two. `None` where too few samples are there.
+pub fn start(clock_s: &[f64], values: &[f64], sigma: f64, measured: Option<f64>) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
     let all = within(2.0 * reach_s(clock_s));
     match resting(clock_s, values, sigma, TELLING) {
         Some(value) => Some(Motion { value, velocity: 0.0, acceleration: 0.0 }),
-        None => moving(clock_s, values, all, sigma),
+        None => moving((clock_s, values), all.end, sigma, measured),
     }
 }
 
@@ -118,66 +118,73 @@ pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Opt
     (there.len() >= 3 && along.abs() <= telling * sigma * square.sqrt()).then_some(value)
 }
 
-/// A motion whose acceleration changes, per second cubed.
+/// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
+fn moving(series: Series, most: usize, sigma: f64, measured: Option<f64>) -> Option<Motion> {
+    /// Released from rest is believed if it fits this share of the samples that any parabola fits.
+    const NEARLY: f64 = 0.7;
+    let (clock_s, values) = series;
+    let free = |to: usize| Some(Cubic { motion: parabola(clock_s, values, 0..to, clock_s[0])?, jerk: 0.0 });
+    let free = Fitted::longest(series, most, sigma, free)?;
+    let Some(rest) = Fitted::longest(series, most, sigma, |to| released(series, to)) else {
+        return Some(free.cubic.motion);
+    };
+    let rests = match measured {
+        Some(velocity) => velocity.abs() <= (free.cubic.motion.velocity - velocity).abs(),
+        // Too fast for the clock: what leaves less of the very first samples.
+        None if free.samples + rest.samples == 0 => rest.left <= free.left,
+        None => rest.samples as f64 >= NEARLY * free.samples as f64,
+    };
+    Some(if rests { rest.cubic.motion } else { free.cubic.motion })
+}
+
+/// A clock in s, and readings.
+type Series<'a> = (&'a [f64], &'a [f64]);
+
+/// A motion at the first tick, whose acceleration changes: per second cubed.
 struct Cubic {
     motion: Motion,
     jerk: f64,
 }
 
-/// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
-fn moving(clock_s: &[f64], values: &[f64], range: Range<usize>, sigma: f64) -> Option<Motion> {
-    /// Released from rest is believed if it fits this share of the samples that any parabola fits.
-    const NEARLY: f64 = 0.7;
-    let longest = |fit: &dyn Fn(usize) -> Option<Cubic>| {
-        let mut fits = (FEWEST..=range.end).rev().filter_map(|to| Some((to, fit(to)?)));
-        fits.find(|(to, cubic)| cubic.is_good(clock_s, values, *to, sigma)).map(|(to, cubic)| (to, cubic.motion))
-    };
-    let free = |to: usize| parabola(clock_s, values, 0..to, clock_s[0]);
-    let any = longest(&|to| Some(Cubic { motion: free(to)?, jerk: 0.0 }));
-    let from_rest = longest(&|to| released(clock_s, values, to));
-    match (from_rest, any) {
-        (Some((short, motion)), Some((long, _))) if short as f64 >= NEARLY * long as f64 => Some(motion),
-        (Some((_, motion)), None) | (_, Some((_, motion))) => Some(motion),
-        // Too fast for the clock: what leaves less of the very first samples.
-        _ => (FEWEST..=range.end).find_map(|to| {
-            let free = Cubic { motion: free(to)?, jerk: 0.0 };
-            let from_rest = released(clock_s, values, to)
-                .filter(|it| it.left(clock_s, values, to) <= free.left(clock_s, values, to));
-            Some(from_rest.unwrap_or(free).motion)
-        }),
-    }
+/// A curve and how far it fits.
+struct Fitted {
+    cubic: Cubic,
+    /// How many of the first samples it fits to their noise; none where even the fewest are too many.
+    samples: usize,
+    /// What it leaves of those that it was fitted to: the sum of squares.
+    left: f64,
 }
 
-/// The same for a series that is known to begin at rest.
-pub fn from_rest(clock_s: &[f64], values: &[f64], sigma: f64) -> Option<Motion> {
-    let first_s = *clock_s.first()?;
-    let most = clock_s.partition_point(|t| *t <= first_s + 2.0 * reach_s(clock_s));
-    let fits = || (FEWEST..=most).filter_map(|to| Some((to, released(clock_s, values, to)?)));
-    let good = fits().rev().find(|(to, cubic)| cubic.is_good(clock_s, values, *to, sigma));
-    good.or_else(|| fits().next()).map(|(_, cubic)| cubic.motion)
+impl Fitted {
+    /// The curve of a kind through as many samples, `most` at most, as it fits to `sigma`; else that through the fewest.
+    fn longest(series: Series, most: usize, sigma: f64, fit: impl Fn(usize) -> Option<Cubic>) -> Option<Self> {
+        /// A fit is good while what it leaves is no more than so many sigma.
+        const GOOD: f64 = 1.3;
+        let fitted = |to: usize| {
+            let cubic = fit(to)?;
+            let left = cubic.left(series, to);
+            let there = series.1[..to].iter().filter(|x| x.is_finite()).count() as f64;
+            let samples = if left <= (GOOD * sigma).powi(2) * (there - 3.0) { to } else { 0 };
+            Some(Fitted { cubic, samples, left })
+        };
+        let good = (FEWEST..=most).rev().filter_map(fitted).find(|it| it.samples > 0);
+        good.or_else(|| (FEWEST..=most).find_map(fitted))
+    }
 }
 
 impl Cubic {
     /// What it leaves of the first `to` samples: the sum of squares.
-    fn left(&self, clock_s: &[f64], values: &[f64], to: usize) -> f64 {
+    fn left(&self, (clock_s, values): Series, to: usize) -> f64 {
         let Motion { value, velocity, acceleration } = self.motion;
         let at = |t: f64| value + t * (velocity + t * (0.5 * acceleration + t * self.jerk / 6.0));
         let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
         errors.map(|e| e * e).sum()
     }
-
-    /// Whether it fits the first `to` samples to `sigma`.
-    fn is_good(&self, clock_s: &[f64], values: &[f64], to: usize, sigma: f64) -> bool {
-        /// A fit is good while what it leaves is no more than so many sigma.
-        const GOOD: f64 = 1.3;
-        let there = values[..to].iter().filter(|x| x.is_finite()).count() as f64;
-        self.left(clock_s, values, to) <= (GOOD * sigma).powi(2) * (there - 3.0)
-    }
 }
 
 /// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere
 /// begins with an acceleration that soon falls.
-fn released(clock_s: &[f64], values: &[f64], to: usize) -> Option<Cubic> {
+fn released((clock_s, values): Series, to: usize) -> Option<Cubic> {
     let there = || (0..to).filter(|&i| values[i].is_finite());
     let reach = there().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);
     if there().count() < FEWEST || reach <= 0.0 {
@@ -228,7 +235,7 @@ mod tests {
             assert!(near(motion.value, law(t)) && near(motion.velocity, 10.0 * t - 3.0), "{motion:?}");
             assert!((motion.acceleration - 10.0).abs() < 1e-6, "{motion:?}");
         }
-        let begin = start(&clock, &values, 1e-6).unwrap();
+        let begin = start(&clock, &values, 1e-6, None).unwrap();
         assert!(near(begin.value, 2.0) && near(begin.velocity, -3.0), "{begin:?}");
     }
 
@@ -238,10 +245,10 @@ mod tests {
         let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let values: Vec<f64> = (0..40).map(|i| law(0.01 * f64::from(i)) + error(i)).collect();
-        let begin = start(&clock, &values, 1e-3).unwrap();
+        let begin = start(&clock, &values, 1e-3, None).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1.5e-3, "{begin:?}");
         let moving: Vec<f64> = (0..40).map(|i| (9.0 * clock[i as usize]).sin() + error(i)).collect();
-        let begin = start(&clock, &moving, 1e-3).unwrap();
+        let begin = start(&clock, &moving, 1e-3, None).unwrap();
         assert!((begin.velocity - 9.0).abs() < 0.4 && begin.value.abs() < 3e-3, "{begin:?}");
     }
 
@@ -250,7 +257,7 @@ mod tests {
         let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let falling: Vec<f64> = (0..40).map(|i| 0.1 + 12.0 * clock[i as usize].powi(2) + error(i)).collect();
-        let begin = start(&clock, &falling, 1e-3).unwrap();
+        let begin = start(&clock, &falling, 1e-3, None).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && (begin.value - 0.1).abs() < 1.5e-3, "{begin:?}");
     }
 
@@ -261,7 +268,7 @@ mod tests {
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let swings = |t: f64| 0.2 * (1.0 - (-4.0 * t).exp() * ((18.6 * t).cos() + 0.215 * (18.6 * t).sin()));
         let values: Vec<f64> = (0..40).map(|i| swings(clock[i as usize]) + error(i)).collect();
-        let begin = start(&clock, &values, 7e-4).unwrap();
+        let begin = start(&clock, &values, 7e-4, None).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 1.5e-3, "{begin:?}");
     }
 
@@ -270,10 +277,38 @@ mod tests {
         // A light joint that sticks for a moment and then follows: readings without noise.
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let values: Vec<f64> = clock.iter().map(|t| 0.4 * (1.0 - (-(t / 0.06f64).powf(3.6)).exp())).collect();
-        let begin = start(&clock, &values, 1e-6).unwrap();
+        let begin = start(&clock, &values, 1e-6, None).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 2e-3, "{begin:?}");
-        let known = from_rest(&clock, &values, 1e-6).unwrap();
-        assert!(known.velocity.abs() < 1e-12 && known.value.abs() < 2e-3, "{known:?}");
+        let told = start(&clock, &values, 1e-6, Some(-0.4)).unwrap();
+        assert!(told.velocity < -0.2, "what a sensor says decides: {told:?}");
+    }
+
+    /// Of 400 motions that begin at some speed with any acceleration, how many are said to begin at rest.
+    fn taken_for_rest(speed: f64, rate: f64, sigma: f64, measured: Option<f64>) -> usize {
+        let mut rng = crate::random::stream(7, &[]);
+        let mut even = move || rand::RngExt::random::<f64>(&mut rng);
+        let clock: Vec<f64> = (0..60).map(|i| 0.01 * f64::from(i)).collect();
+        let mut rests = || {
+            let push = 8.0 * (even() - 0.5) * (speed + 0.3);
+            let at = |t: f64| speed / rate * (rate * t).sin() + push / (rate * rate) * (1.0 - (rate * t).cos());
+            // The sum of four even numbers is nearly normal, of variance 1/3.
+            let noise =
+                |even: &mut dyn FnMut() -> f64| 3f64.sqrt() * sigma * ((0..4).map(|_| even()).sum::<f64>() - 2.0);
+            let values: Vec<f64> = clock.iter().map(|t| at(*t) + noise(&mut even)).collect();
+            start(&clock, &values, sigma, measured).unwrap().velocity.abs() < 1e-12
+        };
+        (0..400).filter(|_| rests()).count()
+    }
+
+    #[test]
+    fn rest_and_motion_are_told_apart() {
+        for rate in [3.0, 6.0, 12.0, 20.0] {
+            assert!(taken_for_rest(0.0, rate, 1e-3, None) > 390);
+            assert!(taken_for_rest(1.0, rate, 3e-4, None) == 0 && taken_for_rest(3.0, rate, 1e-3, None) == 0);
+            assert!(taken_for_rest(1.0, rate, 1e-3, None) < 20);
+            // Where noise hides a slow motion, a sensor of velocity tells.
+            assert!(taken_for_rest(0.3, rate, 1e-3, Some(0.3)) < taken_for_rest(0.3, rate, 1e-3, None) / 2);
+        }
     }
 
     #[test]
@@ -283,6 +318,6 @@ mod tests {
         values[5..15].fill(f64::NAN);
         let motion = smooth(&clock, &values);
         assert!(motion[7].value.is_nan() && near(motion[20].value, 1.0) && near(motion[15].velocity, 0.0));
-        assert!(start(&clock[..2], &values[..2], 1.0).is_none() && smooth(&[], &[]).is_empty());
+        assert!(start(&clock[..2], &values[..2], 1.0, None).is_none() && smooth(&[], &[]).is_empty());
     }
 }

@@ -333,12 +333,6 @@ fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     let reading = (first("q")?, first("dq").unwrap_or(0.0));
     let positions = &log.channel(&format!("q_{joint}"))?.values;
     let Some(noise) = Noise::of(positions).filter(|noise| !noise.is_negligible()) else { return Some(reading) };
-    let begin = smooth::start(log.clock_s(), positions, noise.sigma());
-    // A measured velocity, late and rough as it may be, tells rest from motion where positions alone leave a doubt.
-    let rests = |velocity: f64| first("dq").is_some_and(|dq| dq.abs() < (velocity - dq).abs());
-    let begin = match begin.filter(|motion| rests(motion.velocity)) {
-        Some(_) => smooth::from_rest(log.clock_s(), positions, noise.sigma()),
-        None => begin,
-    };
+    let begin = smooth::start(log.clock_s(), positions, noise.sigma(), first("dq"));
     Some(begin.map_or(reading, |motion| (motion.value, motion.velocity)))
 }
