@@ -5,11 +5,10 @@ use crate::score::{Case, Planted};
 use btr_core::family::{Candidate, Family, Knob, Law, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
-use btr_core::smooth;
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};
-use btr_physics::experiment::{Source, model};
+use btr_physics::experiment::{Source, model, start_of};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{Base, JointKind, Robot};
 use btr_physics::sim;
@@ -137,13 +136,8 @@ impl Reality {
         let logs: Vec<Log> = (0..self.model.scenarios.len()).map(|i| self.record(&truth, placed, i)).collect();
         let mut model = clone(&self.model, self.learn);
         for (scenario, log) in model.scenarios.iter_mut().zip(&logs) {
-            let begins = |joint: &str| {
-                let readings = log.channel(&format!("q_{joint}"))?;
-                let sigma = self.model.setup.noise.floor("q_", &readings.values)?;
-                smooth::start(log.clock_s(), &readings.values, sigma).map(|start| (start.value, start.velocity))
-            };
-            let joints = self.model.robot.movable().map(|(_, link)| begins(&link.joint.name).unwrap_or_default());
-            scenario.start = joints.collect();
+            let begins = |joint: &str| start_of(log, joint).unwrap_or_default();
+            scenario.start = self.model.robot.movable().map(|(_, link)| begins(&link.joint.name)).collect();
         }
         Beside::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
     }

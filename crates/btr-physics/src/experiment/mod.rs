@@ -12,6 +12,7 @@ mod pieces;
 mod replays;
 mod scenarios;
 mod single;
+mod start;
 
 pub(crate) use build::told;
 pub use build::{Experiment, Robotic, simulations};
@@ -22,3 +23,4 @@ pub use parse::{FileError, Source, nearest, suggestion};
 pub(crate) use pieces::timely;
 pub use replays::{Checked, Replays, replays};
 pub use single::{model, model_driven_by, model_replaying, recorded};
+pub use start::start_of;
