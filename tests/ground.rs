@@ -30,7 +30,8 @@ gyro_rad_s = 0.01
 "mass@trunk" = { relative = [0.75, 1.33] }
 "#;
 
-/// A tripod gait of its own in each episode, which grows from the stance; it is known where the joints begin if the robot stands first.
+/// A tripod gait of its own in each episode, which grows from the stance; it is known where the joints begin if the
+/// robot stands first.
 fn scenario(model: &Model, episode: usize, stands: bool) -> Scenario {
     let clock: Vec<f64> = (0..=140).map(|i| f64::from(i) * 0.01).collect();
     let mut gait = ant::tripod();
@@ -57,7 +58,8 @@ fn command_at_rest(told: &Log, model: &Model) -> Vec<(f64, f64)> {
     model.robot.movable().map(|(_, link)| first(&link.joint.name)).collect()
 }
 
-/// What is found where `hidden` is, among friction on any joint. The robot stood for so many seconds, or is said to be under way.
+/// What is found where `hidden` is, among friction on any joint. The robot stood for so many seconds, or is said to be
+/// under way.
 fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
     let source = Source::new("ant.toml", MODEL);
     let mut model = Model { learn: 1, ..model(&source).unwrap() };

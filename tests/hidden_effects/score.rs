@@ -70,7 +70,8 @@ const VISIBLE: f64 = 1.1;
 enum Score {
     /// Exactly what is there.
     Exact,
-    /// A declared like of what is there, to which the criterion does not prefer that even when it is fitted from where it really is.
+    /// A declared like of what is there, to which the criterion does not prefer that even when it is fitted from where
+    /// it really is.
     Twin,
     /// What is there or what is declared to be its like.
     Equivalent,

@@ -17,8 +17,8 @@ use args::{Args, Verb};
 use failure::REFUSED;
 use std::ffi::OsString;
 
-/// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1 done but the
-/// goal was missed, 2 not possible as asked, 130 interrupted.
+/// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1
+/// done but the goal was missed, 2 not possible as asked, 130 interrupted.
 pub fn run(arguments: Vec<OsString>) -> u8 {
     end_quietly_on_a_closed_pipe();
     let args = match Args::of(arguments) {

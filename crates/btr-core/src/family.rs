@@ -69,8 +69,8 @@ impl Knob {
         }
     }
 
-    /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves exponentially is:
-    /// so a common scale of masses, gains and limits is a straight line.
+    /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves
+    /// exponentially is: so a common scale of masses, gains and limits is a straight line.
     pub fn along(&self, u: f64, by: f64) -> f64 {
         let on = self.law == Law::Inverse && u > 0.0;
         self.clamp(if on { u * (by / u).exp() } else { u + by })
@@ -120,8 +120,8 @@ pub struct Feature {
     pub on: String,
     /// Its knobs and site, as those of an effect.
     pub term: Candidate,
-    /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no starts: the
-    /// error tells.
+    /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no
+    /// starts: the error tells.
     pub swings: Option<usize>,
 }
 
@@ -229,8 +229,8 @@ pub trait Family: Send + Sync {
     fn has_contact(&self) -> bool {
         false
     }
-    /// Whether small errors grow, as with contact. Then half the step does not tell what no step at all would do: the noise floors
-    /// must have the integrator's own error in them.
+    /// Whether small errors grow, as with contact. Then half the step does not tell what no step at all would do: the
+    /// noise floors must have the integrator's own error in them.
     fn is_chaotic(&self) -> bool {
         false
     }
@@ -239,8 +239,9 @@ pub trait Family: Send + Sync {
     fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn Family>> {
         None
     }
-    /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no probe around the
-    /// model foretells, but why it tips shows before it does. None where the whole of a log follows from its beginning smoothly.
+    /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no
+    /// probe around the model foretells, but why it tips shows before it does. None where the whole of a log follows
+    /// from its beginning smoothly.
     fn beginnings(&self) -> Option<Box<dyn Family>> {
         None
     }
@@ -248,8 +249,8 @@ pub trait Family: Send + Sync {
     fn start_near(&self, _log: usize, _number: usize) -> &[String] {
         &[]
     }
-    /// Names of the channels in which a candidate is felt before all others; none where it is felt everywhere. At a first glance,
-    /// candidates that are felt in different channels are tried together.
+    /// Names of the channels in which a candidate is felt before all others; none where it is felt everywhere. At a
+    /// first glance, candidates that are felt in different channels are tried together.
     fn near(&self, _candidate: usize) -> &[String] {
         &[]
     }

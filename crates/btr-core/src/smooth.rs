@@ -87,10 +87,11 @@ fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
 }
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
-/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a servo set
-/// in motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first tick fits nearly
-/// as many of the first samples as any parabola does, which has as many numbers; else by that one. A velocity that was `measured`
-/// there, late and rough as it may be, decides between the two. `None` where too few samples are there.
+/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a
+/// servo set in motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first
+/// tick fits nearly as many of the first samples as any parabola does, which has as many numbers; else by that one. A
+/// velocity that was `measured` there, late and rough as it may be, decides between the two. `None` where too few
+/// samples are there.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64, measured: Option<f64>) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);

@@ -101,8 +101,8 @@ pub struct Whiteness {
 }
 
 impl Whiteness {
-    /// Of a series; NaN are missing samples. Says nothing (no lags) about fewer than twenty. G. M. Ljung and G. E. P. Box, "On a
-    /// measure of lack of fit in time series models", Biometrika 65, 1978.
+    /// Of a series; NaN are missing samples. Says nothing (no lags) about fewer than twenty. G. M. Ljung and G. E. P.
+    /// Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978.
     pub fn of(x: &[f64]) -> Self {
         const MOST: usize = 25;
         let n = x.iter().filter(|v| !v.is_nan()).count();

@@ -243,8 +243,8 @@ fn a_larger_law_must_earn_its_numbers() {
 
 const PRETENDERS: usize = 40;
 
-/// Many who seem to know more of the first two logs than a lift does, and nothing of the one to judge on; and that lift, so many
-/// times its usual size, which is what is there: nine times what this makes of its size.
+/// Many who seem to know more of the first two logs than a lift does, and nothing of the one to judge on; and that
+/// lift, so many times its usual size, which is what is there: nine times what this makes of its size.
 fn beside_pretenders(times: f64, lifts: fn(f64) -> f64) -> Made {
     let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
         let known = if log == 2 { 0.0 } else { 0.8 };

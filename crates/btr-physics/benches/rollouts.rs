@@ -1,7 +1,8 @@
 //! Steps per second of the ant, the Nao and an arm on the own engine and on Rapier, and what a rollout costs beside its steps.
 //!
-//! `cargo bench -p btr-physics`. One item of `rollouts` is one physics step of 0.055/7 s of one candidate. `set_up` builds as many as
-//! are handed out at once and makes a single step of each: eight times that, beside `rollouts` with one thread, is not stepping.
+//! `cargo bench -p btr-physics`. One item of `rollouts` is one physics step of 0.055/7 s of one candidate. `set_up`
+//! builds as many as are handed out at once and makes a single step of each: eight times that, beside `rollouts` with
+//! one thread, is not stepping.
 #![allow(clippy::expect_used, reason = "a benchmark has nobody to report to")]
 
 mod scenes;

@@ -1,6 +1,6 @@
-//! Forward dynamics of states that it is told: `accelerations <ant|nao|file.urdf>` prints the names of the joints as a JSON list,
-//! then for every line of its input, a state as JSON, the accelerations: of the root where it floats (angular, linear, world's
-//! axes), then of the joints.
+//! Forward dynamics of states that it is told: `accelerations <ant|nao|file.urdf>` prints the names of the joints as a
+//! JSON list, then for every line of its input, a state as JSON, the accelerations: of the root where it floats
+//! (angular, linear, world's axes), then of the joints.
 
 use btr_physics::ant::ant;
 use btr_physics::engine::{BaseState, State};

@@ -1,6 +1,6 @@
-//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao|arm> <auto|rapier> <dt in s> <duration in s> <folder>` puts
-//! `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run on that engine: commands, joint
-//! angles, base) there.
+//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao|arm> <auto|rapier> <dt in s> <duration in s>
+//! <folder>` puts `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run on that
+//! engine: commands, joint angles, base) there.
 //!
 //! Fixed and free bases, hinges, slides and position servos are known; as in btr, the robot touches the floor only.
 

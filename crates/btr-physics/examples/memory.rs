@@ -1,5 +1,5 @@
-//! Memory over many rollouts: `memory <ant|nao|arm> <duration in s> <rollouts>` simulates them on all cores, 64 at a time, and prints
-//! a JSON line with the resident memory after every tenth of them. Linux only.
+//! Memory over many rollouts: `memory <ant|nao|arm> <duration in s> <rollouts>` simulates them on all cores, 64 at a
+//! time, and prints a JSON line with the resident memory after every tenth of them. Linux only.
 
 #[path = "../benches/scenes/mod.rs"]
 mod scenes;

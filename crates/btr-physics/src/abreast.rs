@@ -1,5 +1,5 @@
-//! Runs side by side: candidates for the same robot take their steps together, each in a lane of one engine, while commands, motors,
-//! effects and sensors are each one's own.
+//! Runs side by side: candidates for the same robot take their steps together, each in a lane of one engine, while
+//! commands, motors, effects and sensors are each one's own.
 
 use crate::articulated;
 use crate::control::Control;
@@ -15,8 +15,8 @@ use btr_core::world::WorldError;
 use pulp::Arch;
 use std::borrow::Cow;
 
-/// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as many at a
-/// time as the machine has lanes; what comes out is the same as if each had been simulated alone.
+/// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as
+/// many at a time as the machine has lanes; what comes out is the same as if each had been simulated alone.
 pub(crate) fn simulate_all(runs: Vec<Result<Run, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
     let (most, mut group) = (at_most(), Vec::<Run>::new());

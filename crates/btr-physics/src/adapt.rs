@@ -115,10 +115,10 @@ fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
     });
 }
 
-/// Visits the paths in a document, with the section and key at which they stand.
-pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut((&str, &str), &mut Value)) {
+/// Visits the paths in a document, with the key at which they stand.
+pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(&str, &mut Value)) {
     for (section, key) in NAMES_FILES {
-        let mut visit = |value: &mut Value| visit((section, key), value);
+        let mut visit = |value: &mut Value| visit(key, value);
         let item = document.get_mut(section).and_then(|section| section.get_mut(key));
         match item.and_then(|item| item.as_value_mut()) {
             Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),

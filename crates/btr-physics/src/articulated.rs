@@ -1,5 +1,5 @@
-//! Robots in minimal coordinates, on the ground, in the air or bolted down: one, or several candidates for the same robot side by
-//! side, each in a lane of the vector registers.
+//! Robots in minimal coordinates, on the ground, in the air or bolted down: one, or several candidates for the same
+//! robot side by side, each in a lane of the vector registers.
 //!
 //! Joint-space dynamics from the composite-rigid-body and the recursive Newton-Euler algorithm, factorised along the tree
 //! (R. Featherstone, "Rigid Body Dynamics Algorithms", Springer 2008, chapters 5, 6 and 8), with all spatial quantities in the

@@ -128,8 +128,8 @@ fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
         .fold(f64::MIN, f64::max)
 }
 
-/// How far a free robot has to be lifted at the start, in m. Longer legs than the start pose was made for would begin inside the
-/// floor and be thrown out of it; one that rests before it moves is put down.
+/// How far a free robot has to be lifted at the start, in m. Longer legs than the start pose was made for would begin
+/// inside the floor and be thrown out of it; one that rests before it moves is put down.
 pub(crate) fn lift_m(robot: &Robot, bodies: &[Body], setup: &Setup) -> f64 {
     if robot.base == Base::Fixed || setup.ground.is_none() {
         return 0.0;

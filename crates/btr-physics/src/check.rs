@@ -87,8 +87,8 @@ fn unmeasured(log: &Log, joint: &Joint, robot: &Robot) -> Option<Finding> {
     Some(Finding::new(Topic::Missing, Severity::Doubtful, &name, sentence))
 }
 
-/// Columns that nobody uses and that may be a joint's position: one that is called almost as it should be, or else those that the
-/// joint's name is in.
+/// Columns that nobody uses and that may be a joint's position: one that is called almost as it should be, or else
+/// those that the joint's name is in.
 fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
     let known = |joint: &str| robot.movable().any(|(_, link)| link.joint.name == joint);
     let unknown = |other: &&str| other.strip_prefix("q_").is_some_and(|joint| !known(joint));

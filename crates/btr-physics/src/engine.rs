@@ -93,8 +93,9 @@ impl State {
     }
 }
 
-/// A robot in its world, advanced step by step; or several candidates for it side by side, each in a world of its own. Joints are
-/// counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
+/// A robot in its world, advanced step by step; or several candidates for it side by side, each in a world of its own.
+/// Joints are counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked
+/// as such.
 pub trait Dynamics {
     /// How many candidates there are.
     fn lanes(&self) -> usize {

@@ -134,7 +134,7 @@ pub(crate) fn excitations(
                 let kind = group.contains(&i).then_some(kind);
                 commands.insert(
                     format!("cmd_{}", joint.name),
-                    "rad",
+                    joint.command_unit(),
                     Role::Command,
                     row(&clock, joint, *told, kind),
                 )?;

@@ -1,7 +1,8 @@
-//! What a model leaves of its own motion on the ground. With contact, windows do not fit to the sensors' noise even where nothing
-//! is missing: the state at a window's start is known roughly, and a foot that touches down a sample later ends elsewhere. So
-//! the model is asked to explain itself: it moves with other numbers in doubt than its own, as plausible as those, is measured
-//! with noise, and is compared at its true numbers as a robot's log would be. What remains is the floor.
+//! What a model leaves of its own motion on the ground. With contact, windows do not fit to the sensors' noise even
+//! where nothing is missing: the state at a window's start is known roughly, and a foot that touches down a sample
+//! later ends elsewhere. So the model is asked to explain itself: it moves with other numbers in doubt than its own, as
+//! plausible as those, is measured with noise, and is compared at its true numbers as a robot's log would be. What
+//! remains is the floor.
 
 use crate::beside::Beside;
 use crate::sensor::Noise;
@@ -38,8 +39,9 @@ impl Left {
 /// What remains of every channel, by scenario.
 type Leftovers = Vec<(usize, IndexMap<String, Left>)>;
 
-/// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the sensors'
-/// noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a short log says too little.
+/// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the
+/// sensors' noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a
+/// short log says too little.
 pub(crate) fn raise(beside: &mut Beside, u: &[f64]) -> Result<(), WorldError> {
     let mut left: Vec<Leftovers> = Vec::new();
     for draw in 0..DRAWS {
@@ -84,8 +86,8 @@ fn plausible(beside: &Beside, u: &[f64], draw: u64) -> Vec<f64> {
     truth
 }
 
-/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts are seen by
-/// the model at `u`.
+/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts
+/// are seen by the model at `u`.
 fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
     let mut model = beside.model().in_situations(beside.model().scenarios.clone());
     model.setup.noise = noise(beside);

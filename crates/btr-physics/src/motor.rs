@@ -70,8 +70,8 @@ impl MotorTorque {
         self.droop *= factor;
     }
 
-    /// The torque for the coming step: at the bound if the wanted one would exceed it when the step ends. A bound that falls with
-    /// the speed does so as the step's own speed has it.
+    /// The torque for the coming step: at the bound if the wanted one would exceed it when the step ends. A bound that
+    /// falls with the speed does so as the step's own speed has it.
     ///
     /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
     /// its bounds.

@@ -116,8 +116,8 @@ mod tests {
             }
             robot
         };
-        // With contact, only at first: the impulses that Rapier's few sweeps begin with are not part of the state, and in another
-        // order they end elsewhere.
+        // With contact, only at first: the impulses that Rapier's few sweeps begin with are not part of the state, and
+        // in another order they end elsewhere.
         for (base, engine, for_s, most) in [
             (Base::Fixed, EngineName::Auto, 0.2, 1e-9),
             (Base::Fixed, EngineName::Rapier, 0.2, 1e-12),

@@ -177,7 +177,8 @@ pub enum Actuator {
         /// The position loop around it, if any.
         servo: Option<DutyLoop>,
     },
-    /// The joint follows its measured motion, whatever torque that takes; where nothing was measured the command is the position.
+    /// The joint follows its measured motion, whatever torque that takes; where nothing was measured the command is the
+    /// position.
     Prescribed,
 }
 

@@ -123,8 +123,8 @@ impl Run {
         Ok(run)
     }
 
-    /// Takes a run up again where its last checkpoint left it. With an experiment whose S is larger than the run's, the run goes
-    /// on in the larger one.
+    /// Takes a run up again where its last checkpoint left it. With an experiment whose S is larger than the run's, the
+    /// run goes on in the larger one.
     ///
     /// # Errors
     /// No run there, another experiment, a damaged checkpoint, or a real test whose log is gone.

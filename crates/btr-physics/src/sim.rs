@@ -29,8 +29,8 @@ impl Ground {
     }
 }
 
-/// A spring and a damper at every point that touches the floor. Rapier has them as they would be under the robot's whole mass, and
-/// softer where a contact feels only a share of it.
+/// A spring and a damper at every point that touches the floor. Rapier has them as they would be under the robot's
+/// whole mass, and softer where a contact feels only a share of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance {
     /// N/m.
@@ -198,9 +198,10 @@ pub struct Candidate<'a> {
     pub noise_seed: Option<u64>,
 }
 
-/// What [`simulate`] gives for each candidate, bit by bit, on the calling thread. Candidates that follow each other and only differ in
-/// numbers (of the robot, of effects, of the world) and in what they are told are simulated side by side in the machine's vector
-/// registers, as far as they run on the default engine and no joint's motion is prescribed: hand over eight or more at once.
+/// What [`simulate`] gives for each candidate, bit by bit, on the calling thread. Candidates that follow each other and
+/// only differ in numbers (of the robot, of effects, of the world) and in what they are told are simulated side by side
+/// in the machine's vector registers, as far as they run on the default engine and no joint's motion is prescribed:
+/// hand over eight or more at once.
 pub fn simulate_all(candidates: &[Candidate]) -> Vec<Result<Log, WorldError>> {
     let runs = candidates.iter().map(|c| Run::new(c.robot, c.effects, c.setup, c.drive, c.noise_seed, unled()));
     abreast::simulate_all(runs.collect())

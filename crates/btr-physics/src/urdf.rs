@@ -1,7 +1,8 @@
 //! Robots from URDF, and to URDF.
 //!
-//! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; planar, floating and
-//! spherical joints are refused; `<transmission>`, `<safety_controller>` and velocity limits are not read. Every joint is passive: the model's file says what drives it.
+//! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; planar,
+//! floating and spherical joints are refused; `<transmission>`, `<safety_controller>` and velocity limits are not read.
+//! Every joint is passive: the model's file says what drives it.
 
 mod error;
 mod export;

@@ -1,8 +1,9 @@
-//! Logs of a robot that stands on its own feet, cut into short windows. Contact makes motion chaotic: a whole rollout leaves its
-//! log for good at the first foot that touches down a sample too late. So the robot is moved, at the beginning of every window,
-//! to where the log says it is. Joints are read by local parabolas. What nobody reads, the base's velocity and height, comes
-//! from a run of the model that is pulled towards all that is measured (an observer after D. G. Luenberger,
-//! "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964, with constant gains).
+//! Logs of a robot that stands on its own feet, cut into short windows. Contact makes motion chaotic: a whole rollout
+//! leaves its log for good at the first foot that touches down a sample too late. So the robot is moved, at the
+//! beginning of every window, to where the log says it is. Joints are read by local parabolas. What nobody reads, the
+//! base's velocity and height, comes from a run of the model that is pulled towards all that is measured (an observer
+//! after D. G. Luenberger, "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964,
+//! with constant gains).
 
 use crate::effect::Placed;
 use crate::engine::{Dynamics, State};

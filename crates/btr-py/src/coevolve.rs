@@ -36,15 +36,16 @@ pub(crate) fn coevolve(
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
     let asked = robot.is_some();
-    let (document, waiting, warnings) = working(py, &way, || {
-        let mut experiment = Experiment::on(source, seed, &folder, robot, way.clone()).map_err(Raise::raise)?;
+    let begin = || Experiment::on(source, seed, &folder, robot, way.clone()).map_err(Raise::raise);
+    let mut experiment = working(py, &way, begin)?;
+    warn(py, &experiment.warnings)?;
+    let (document, waiting) = working(py, &way, || {
         let mut watcher = Watcher { way: way.clone(), tell, told: 0 };
         let ended = btr_cli::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
         let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
         let waiting = ended.and_then(|ended| ended.waiting);
-        Ok((document.map(|document| document.to_string()), waiting, experiment.warnings))
+        Ok((document.map(|document| document.to_string()), waiting))
     })?;
-    warn(py, &warnings)?;
     match (raised_there.lock().unwrap_or_else(PoisonError::into_inner).take(), waiting) {
         (Some(error), _) => Err(error),
         // Nobody but the function could have done what is awaited.

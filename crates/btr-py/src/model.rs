@@ -16,6 +16,9 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
+/// So many rollouts are a matter of seconds, and enough for many cores.
+const AT_ONCE: usize = 1024;
+
 /// A robot's model: the text of its file, and where relative paths in it begin.
 #[pyclass(frozen, module = "btr", name = "Model")]
 pub(crate) struct Model {
@@ -127,7 +130,9 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            Ok(model.simulate_all(&jobs))
+            // Ctrl-C is heeded in between.
+            let few = jobs.chunks(AT_ONCE).take_while(|_| !way.is_stopped());
+            Ok(few.flat_map(|jobs| model.simulate_all(jobs)).collect::<Vec<_>>())
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::new(numbered("simulated"), log.ok()?)));
         Ok(logs.collect())

@@ -5,7 +5,7 @@ use crate::log::Given;
 use crate::model::Model;
 use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
-use btr_cli::report::{self, Asked};
+use btr_cli::report::{self, Subject};
 use btr_core::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
 use btr_physics::experiment::{self, LogSource, Source};
@@ -66,7 +66,8 @@ pub(crate) fn diagnose(
         let (found, diagnosis) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
         let document = json!(found).to_string();
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
-        let page = move || report::diagnose(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page =
+            move || report::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page)))
     })
 }
@@ -101,7 +102,7 @@ pub(crate) fn fit(
         let (document, space) =
             (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
-        let page = move || report::fit(&Asked { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || report::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, fitted))
     })
 }

@@ -4,7 +4,7 @@ use super::ladder;
 use super::output::{Kind, announce, guard, inputs, write_report};
 use crate::args::{Diagnose, Global};
 use crate::failure::{DONE, Failure, MISSED};
-use crate::report::{self, Asked};
+use crate::report::{self, Subject};
 use crate::table::{Table, number};
 use btr_core::diagnose::{Question, Verdict};
 use btr_physics::io::{self, Meta};
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
         let help = "run `btr simulate` with the same log to see where".to_owned();
         return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
     };
-    let asked = Asked { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
+    let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
@@ -60,7 +60,7 @@ fn word_of(verdict: Verdict) -> String {
     serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
 }
 
-fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Asked) {
+fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Subject) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
@@ -137,7 +137,7 @@ fn law(report: &DiagnoseReport) {
 }
 
 /// What to type next, once it is known what is missing; nothing where the model or a log is no file.
-pub(crate) fn fit_command(report: &DiagnoseReport, asked: &Asked) -> Option<String> {
+pub(crate) fn fit_command(report: &DiagnoseReport, asked: &Subject) -> Option<String> {
     let model = &asked.problem.source.path;
     let on_disk = std::iter::once(model).chain(asked.logs).chain(asked.held_out).all(|path| path.exists());
     if report.verdict != Verdict::EffectMissing || !on_disk {

@@ -5,7 +5,7 @@ use super::ladder;
 use super::output::{Kind, announce, guard, inputs, write_report};
 use crate::args::{Fit, Global};
 use crate::failure::{DONE, Failure};
-use crate::report::{self, Asked};
+use crate::report::{self, Subject};
 use crate::table::{Table, number};
 use btr_physics::verbs::{self, FitReport, Problem};
 
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
         write_text(output, &text)?;
     }
     if let Some(path) = &args.beside.report {
-        let asked = Asked { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
+        let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
         write_report(path, &report::fit(&asked, &report, &fit.u))?;
     }
     if global.json {

@@ -1,5 +1,5 @@
-//! What a verb may write, asked before it computes anything: a file in a folder that is there, over nothing but an earlier output
-//! of its own kind. A recording exists once.
+//! What a verb may write, asked before it computes anything: a file in a folder that is there, over nothing but an
+//! earlier output of its own kind. A recording exists once.
 
 use crate::args::Global;
 use crate::failure::Failure;
@@ -45,8 +45,8 @@ pub(crate) fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>
 /// Refuses outputs that cannot be written or would take the place of what is not theirs to replace.
 ///
 /// # Errors
-/// An output that is one of the inputs, by whatever name; one whose name is not of its kind; a log in the place of measurements;
-/// a folder that is not there or cannot be written into.
+/// An output that is one of the inputs, by whatever name; one whose name is not of its kind; a log in the place of
+/// measurements; a folder that is not there or cannot be written into.
 pub(crate) fn guard<'a>(
     outputs: impl IntoIterator<Item = Output<'a>>,
     inputs: impl IntoIterator<Item = PathBuf>,
@@ -95,8 +95,8 @@ impl Output<'_> {
     }
 }
 
-/// Whether nothing would be lost with this file that a simulation or a robot has answered. What cannot be read may be anything, and
-/// so may a column whose name says nothing.
+/// Whether nothing would be lost with this file that a simulation or a robot has answered. What cannot be read may be
+/// anything, and so may a column whose name says nothing.
 fn holds_commands_alone(path: &Path) -> bool {
     io::read_log(path, &Mapping::default())
         .is_ok_and(|(log, _)| log.channels().all(|(_, channel)| channel.role == Role::Command))

@@ -1,6 +1,6 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{Asked, FLOORS, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
+use super::ladder::{FLOORS, Subject, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
 use super::{Block, Report, Section};
 use crate::cmd::diagnose::fit_command;
 use crate::cmd::ladder::{ESTIMATES, estimate, integrator};
@@ -16,7 +16,7 @@ use btr_physics::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, Ne
 const CANDIDATES_SHOWN: usize = 12;
 
 /// The page of `btr diagnose`; `u` is the point of the family that was found.
-pub fn diagnose(asked: &Asked, found: &DiagnoseReport, u: &[f64]) -> String {
+pub fn diagnose(asked: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
     let mut lead = vec![Block::Lead(sentence(found)), asked.told()];
     if !found.at_bound.is_empty() {
         let names = found.at_bound.join(", ");

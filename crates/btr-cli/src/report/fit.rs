@@ -1,6 +1,6 @@
 //! The report of `btr fit`.
 
-use super::ladder::{Asked, fall, fine_print};
+use super::ladder::{Subject, fall, fine_print};
 use super::{Block, Report, Section};
 use crate::cmd::ladder::{integrator, interval};
 use crate::plot::Ink;
@@ -11,7 +11,7 @@ use btr_core::space::Dim;
 use btr_physics::verbs::FitReport;
 
 /// The page of `btr fit`; `u` is the point of the family that was found.
-pub fn fit(asked: &Asked, found: &FitReport, u: &[f64]) -> String {
+pub fn fit(asked: &Subject, found: &FitReport, u: &[f64]) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), asked.told()];
     blocks.extend(asked.reserve());
     let lead = Section { title: "Result".to_owned(), blocks };
@@ -47,7 +47,7 @@ fn why(ended: Ended) -> &'static str {
 }
 
 /// Every number with its interval, between its bounds.
-fn values(asked: &Asked, found: &FitReport) -> Section {
+fn values(asked: &Subject, found: &FitReport) -> Section {
     let dims = asked.problem.beside.model().simulations.dims();
     let pairs = || found.parameters.iter().filter_map(|e| Some((e, dims.iter().find(|dim| dim.name == e.name)?)));
     let any_at_bound = found.parameters.iter().any(|estimate| estimate.at_bound);

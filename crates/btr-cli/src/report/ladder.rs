@@ -1,4 +1,5 @@
-//! What the reports of `diagnose` and `fit` share: what was asked, how the error fell, the model before and after, the fine print.
+//! What the reports of `diagnose` and `fit` share: what was asked, how the error fell, the model before and after, the
+//! fine print.
 
 use super::joints::Beside;
 use super::{Block, Section};
@@ -10,9 +11,9 @@ use btr_core::world::WorldError;
 use btr_physics::verbs::{Floor, LadderStep, Problem};
 use std::path::{Path, PathBuf};
 
-/// A question to `diagnose` or `fit`.
+/// What a page is about: a question to `diagnose` or `fit`.
 #[derive(Clone, Copy)]
-pub struct Asked<'a> {
+pub struct Subject<'a> {
     /// The model beside the logs.
     pub problem: &'a Problem,
     /// The logs to learn from: files, or what they are called.
@@ -24,7 +25,7 @@ pub struct Asked<'a> {
 /// What errors are measured in.
 pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
 
-impl Asked<'_> {
+impl Subject<'_> {
     /// The model's file.
     pub(super) fn model(&self) -> String {
         file(&self.problem.source.path)
@@ -162,7 +163,7 @@ mod tests {
         let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
         let logs = [robots.join("arm/learn_1.csv")];
         let problem = Problem::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
-        let asked = Asked { problem: &problem, logs: &logs, held_out: &[] };
+        let asked = Subject { problem: &problem, logs: &logs, held_out: &[] };
         let knobs = problem.beside.knobs().len();
         let shown = |u: f64| {
             let mut html = String::new();

@@ -13,7 +13,7 @@ mod ladder;
 pub use compare::compare;
 pub use diagnose::diagnose;
 pub use fit::fit;
-pub use ladder::Asked;
+pub use ladder::Subject;
 
 use crate::plot::escaped;
 use btr_physics::io::{self, IoError};

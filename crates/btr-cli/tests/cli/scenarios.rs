@@ -201,8 +201,8 @@ fn the_friction_law_that_made_the_log_is_named() {
     }
     let both = [effect(ladder[1].0, "hinge", ladder[1].1), effect(ladder[2].0, "hinge", ladder[2].1)].join("\n");
     let (_, document) = pendulum(&both);
-    // A joint that sticks so much of the time hides the second law behind the first; it may be called by its formula, but nothing
-    // else may pass for the explanation.
+    // A joint that sticks so much of the time hides the second law behind the first; it may be called by its formula,
+    // but nothing else may pass for the explanation.
     assert_eq!(missing(&document)[0], "stribeck_friction@hinge", "{document}");
     let law = document["residual_law"]["law"].as_str().unwrap_or_default();
     let named = missing(&document).iter().any(|name| name == "load_dependent_friction@hinge");

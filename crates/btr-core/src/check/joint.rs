@@ -114,8 +114,8 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
     say(Topic::CommandLag, severity, sentence)
 }
 
-/// How much a joint's positions are like its commands so much earlier. A lag is told by velocities, and those of a step are like
-/// no motion's.
+/// How much a joint's positions are like its commands so much earlier. A lag is told by velocities, and those of a step
+/// are like no motion's.
 fn alike(log: &Log, command: &Channel, position: &Channel, lag_s: f64) -> f64 {
     let earlier_s: Vec<f64> = log.clock_s().iter().map(|t| t - lag_s).collect();
     let told = interpolate(log.clock_s(), &command.values, &earlier_s);

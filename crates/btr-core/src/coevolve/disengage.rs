@@ -1,7 +1,8 @@
 //! Disengagement: one population no longer exerts selection pressure on the other (the paper's step 4).
 //!
-//! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was set for it,
-//! and the simulation keeps mispredicting fresh transfers. The ranks and the pressures stand beside it as evidence for the reader.
+//! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was
+//! set for it, and the simulation keeps mispredicting fresh transfers. The ranks and the pressures stand beside it as
+//! evidence for the reader.
 
 use super::history::Iteration;
 use super::plan::DisengagementRule;
@@ -26,8 +27,8 @@ pub struct Evidence {
     pub at_bound: Vec<String>,
 }
 
-/// Whether the last iterations amount to disengagement. Where phi has been at its goal lately, if it has one, there was nothing left
-/// to learn: that it fell no further tells nothing.
+/// Whether the last iterations amount to disengagement. Where phi has been at its goal lately, if it has one, there was
+/// nothing left to learn: that it fell no further tells nothing.
 pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi_goal: Option<f64>) -> bool {
     let lately = &iterations[iterations.len().saturating_sub(rule.patience)..];
     let at_goal = |it: &Iteration| it.phi.zip(phi_goal).is_some_and(|(phi, goal)| phi <= goal);

@@ -6,8 +6,8 @@ use super::state::State;
 use crate::fit::judge::{NOISE, chi};
 use crate::fit::{Bench, Effort, Fit, Logs};
 
-/// Those of the candidates `offered` that lead in the beginnings of logs, as they fit the whole of them, and who was screened for that.
-/// Nobody where beginnings tell no more than the whole.
+/// Those of the candidates `offered` that lead in the beginnings of logs, as they fit the whole of them, and who was
+/// screened for that. Nobody where beginnings tell no more than the whole.
 pub(super) fn from_beginnings(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival>, Vec<Start>) {
     let Some(family) = bench.family.beginnings() else { return Default::default() };
     // With the effects found so far; if there are none, with the parameters in doubt as they were given: the ends of logs may

@@ -7,9 +7,9 @@ use super::{Found, Ranked};
 use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Fit, Logs};
 
-/// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple ones the first of
-/// the library, so that what is the same by mechanics is always called the same. None where others fit decisively better that do
-/// not pass: then the logs to judge on contradict those to learn from.
+/// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
+/// ones the first of the library, so that what is the same by mechanics is always called the same. None where others
+/// fit decisively better that do not pass: then the logs to judge on contradict those to learn from.
 pub(super) fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
     let measure = Measure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));

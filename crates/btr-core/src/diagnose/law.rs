@@ -1,9 +1,9 @@
 //! What an error looks like that no effect explains: a law of at most three terms at one place.
 //!
-//! Terms answer to the same probes as effects do. For each place (a joint's torque, its command, its reading) the terms are
-//! picked greedily, all amplitudes being refitted after each pick (Y. C. Pati, R. Rezaiifar and P. S. Krishnaprasad,
-//! "Orthogonal matching pursuit", 1993), in what the base's own parameters cannot do. The best places are then fitted in earnest
-//! and judged on logs that nothing was fitted to.
+//! Terms answer to the same probes as effects do. For each place (a joint's torque, its command, its reading) the terms
+//! are picked greedily, all amplitudes being refitted after each pick (Y. C. Pati, R. Rezaiifar and P. S.
+//! Krishnaprasad, "Orthogonal matching pursuit", 1993), in what the base's own parameters cannot do. The best places
+//! are then fitted in earnest and judged on logs that nothing was fitted to.
 //!
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
 //! joints and four logs. There are at most two searches.
@@ -29,7 +29,8 @@ const EFFORT: Effort = Effort { jacobians: 2, steps: 12 };
 const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 /// A further term must lower what is left to this share of it.
 const WORTH: f64 = 0.9;
-/// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo makes one of.
+/// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo
+/// makes one of.
 const CLOSE: f64 = 10.0;
 /// A term stays if the sum of squares without it were larger than this many times.
 const NEEDED: f64 = 1.05;
@@ -51,8 +52,9 @@ pub struct ResidualLaw {
     pub explains: f64,
 }
 
-/// The law that explains most, if any explains enough: first in place of all effects; then beside those that were found, or, where
-/// none was, from where the parameters in doubt began: they may have gone astray to make up for the law.
+/// The law that explains most, if any explains enough: first in place of all effects; then beside those that were
+/// found, or, where none was, from where the parameters in doubt began: they may have gone astray to make up for the
+/// law.
 pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Option<ResidualLaw> {
     let first = law_on(bench, bare, bare);
     if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
@@ -68,7 +70,8 @@ pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Op
     preferred(first, second, found.and_then(|found| judged(bench, found)))
 }
 
-/// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take their place.
+/// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take
+/// their place.
 fn preferred(
     first: Option<(f64, ResidualLaw)>,
     second: Option<(f64, ResidualLaw)>,
@@ -279,8 +282,8 @@ impl<'a> Picture<'a> {
         changes.into_iter().map(|change| change.map(DVector::from_vec)).collect()
     }
 
-    /// At which rate, in rad/s, a term would have to swing: the peak of the spectrum of what it leaves, times its response. A slow
-    /// swing of a term swings its response alike.
+    /// At which rate, in rad/s, a term would have to swing: the peak of the spectrum of what it leaves, times its
+    /// response. A slow swing of a term swings its response alike.
     fn rate(&self, response: &DVector<f64>) -> Option<f64> {
         let norm = response.norm_squared();
         let share = if norm > 0.0 { response.dot(&self.residual) / norm } else { return None };

@@ -33,8 +33,8 @@ pub mod thresholds {
     pub const LEARNT_FALL: f64 = 0.05;
     /// ... and that of the held-out logs by more than this.
     pub const HELD_OUT_FALL: f64 = 0.04;
-    /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of the American
-    /// Statistical Association 90, 1995): the rival with the fewest numbers is named.
+    /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of
+    /// the American Statistical Association 90, 1995): the rival with the fewest numbers is named.
     pub const TIE: f64 = 2.0;
     /// Above this error what was found does not explain it.
     pub const EXPLAINED: f64 = 1.5;
@@ -52,8 +52,8 @@ const ELSEWHERE: usize = 3;
 pub struct Question {
     /// The most effects to add.
     pub max_effects: usize,
-    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked for beyond it.
-    /// What a round goes on to (refits, and on the ground a second screening) is not counted in advance.
+    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked
+    /// for beyond it. What a round goes on to (refits, and on the ground a second screening) is not counted in advance.
     pub max_rollouts: usize,
 }
 
@@ -84,8 +84,8 @@ pub struct Found {
     pub site: String,
     /// `effect@site` of what these logs cannot tell from it.
     pub alike: Vec<String>,
-    /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a larger law
-    /// which it stands for.
+    /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a
+    /// larger law which it stands for.
     pub probability: f64,
     /// By how much it lowered B.
     pub delta_bic: f64,
@@ -133,13 +133,15 @@ pub struct Diagnosis {
     pub ladder: Vec<Rung>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
-    /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on, whichever is larger.
+    /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on,
+    /// whichever is larger.
     pub integrator_error: f64,
     /// Doubtful parameters that ended at a bound.
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
     pub fit: Fit,
-    /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next experiment.
+    /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next
+    /// experiment.
     pub rivals: Vec<(usize, Vec<f64>)>,
     /// With the verdict `Unexplained`: what the error looks like, if it looks like something.
     pub residual_law: Option<ResidualLaw>,
@@ -252,8 +254,8 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }
 
-/// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and then what the
-/// best leave may be because they sit elsewhere.
+/// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and
+/// then what the best leave may be because they sit elsewhere.
 fn on_the_ground(bench: &Bench, state: &State, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
     let candidates = bench.family.candidates();
     if let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) {
@@ -301,9 +303,9 @@ fn from_the_whole(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival
     (race(bench, &bases, &starts, None), starts)
 }
 
-/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so that nothing
-/// is called certain which its like explains as well, and its kin that makes do with fewer numbers, which may only have failed to
-/// get there; and whoever was screened, if the leader leaves something to explain.
+/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so
+/// that nothing is called certain which its like explains as well, and its kin that makes do with fewer numbers, which
+/// may only have failed to get there; and whoever was screened, if the leader leaves something to explain.
 fn worth_another_look(
     bench: &Bench,
     leader: &Rival,

@@ -1,5 +1,5 @@
-//! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its amplitude, and
-//! what the base's parameters can do as well is projected out.
+//! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its
+//! amplitude, and what the base's parameters can do as well is projected out.
 
 use super::screen::{Sizes, Start, has_two_sides, with};
 use crate::family::Law;

@@ -5,8 +5,8 @@ use crate::fit::judge::{NOISE, chi};
 use crate::fit::{Bench, Effort, Fit, Logs, columns};
 use nalgebra::DMatrix;
 
-/// How many start the race, and how many are fitted with all effort whatever their rank, unless the best explains everything and
-/// they are behind it by more than this factor of the sum of squares.
+/// How many start the race, and how many are fitted with all effort whatever their rank, unless the best explains
+/// everything and they are behind it by more than this factor of the sum of squares.
 const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 const BEATEN: f64 = 10.0;
@@ -34,13 +34,14 @@ pub(super) struct Rival {
     pub fit: Fit,
 }
 
-/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of the starts run.
+/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of
+/// the starts run.
 pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
     run(bench, bases, &starts[..starts.len().min(RUNNERS)], leader)
 }
 
-/// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have promised too
-/// little (a joint with much play does nothing that one with little does).
+/// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have
+/// promised too little (a joint with much play does nothing that one with little does).
 pub(super) fn last_chance(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
     let mut base = base.clone();
     base.differentiate(bench);
@@ -103,8 +104,8 @@ fn run(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> 
     polished
 }
 
-/// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's law): tries the
-/// other shapes that it could have from where it ended.
+/// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's
+/// law): tries the other shapes that it could have from where it ended.
 fn reshape(bench: &Bench, rival: &mut Rival) {
     let candidate = &bench.family.candidates()[rival.candidate];
     if candidate.starts.len() < 2 || chi(rival.fit.squares(), bench.samples(Logs::Learn)) <= NOISE {

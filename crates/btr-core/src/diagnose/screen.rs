@@ -19,8 +19,8 @@ pub(super) struct Sizes {
 /// For the first glance, and for a closer look.
 const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
 const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
-/// For whoever would go further than the largest probe of the closer look is believed: a foot that lost the ground, a joint at its
-/// stop, leave no way back along a straight line.
+/// For whoever would go further than the largest probe of the closer look is believed: a foot that lost the ground, a
+/// joint at its stop, leave no way back along a straight line.
 const FAR: Sizes = Sizes { amplitudes: &[6.0, 24.0], limits: &[] };
 /// How many candidates survive the glance at one log.
 const GLANCED: usize = 16;
@@ -60,8 +60,9 @@ pub(super) fn rollouts(bench: &Bench) -> usize {
     glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
-/// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is seen from
-/// all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make up for it.
+/// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is
+/// seen from all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make
+/// up for it.
 pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
     for (index, base) in bases.iter_mut().enumerate() {
         if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
@@ -130,8 +131,8 @@ impl Start {
     }
 }
 
-/// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In the order of
-/// what came out, but those that promise most are not lost for it.
+/// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In
+/// the order of what came out, but those that promise most are not lost for it.
 fn verify(bench: &Bench, bases: &[Fit], promising: &[Start]) -> Vec<Start> {
     let partly = |start: &Start| {
         SHARES.map(|share| Start { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
@@ -161,8 +162,8 @@ pub(super) fn simulate(bench: &Bench, bases: &[Fit], starts: &mut [Start]) {
     }
 }
 
-/// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips where one
-/// that is lifted does not.
+/// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
+/// where one that is lifted does not.
 pub(super) fn has_two_sides(bench: &Bench, candidate: &Candidate) -> bool {
     let knobs = bench.family.knobs();
     bench.family.has_contact() && candidate.amplitudes.iter().any(|&knob| knobs[knob].bounds.0 < 0.0)

@@ -45,8 +45,8 @@ impl State {
         self.climb(bench, step, tell);
     }
 
-    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: begins anew on either side of
-    /// where each of the latest effect's numbers ended, as long as that leads lower.
+    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: begins anew on
+    /// either side of where each of the latest effect's numbers ended, as long as that leads lower.
     fn shake(&mut self, bench: &Bench, candidate: usize) {
         for _ in 0..SHAKES {
             if bench.family.is_chaotic() || !leaves_something(bench, self, &self.fit) {

@@ -74,8 +74,9 @@ impl<'a> Bench<'a> {
         Step { halvings: self.halvings.load(Ordering::Relaxed) }
     }
 
-    /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from or else in
-    /// those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors have that error in them.
+    /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from
+    /// or else in those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors
+    /// have that error in them.
     pub(super) fn refine(&self, learn: f64, held_out: impl FnOnce() -> f64) -> bool {
         let refinable = self.step().divides_by() < FINEST && !self.family.is_chaotic();
         let refines = refinable && (learn > FINE_ENOUGH || held_out() > FINE_ENOUGH);

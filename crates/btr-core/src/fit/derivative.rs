@@ -63,8 +63,8 @@ impl Fit {
     }
 
     /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
-    /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again with shorter
-    /// steps.
+    /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again
+    /// with shorter steps.
     pub fn differentiate_finely(&mut self, bench: &Bench) {
         let mut slopes = self.slopes(bench, &self.active, FINE);
         for finer in SHORTER {

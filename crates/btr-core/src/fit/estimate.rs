@@ -70,7 +70,8 @@ pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
-/// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as wide as they are.
+/// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as
+/// wide as they are.
 fn information(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
@@ -89,9 +90,9 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
-/// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a channel is small and
-/// lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum of the squares of what each channel's
-/// residual says. None where channels are too few to tell.
+/// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a
+/// channel is small and lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum
+/// of the squares of what each channel's residual says. None where channels are too few to tell.
 fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let channels = channels(family.logs().iter().filter(|log| !log.held_out));

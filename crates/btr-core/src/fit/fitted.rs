@@ -33,8 +33,8 @@ pub struct Fitted {
     pub ended: Ended,
     /// Why there are no intervals, where there are none.
     pub withheld: Option<String>,
-    /// The integrator's own error in multiples of the noise floor: in the logs to learn from or in those to judge on, whichever is
-    /// larger.
+    /// The integrator's own error in multiples of the noise floor: in the logs to learn from or in those to judge on,
+    /// whichever is larger.
     pub integrator_error: f64,
     /// The time step that it holds for.
     pub step: Step,
@@ -66,9 +66,9 @@ impl Ladder<'_> {
     }
 }
 
-/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on held-out
-/// ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None` where the model blows
-/// up as it stands.
+/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on
+/// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
+/// where the model blows up as it stands.
 pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
     let mut ladder = Ladder { rungs: Vec::new(), tell };
     let fit = begin(bench, &mut ladder)?;

@@ -38,8 +38,8 @@ pub struct Identifiable {
     pub null_directions: Vec<NullDirection>,
 }
 
-/// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model blows up as
-/// it stands.
+/// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model
+/// blows up as it stands.
 pub fn identifiable(bench: &Bench) -> Option<Identifiable> {
     let (family, knobs) = (bench.family, bench.family.knobs());
     if family.doubtful().is_empty() {

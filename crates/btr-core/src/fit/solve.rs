@@ -93,10 +93,10 @@ impl Fit {
         Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
     }
 
-    /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to learn from or in
-    /// those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a step earlier), so that what
-    /// is extrapolated from half the step makes things worse. Returns the error's root mean square in the logs to learn from, in
-    /// multiples of the noise floor.
+    /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to
+    /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
+    /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
+    /// square in the logs to learn from, in multiples of the noise floor.
     pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
@@ -172,10 +172,10 @@ impl Fit {
         self.solve(bench, Effort { jacobians: 0, steps: 8 });
     }
 
-    /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops anywhere along a
-    /// direction that hardly matters to it, an estimate must not. The way there is curved (a common scale of masses, gains and
-    /// limits), so steps follow the curve: M. K. Transtrum and J. P. Sethna, "Improvements to the Levenberg-Marquardt algorithm for
-    /// nonlinear least-squares minimization", arXiv:1201.5885.
+    /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops
+    /// anywhere along a direction that hardly matters to it, an estimate must not. The way there is curved (a common
+    /// scale of masses, gains and limits), so steps follow the curve: M. K. Transtrum and J. P. Sethna, "Improvements
+    /// to the Levenberg-Marquardt algorithm for nonlinear least-squares minimization", arXiv:1201.5885.
     pub fn settle(&mut self, bench: &Bench) {
         self.differentiate_widely(bench);
         let knobs = bench.family.knobs();
@@ -206,7 +206,8 @@ impl Fit {
         Fit::at(bench, self.active.clone(), u, &self.step_error)
     }
 
-    /// By how much a step leaves the way on which the residual changes as the Jacobian says; none where it bends too much for that.
+    /// By how much a step leaves the way on which the residual changes as the Jacobian says; none where it bends too
+    /// much for that.
     fn bend(&self, bench: &Bench, jacobian: &DMatrix<f64>, direction: &DVector<f64>) -> Option<DVector<f64>> {
         let there = self.moved(bench, &(direction * AHEAD))?;
         let change = there.residual.iter().zip(&self.residual).map(|(there, here)| there - here);
@@ -247,8 +248,8 @@ impl Fit {
         Some(next)
     }
 
-    /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would carry over
-    /// it; a gradient alone does not tell, where knobs move together.
+    /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
+    /// carry over it; a gradient alone does not tell, where knobs move together.
     fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &knob) in self.active.iter().enumerate() {

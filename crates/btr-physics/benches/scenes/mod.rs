@@ -1,4 +1,5 @@
-//! What is timed: the ant's tripod gait and the Nao's walk, with the sensors that the paper's robots have, and an arm of four joints.
+//! What is timed: the ant's tripod gait and the Nao's walk, with the sensors that the paper's robots have, and an arm
+//! of four joints.
 
 use btr_core::log::Log;
 use btr_core::world::WorldError;
@@ -47,8 +48,8 @@ impl Scene {
         robot
     }
 
-    /// Simulates a population of such robots at once, from building their worlds to their logs, which have a sample per step and one
-    /// before them.
+    /// Simulates a population of such robots at once, from building their worlds to their logs, which have a sample per
+    /// step and one before them.
     pub(crate) fn run_all(&self, population: usize) -> Result<Vec<Log>, WorldError> {
         let robots: Vec<Robot> = (0..population).map(|number| self.robot_of(number)).collect();
         let candidate =

@@ -44,8 +44,8 @@ pub(crate) fn engine(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
     Box::new(Articulated::new(Scalar::new(), Arch::new(), &[World::new(robot, setup)]))
 }
 
-/// The engine for several candidates, of which the first are taken that there are lanes for. None where they are no robots of one
-/// kind.
+/// The engine for several candidates, of which the first are taken that there are lanes for. None where they are no
+/// robots of one kind.
 pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> Option<Box<dyn Dynamics>> {
     let worlds: Vec<World> = candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect();
     let alike = worlds.iter().all(|world| world.is_like(&worlds[0]));

@@ -1,6 +1,6 @@
-//! Impulses within bounds: dry friction in the joints, joint limits, contacts. Velocities at the step's end obey the laws
-//! (time stepping after J. J. Moreau), and impulses are found on what each does to the others: one after the other, sweep by sweep
-//! (sweep.rs), or, for whom that takes for ever, all at once (stick.rs).
+//! Impulses within bounds: dry friction in the joints, joint limits, contacts. Velocities at the step's end obey the
+//! laws (time stepping after J. J. Moreau), and impulses are found on what each does to the others: one after the
+//! other, sweep by sweep (sweep.rs), or, for whom that takes for ever, all at once (stick.rs).
 //!
 //! Candidates side by side share their rows: a row is there if any of them needs it, and pushes nothing where it is not needed.
 //! Each candidate's sweeps end when its own velocities have settled.
@@ -41,8 +41,8 @@ pub(super) struct Impulses<S: Simd> {
     hard: Mask<S>,
 }
 
-/// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two degrees of
-/// freedom.
+/// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two
+/// degrees of freedom.
 #[derive(Clone, Copy)]
 struct Block {
     row: usize,

@@ -143,9 +143,9 @@ impl<S: Simd> Inertia<S> {
     }
 }
 
-/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `ways` leads from the
-/// root to each degree of freedom, which comes last; the matrix is empty wherever neither of two moves the other, and so is the
-/// factor. Its diagonal holds the reciprocals, which is all that is ever asked for.
+/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `ways` leads
+/// from the root to each degree of freedom, which comes last; the matrix is empty wherever neither of two moves the
+/// other, and so is the factor. Its diagonal holds the reciprocals, which is all that is ever asked for.
 #[inline(always)]
 pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
     let n = ways.len();
@@ -180,8 +180,8 @@ pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [
     substitute(factor, ways, x);
 }
 
-/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an entry for each
-/// step of the way.
+/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an
+/// entry for each step of the way.
 #[inline(always)]
 pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
     for step in (0..way.len()).rev() {

@@ -6,8 +6,8 @@ use super::touch::{self, Reach};
 use super::{Articulated, Coupling, Floor};
 use pulp::Simd;
 
-/// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is free to do:
-/// others may push it down.
+/// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is
+/// free to do: others may push it down.
 const PUSHED: f64 = 0.5;
 /// Nothing is looked at that would have to be faster than this (m/s) to touch within a step.
 const FASTEST: f64 = 20.0;
@@ -145,8 +145,8 @@ impl<S: Simd> Articulated<S> {
 impl<S: Simd> Floor<S> {
     /// A spring and a damper over a step, at a depth in its middle; and for whom there are any.
     ///
-    /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap, it only has
-    /// to close.
+    /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap,
+    /// it only has to close.
     #[inline(always)]
     fn law(&self, depth: Lanes<S>, dt_s: f64) -> (Law<S>, Mask<S>) {
         let (zero, one) = (depth.like(0.0), depth.like(1.0));

@@ -54,8 +54,8 @@ pub(super) struct Posture<S: Simd> {
     pub(super) u: Vec<Lanes<S>>,
 }
 
-/// Bodies, parents first, and what a posture makes of them. All vectors are in the world's axes about `origin`, which goes along
-/// with a free root so that numbers stay small.
+/// Bodies, parents first, and what a posture makes of them. All vectors are in the world's axes about `origin`, which
+/// goes along with a free root so that numbers stay small.
 pub(super) struct Tree<S: Simd> {
     pub(super) bodies: Vec<Body<S>>,
     /// What bodies without a parent are bolted to.

@@ -1,5 +1,6 @@
-//! Whether a free robot can be simulated through a whole log: its log begins at rest, the model stands when it is put down, and
-//! a smaller change of it never has larger consequences than its share. A motion that contact makes chaotic is compared in windows instead.
+//! Whether a free robot can be simulated through a whole log: its log begins at rest, the model stands when it is put
+//! down, and a smaller change of it never has larger consequences than its share. A motion that contact makes chaotic
+//! is compared in windows instead.
 
 use super::Beside;
 use crate::model::{Model, Scenario};
@@ -11,16 +12,16 @@ use btr_core::smooth;
 use btr_core::world::WorldError;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// How a free robot came to where its log begins: put down with its joints as they read there, or as they are told, it stood for so
-/// long, in s.
+/// How a free robot came to where its log begins: put down with its joints as they read there, or as they are told, it
+/// stood for so long, in s.
 #[derive(Clone, Copy)]
 struct Past {
     told: bool,
     stood_s: f64,
 }
 
-/// What is thought of, likeliest first: it stood until everything was settled, or not as long, or was put there at that moment, as
-/// simulated ones are.
+/// What is thought of, likeliest first: it stood until everything was settled, or not as long, or was put there at that
+/// moment, as simulated ones are.
 const PASTS: [Past; 7] = [
     Past { told: false, stood_s: 1.0 },
     Past { told: true, stood_s: 1.0 },
@@ -42,13 +43,13 @@ const TELLING: f64 = 4.0;
 const UPRIGHT_RAD: f64 = 0.5;
 /// Gravity is changed by such shares.
 const CHANGES: [f64; 2] = [1e-6, 1e-3];
-/// How many times larger, for its size, the answer to the small change may be in the last third of the motion. A foot that lands or
-/// slips a step earlier made it up to 3.4 times larger in an ant's walk that could well be followed.
+/// How many times larger, for its size, the answer to the small change may be in the last third of the motion. A foot
+/// that lands or slips a step earlier made it up to 3.4 times larger in an ant's walk that could well be followed.
 const DISORDER: f64 = 10.0;
 
 impl Beside {
-    /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the model can follow
-    /// them from there.
+    /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the
+    /// model can follow them from there.
     pub(super) fn rest(&mut self, u: &[f64]) -> Result<bool, WorldError> {
         let Some(rested) = self.likeliest(u)? else { return Ok(false) };
         for scenario in &rested {
@@ -60,8 +61,8 @@ impl Beside {
         Ok(true)
     }
 
-    /// The same for one that rests, where the model at `u` sees another past: what holds a joint (play, friction, a wrong zero) tells
-    /// how it came there. Whether it does.
+    /// The same for one that rests, where the model at `u` sees another past: what holds a joint (play, friction, a
+    /// wrong zero) tells how it came there. Whether it does.
     pub(super) fn rest_otherwise(&mut self, u: &[f64]) -> Result<bool, WorldError> {
         let Some(rested) = self.likeliest(u)? else { return Ok(false) };
         let same = |(a, b): (&Scenario, &Scenario)| a.rest_s.total_cmp(&b.rest_s).is_eq() && a.start == b.start;

@@ -22,8 +22,8 @@ struct Try {
     by: f64,
 }
 
-/// Enlarges the units of amplitudes, and the reaches of what is in doubt, until they show in the log that the model as it stands
-/// explains least. Limits bind where they bind, whatever their unit.
+/// Enlarges the units of amplitudes, and the reaches of what is in doubt, until they show in the log that the model as
+/// it stands explains least. Limits bind where they bind, whatever their unit.
 pub(super) fn enlarge(beside: &mut Beside) -> Result<(), WorldError> {
     let origin = vec![0.0; beside.knobs.len()];
     let Some((log, usual)) = worst(beside, &origin)? else { return Ok(()) };

@@ -71,11 +71,12 @@ impl DriveKind {
 }
 
 fn sine_dims(robot: &Robot) -> Vec<Dim> {
-    let joints = robot.movable().map(|(_, link)| &link.joint.name);
+    let joints = robot.movable().map(|(_, link)| &link.joint);
     joints
-        .flat_map(|name| {
+        .flat_map(|joint| {
+            let name = &joint.name;
             [
-                Dim::new(format!("amplitude@{name}"), "rad", 0.0, SINE_AMPLITUDE_RAD),
+                Dim::new(format!("amplitude@{name}"), joint.command_unit(), 0.0, SINE_AMPLITUDE_RAD),
                 Dim::new(format!("phase@{name}"), "rad", -PI, PI),
             ]
         })

@@ -11,9 +11,10 @@ const ROUNDED: f64 = 1e-3;
 
 /// The commands of a log, each held until the next one.
 ///
-/// A step that begins between two stamps is told the mean of what was held during it. Commands that are missing (NaN) for longer
-/// than a message may be lost ([`silence`]) switch the torque off, as does a channel `torque_on` that is below one half or missing.
-/// A joint without a `cmd_<joint>` channel is never driven. A prescribed joint follows its measured `q_<joint>`, smoothed.
+/// A step that begins between two stamps is told the mean of what was held during it. Commands that are missing (NaN)
+/// for longer than a message may be lost ([`silence`]) switch the torque off, as does a channel `torque_on` that is
+/// below one half or missing. A joint without a `cmd_<joint>` channel is never driven. A prescribed joint follows its
+/// measured `q_<joint>`, smoothed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,

@@ -1,9 +1,9 @@
 //! Play between motor and link: gears with clearance.
 //!
-//! The servo and its encoder sit on the motor's side, the logged position is the link's. Within the gap nothing is transmitted; at
-//! its ends the flanks meet without bouncing. Whether they will touch at the step's end is foreseen from the velocities, so that
-//! they neither miss each other nor chatter. The rotor's inertia is the joint's armature, or a hundredth of what the joint
-//! carries where the model has none; it starts where the servo pushes it.
+//! The servo and its encoder sit on the motor's side, the logged position is the link's. Within the gap nothing is
+//! transmitted; at its ends the flanks meet without bouncing. Whether they will touch at the step's end is foreseen
+//! from the velocities, so that they neither miss each other nor chatter. The rotor's inertia is the joint's armature,
+//! or a hundredth of what the joint carries where the model has none; it starts where the servo pushes it.
 
 use super::rotor::{self, Spring};
 use super::{Card, Effect, Param, SiteKind};

@@ -1,11 +1,11 @@
 //! A floor (or soles) that gives way: rubber, carpet, a bending foot.
 //!
-//! Every point that touches the floor is a spring and a damper of these values: a box on its side has four, a sphere has one, and
-//! a robot sinks by its weight over the sum of all.
+//! Every point that touches the floor is a spring and a damper of these values: a box on its side has four, a sphere
+//! has one, and a robot sinks by its weight over the sum of all.
 //!
-//! Rapier knows no such springs. It gives every contact the frequency and the damping ratio that they would have under the robot's
-//! whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so that a contact that only feels a share of the
-//! mass, as at the end of a leg, is softer by that share.
+//! Rapier knows no such springs. It gives every contact the frequency and the damping ratio that they would have under
+//! the robot's whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so that a contact that only
+//! feels a share of the mass, as at the end of a leg, is softer by that share.
 
 use super::{Card, Effect, Param, SiteKind};
 use crate::sim::{Compliance, Setup};

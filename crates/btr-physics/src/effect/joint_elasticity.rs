@@ -1,7 +1,8 @@
 //! A joint that winds up: belts, harmonic drives, printed gears, springs in series.
 //!
-//! The servo and its encoder sit on the motor's side, the logged position is the link's. The rotor's inertia is the joint's
-//! armature, or a hundredth of what the joint carries where the model has none; it starts where spring and servo are in balance.
+//! The servo and its encoder sit on the motor's side, the logged position is the link's. The rotor's inertia is the
+//! joint's armature, or a hundredth of what the joint carries where the model has none; it starts where spring and
+//! servo are in balance.
 
 use super::rotor::{self, Spring};
 use super::{Card, Effect, Param, SiteKind};

@@ -12,8 +12,8 @@ const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
 /// Values of `q`, `dq`, `ddq`, `cmd`, `tau` and `t`, in SI units.
 pub type Scene = [f64; VARIABLES.len()];
 
-/// A law as a function of the scene and of its parameters, whose names come with it in the order of their values. It may be called
-/// from any thread, more than once for a step, and for velocities near the joint's own.
+/// A law as a function of the scene and of its parameters, whose names come with it in the order of their values. It
+/// may be called from any thread, more than once for a step, and for velocities near the joint's own.
 pub type Function = dyn Fn(&Scene, &[Param], &[f64]) -> f64 + Send + Sync;
 
 /// The most names in an expression, so that a step needs no memory of its own.

@@ -91,7 +91,8 @@ pub struct Card {
     pub starts: &'static [&'static [f64]],
     /// Names of effects that most motions cannot tell from it.
     pub alike: &'static [&'static str],
-    /// Those among them that it becomes for some values of its parameters, with the values at which it is the other at its hint.
+    /// Those among them that it becomes for some values of its parameters, with the values at which it is the other at
+    /// its hint.
     pub contains: &'static [(&'static str, &'static [f64])],
 }
 
@@ -204,8 +205,9 @@ pub fn find(name: &str) -> Option<&'static dyn Effect> {
     EFFECTS.iter().copied().find(|effect| effect.card().name == name)
 }
 
-/// A command that follows another, when the step begins and when it ends: `memory` says whether there was one, and holds its last
-/// value; `change` turns the distance to go into what is gone of it in this step. NaN switches the motor off and forgets.
+/// A command that follows another, when the step begins and when it ends: `memory` says whether there was one, and
+/// holds its last value; `change` turns the distance to go into what is gone of it in this step. NaN switches the motor
+/// off and forgets.
 fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> (f64, f64) {
     let [started, told] = memory else { return (command, command) };
     if command.is_nan() {

@@ -94,8 +94,8 @@ pub(super) fn transmit(
     Affine { constant: pull + impedance * *a, stiffness: 0.0, damping: impedance * (1.0 - *b) }
 }
 
-/// The motor's torque and the rotor's velocity where the link moves at `dq`, with the rotor's angle of the last step: what was solved
-/// for the step's middle is taken for its end.
+/// The motor's torque and the rotor's velocity where the link moves at `dq`, with the rotor's angle of the last step:
+/// what was solved for the step's middle is taken for its end.
 pub(super) fn motor_side(memory: &[f64], dq: f64) -> Option<(f64, f64)> {
     let [_, _, _, a, b, constant, damping, ..] = memory else { return None };
     Some((constant - damping * dq, a + b * dq))

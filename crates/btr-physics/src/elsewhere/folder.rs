@@ -27,7 +27,7 @@ impl Folder {
         }
         let mut files = Vec::new();
         let mut failed = None;
-        each_named_file(&mut document, |(_, key), value| {
+        each_named_file(&mut document, |key, value| {
             let Some(path) = value.as_str().map(|path| source.folder().join(path)) else { return };
             let episode = path.to_string_lossy().contains('#') && !path.is_file();
             if key == "index" || episode || path.is_dir() {

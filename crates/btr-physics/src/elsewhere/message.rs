@@ -103,12 +103,12 @@ pub(super) struct Candidate {
     pub(super) s: Vec<f64>,
     pub(super) c: Vec<f64>,
     pub(super) scenario: usize,
-    pub(super) wanted: Asked,
+    pub(super) wanted: Order,
 }
 
 /// What is wanted of a candidate.
 #[derive(Serialize, Deserialize)]
-pub(super) enum Asked {
+pub(super) enum Order {
     Behaviour,
     Fitness,
     /// The place of the test among the parcels, and whether residuals are wanted.

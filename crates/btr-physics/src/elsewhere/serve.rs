@@ -3,7 +3,7 @@
 use super::cache::Cache;
 use super::family::proof;
 use super::message::{
-    Answer, Asked, Batch, Candidate, Content, Derived, Parcel, Points, Rated, Residuals, Sparse, name_of,
+    Answer, Batch, Candidate, Content, Derived, Order, Parcel, Points, Rated, Residuals, Sparse, name_of,
 };
 use super::simulator;
 use crate::experiment::{self, LogSource};
@@ -77,18 +77,20 @@ fn open(content: Content) -> Result<Known, String> {
 }
 
 fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Vec<Residuals>, String> {
-    let Some((last, before)) = points.derived.split_last() else { return Ok(at(base, points)) };
+    if points.derived.is_empty() {
+        return Ok(at(base, points));
+    }
     let mut hasher = DefaultHasher::new();
     hasher.write_u64(key);
     hasher.write(&postcard::to_allocvec(&points.derived).map_err(|e| e.to_string())?);
     let derive = || {
-        let derive = |family: &dyn Family, how: &Derived| match how {
-            Derived::Beginnings => family.beginnings(),
-            Derived::SeenFrom(u) => family.seen_from(u),
-        };
         let mut family: Option<Box<dyn Family>> = None;
-        for how in before.iter().chain([last]) {
-            let next = derive(family.as_deref().unwrap_or(base), how);
+        for how in &points.derived {
+            let from = family.as_deref().unwrap_or(base);
+            let next = match how {
+                Derived::Beginnings => from.beginnings(),
+                Derived::SeenFrom(u) => from.seen_from(u),
+            };
             family = Some(next.ok_or("this family cannot be derived here")?);
         }
         let family = family.ok_or("nothing was derived")?;
@@ -130,9 +132,9 @@ fn population(
         ..plain(real, simulated)
     };
     let wanted = |candidate: &Candidate| match candidate.wanted {
-        Asked::Behaviour => Ok(Wanted::Behaviour),
-        Asked::Fitness => Ok(Wanted::Fitness),
-        Asked::Distance { test, squares } => {
+        Order::Behaviour => Ok(Wanted::Behaviour),
+        Order::Fitness => Ok(Wanted::Fitness),
+        Order::Distance { test, squares } => {
             let real = tests.get(test).copied().ok_or("a real test did not come along")?;
             Ok(Wanted::Distance(Against { test, real, squares, compare: if squares { &squared } else { &plain } }))
         }

@@ -1,7 +1,7 @@
 //! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
 
 use super::folder::Folder;
-use super::message::{Asked, Batch, Candidate, Content, Parcel, Rated, proof_of};
+use super::message::{Batch, Candidate, Content, Order, Parcel, Rated, proof_of};
 use super::{MOST_AT_ONCE, Way};
 use crate::experiment::Source;
 use crate::model::Model;
@@ -91,8 +91,8 @@ impl ServedModel<'_> {
         let (mut parcels, mut numbers) = (vec![experiment.clone()], Vec::new());
         let mut asked = |wanted: &Wanted| {
             Some(match wanted {
-                Wanted::Behaviour => Asked::Behaviour,
-                Wanted::Fitness => Asked::Fitness,
+                Wanted::Behaviour => Order::Behaviour,
+                Wanted::Fitness => Order::Fitness,
                 Wanted::Distance(against) => {
                     let test = match numbers.iter().position(|number| *number == against.test) {
                         Some(known) => known,
@@ -102,7 +102,7 @@ impl ServedModel<'_> {
                             numbers.len() - 1
                         }
                     };
-                    Asked::Distance { test, squares: against.squares }
+                    Order::Distance { test, squares: against.squares }
                 }
             })
         };

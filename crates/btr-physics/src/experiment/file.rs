@@ -279,8 +279,8 @@ pub struct EffectSection {
     /// Formula: what the law gives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<On>,
-    /// Formula: an expression over `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function that the program
-    /// brings along (`python:slip`).
+    /// Formula: an expression over `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function
+    /// that the program brings along (`python:slip`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
     /// Its parameters by name; those left out have their off value.

@@ -266,8 +266,8 @@ impl Reader<'_> {
         })
     }
 
-    /// What a log needs beside its commands, if a simulation is to be compared with it: a position of some joint, and those that
-    /// the file says where to find.
+    /// What a log needs beside its commands, if a simulation is to be compared with it: a position of some joint, and
+    /// those that the file says where to find.
     fn missing_position(&self, log: &Log) -> Option<LogError> {
         let position = |joint: &str| log.values(&format!("q_{joint}"));
         let joints = || self.robot.movable().map(|(_, link)| link.joint.name.as_str());

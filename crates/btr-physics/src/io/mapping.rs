@@ -17,8 +17,8 @@ pub struct Mapping {
     /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, Theirs>,
-    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}` makes it
-    /// one per joint.
+    /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}`
+    /// makes it one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_on: Option<String>,
     /// Where things are in an MCAP file.

@@ -120,8 +120,8 @@ impl Rapier {
         self.read();
     }
 
-    /// Brings shapes to where their bodies are: Rapier does so only after a step, and the next one would look for contacts where
-    /// the shapes were.
+    /// Brings shapes to where their bodies are: Rapier does so only after a step, and the next one would look for
+    /// contacts where the shapes were.
     fn carry_shapes(&mut self) {
         for (_, collider) in self.world.colliders.iter_mut() {
             let body = collider.parent().map(|handle| *self.world.bodies[handle].position());

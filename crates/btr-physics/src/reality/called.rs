@@ -6,6 +6,7 @@ use crate::io::Meta;
 use crate::model::Model;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -44,14 +45,10 @@ impl Called {
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
-        if let Some(before) = self.store.recall(trial)? {
-            return Ok(before);
-        }
-        let references = match self.model.references(&trial.controller, trial.scenario) {
-            Ok(references) => references,
-            Err(why) => return Ok(Outcome::Failed { why: why.to_string() }),
+        let references = match self.store.known_or_asked(trial, &self.model)? {
+            ControlFlow::Break(known) => return Ok(known),
+            ControlFlow::Continue((_, references)) => references,
         };
-        self.store.ask(trial, &references)?;
         let names = self.model.drive.space().dims().iter().map(|dim| dim.name.as_str()).collect();
         let begins = self.model.beginning(&trial.controller, trial.scenario);
         let begins = begins.unwrap_or_else(|_| self.model.robot.clone());
@@ -100,7 +97,6 @@ impl Reality for Called {
     }
 
     fn recall(&mut self, trial: &Trial) -> Outcome {
-        let lost = || Outcome::Pending { what: format!("no log in {}", self.store.folder_of(trial).display()) };
-        or_pending(self.store.recall(trial).map(|found| found.unwrap_or_else(lost)))
+        self.store.recalled(trial)
     }
 }

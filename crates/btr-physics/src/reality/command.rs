@@ -8,6 +8,7 @@ use crate::experiment::CommandSection;
 use crate::model::Model;
 use btr_core::world::{Outcome, Reality, Trial};
 use std::fs::File;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::{Command as Process, Stdio};
 use std::sync::Arc;
@@ -30,14 +31,10 @@ impl Command {
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
-        if let Some(before) = self.store.recall(trial)? {
-            return Ok(before);
-        }
-        let references = match self.model.references(&trial.controller, trial.scenario) {
-            Ok(references) => references,
-            Err(why) => return Ok(Outcome::Failed { why: why.to_string() }),
+        let folder = match self.store.known_or_asked(trial, &self.model)? {
+            ControlFlow::Break(known) => return Ok(known),
+            ControlFlow::Continue((folder, _)) => folder,
         };
-        let folder = self.store.ask(trial, &references)?;
         let mut why = String::new();
         for _ in 0..=self.settings.retries {
             let name = free_name(&folder);
@@ -108,7 +105,6 @@ impl Reality for Command {
     }
 
     fn recall(&mut self, trial: &Trial) -> Outcome {
-        let lost = || Outcome::Pending { what: format!("no log in {}", self.store.folder_of(trial).display()) };
-        or_pending(self.store.recall(trial).map(|found| found.unwrap_or_else(lost)))
+        self.store.recalled(trial)
     }
 }

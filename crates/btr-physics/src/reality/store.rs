@@ -2,12 +2,14 @@
 //! (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
 
 use crate::io::{self, Mapping, Meta};
+use crate::model::Model;
 use crate::task::Fitness;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Outcome, Trial};
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Endings under which a finished log is looked for.
@@ -137,6 +139,28 @@ impl Store {
     pub fn fail(&self, trial: &Trial, why: &str) -> Result<Outcome, StoreError> {
         write_text(&self.folder_of(trial).join("failed.txt"), why)?;
         Ok(Outcome::Failed { why: why.to_owned() })
+    }
+
+    /// What is known of a trial; else it is written down, and these are its folder and its references.
+    pub(super) fn known_or_asked(
+        &self,
+        trial: &Trial,
+        model: &Model,
+    ) -> Result<ControlFlow<Outcome, (PathBuf, Log)>, StoreError> {
+        if let Some(before) = self.recall(trial)? {
+            return Ok(ControlFlow::Break(before));
+        }
+        let references = match model.references(&trial.controller, trial.scenario) {
+            Ok(references) => references,
+            Err(why) => return Ok(ControlFlow::Break(Outcome::Failed { why: why.to_string() })),
+        };
+        Ok(ControlFlow::Continue((self.ask(trial, &references)?, references)))
+    }
+
+    /// What was found out in an earlier test, which has to be there.
+    pub(super) fn recalled(&self, trial: &Trial) -> Outcome {
+        let lost = || Outcome::Pending { what: format!("no log in {}", self.folder_of(trial).display()) };
+        or_pending(self.recall(trial).map(|found| found.unwrap_or_else(lost)))
     }
 
     fn describe(&self, trial: &Trial) -> String {

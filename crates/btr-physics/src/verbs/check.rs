@@ -1,4 +1,5 @@
-//! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers in doubt.
+//! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers
+//! in doubt.
 
 use crate::beside::Beside;
 use crate::experiment::{Checked, Replays};

@@ -67,8 +67,9 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
 }
 
-/// Root mean square error of a simulated channel that comes from its time step, in noise floors: what halving the step changes and
-/// what lies `beyond` that (L. F. Richardson 1911), twice as much in all for a method of first order, 4/3 for one of second.
+/// Root mean square error of a simulated channel that comes from its time step, in noise floors: what halving the step
+/// changes and what lies `beyond` that (L. F. Richardson 1911), twice as much in all for a method of first order, 4/3
+/// for one of second.
 fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halved: &[Log]) -> f64 {
     let pairs = simulated.iter().zip(halved).filter_map(|(usual, halved)| {
         Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))

@@ -100,8 +100,8 @@ pub struct DiagnoseReport {
     pub seconds: f64,
 }
 
-/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands. `family` is the
-/// problem's own, or the same served by others.
+/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
+/// `family` is the problem's own, or the same served by others.
 pub fn diagnose(
     problem: &Problem,
     family: &dyn Family,

@@ -46,8 +46,8 @@ pub struct FitReport {
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for; `None` where
-/// the model blows up as it stands. `family` is the problem's own, or the same served by others.
+/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for;
+/// `None` where the model blows up as it stands. `family` is the problem's own, or the same served by others.
 pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
     let began = Instant::now();
     let bench = Bench::new(family);

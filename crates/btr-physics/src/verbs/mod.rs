@@ -1,4 +1,5 @@
-//! What people ask of a model and its logs: what they are worth, which effect is missing, add it, fit. The command line and Python call these.
+//! What people ask of a model and its logs: what they are worth, which effect is missing, add it, fit. The command line
+//! and Python call these.
 
 mod add;
 mod check;

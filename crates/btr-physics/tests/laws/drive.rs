@@ -26,7 +26,8 @@ fn replaying_a_log_repeats_it_bitwise() {
     assert_eq!(log, again);
 }
 
-/// What a replay of so many missing commands, and then of 3 and 4, tells at its start, in their midst, at the 3 and for ever after.
+/// What a replay of so many missing commands, and then of 3 and 4, tells at its start, in their midst, at the 3 and for
+/// ever after.
 fn told(missing: usize, torque_on: Option<[f64; 2]>) -> [f64; 4] {
     let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
     let mut log = Log::new((0..missing + 3).map(|i| 10.0 + 0.1 * i as f64).collect()).unwrap();

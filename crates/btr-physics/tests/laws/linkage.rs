@@ -97,7 +97,8 @@ proptest! {
             let pushed = [torques[0] - 0.3 * extra[0], torques[1] + 1.5 * extra[1], torques[2] + extra[0], torques[3] + extra[1]];
             forward_dynamics(&free, gravity, &state, &pushed)
         };
-        // Accelerations are linear in the two forces: find those that bring the followers where they are, and look at all others.
+        // Accelerations are linear in the two forces: find those that bring the followers where they are, and look at
+        // all others.
         let (none, one, other) = (alone([0.0; 2]), alone([1.0, 0.0]), alone([0.0, 1.0]));
         let column = |with: &[f64]| nalgebra::Vector2::new(with[8] - none[8], with[9] - none[9]);
         let answers = nalgebra::Matrix2::from_columns(&[column(&one), column(&other)]);

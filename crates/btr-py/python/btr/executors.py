@@ -59,8 +59,7 @@ class Futures:
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
         self._executor = executor
         self._workers = _workers_of(executor) if workers is None else workers
-        if not 1 <= self._workers <= _MOST_THREADS:
-            raise ValueError(f"workers={workers!r}: 1 to {_MOST_THREADS}")
+        _must_be_some(self._workers)
         self._shared = _Shared(self._scatter if callable(getattr(executor, "scatter", None)) else None)
 
     @property
@@ -77,6 +76,11 @@ class Futures:
         future = self._executor.submit(serve, keys, batch, *map(self._shared, parcels))
         answer: bytes = future.result()
         return answer
+
+
+def _must_be_some(workers: int) -> None:
+    if not 1 <= workers <= _MOST_THREADS:
+        raise ValueError(f"workers={workers!r}: 1 to {_MOST_THREADS}")
 
 
 def _workers_of(executor: Any) -> int:
@@ -99,12 +103,15 @@ class Ray:
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
         """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches
         are worked on at once: as many as the cluster has processors, unless given."""
+        if workers is not None:
+            _must_be_some(workers)
         ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})
         self._ray = ray
         self._serve = ray.remote(num_cpus=1, max_retries=retries)(serve)
-        self._workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+        processors = int(ray.cluster_resources().get("CPU", 1))
+        self._workers = max(1, processors) if workers is None else workers
         self._shared = _Shared(ray.put)
 
     @property

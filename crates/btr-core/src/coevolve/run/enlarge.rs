@@ -7,8 +7,8 @@ use crate::coevolve::history::{Augmentation, Side};
 use crate::space::{Dim, Space};
 
 impl Coevolution {
-    /// Goes on in a larger S, whose first dimensions are the present ones. A run that had stopped makes one more iteration, which
-    /// begins with step 3 on the real tests there are; one within step 3 begins it anew.
+    /// Goes on in a larger S, whose first dimensions are the present ones. A run that had stopped makes one more
+    /// iteration, which begins with step 3 on the real tests there are; one within step 3 begins it anew.
     pub fn enlarge(&mut self, simulations: &Space) {
         let known = self.state.simulation.len();
         let added: &[Dim] = &simulations.dims()[known..];

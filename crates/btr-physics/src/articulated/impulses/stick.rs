@@ -1,6 +1,7 @@
-//! The usual case at once: everything that touches either sticks or comes off, and joints either stand still or rub with all they
-//! have. Who does which is guessed, the linear equations for that are solved, and the guess is corrected. This is for soles that
-//! stand on many corners, over which sweeps take for ever; where something slides they have to find out all the same.
+//! The usual case at once: everything that touches either sticks or comes off, and joints either stand still or rub
+//! with all they have. Who does which is guessed, the linear equations for that are solved, and the guess is corrected.
+//! This is for soles that stand on many corners, over which sweeps take for ever; where something slides they have to
+//! find out all the same.
 
 use super::super::lanes::{Lanes, Mask};
 use super::{Impulses, Single};
@@ -10,8 +11,8 @@ use pulp::Simd;
 const GUESSES: usize = 4;
 /// With more rows than this the sweeps are faster.
 const MOST_ROWS: f64 = 30.0;
-/// What impulses cost that need not cost anything, as a share of what they do: a sole that sticks on four corners could share its
-/// load among them in many ways...
+/// What impulses cost that need not cost anything, as a share of what they do: a sole that sticks on four corners could
+/// share its load among them in many ways...
 const COST: f64 = 1e-9;
 /// ... and corners whose heights differ by a hair would keep it from tilting with huge forces across, against each other.
 const ACROSS: f64 = 2e-6;
@@ -41,8 +42,8 @@ impl<S: Simd> Guess<S> {
 }
 
 impl<S: Simd> Impulses<S> {
-    /// Tries to find all impulses of those who `may` without sweeps, and says for whom that worked; for them impulses and speeds are
-    /// final.
+    /// Tries to find all impulses of those who `may` without sweeps, and says for whom that worked; for them impulses
+    /// and speeds are final.
     #[inline(always)]
     pub(super) fn stick(&mut self, may: Mask<S>) -> Mask<S> {
         let zero = Lanes::zero(self.simd);
@@ -120,8 +121,8 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The factor UᵀU of what the free rows do to each other (A.-L. Cholesky), with reciprocals on its diagonal. Sums go row by row:
-    /// rows that only other candidates need change no digit.
+    /// The factor UᵀU of what the free rows do to each other (A.-L. Cholesky), with reciprocals on its diagonal. Sums
+    /// go row by row: rows that only other candidates need change no digit.
     #[inline(always)]
     fn factorise(&mut self) {
         let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);

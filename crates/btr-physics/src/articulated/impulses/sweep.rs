@@ -6,8 +6,8 @@ use pulp::Simd;
 
 /// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
 const IN_JOINTS: (usize, f64) = (60, 1e-13);
-/// The same with contacts, times the fastest speed: far below what any sensor sees. A sole that slides flat on its corners may share
-/// its load among them in many ways, and would be sorted out for ever.
+/// The same with contacts, times the fastest speed: far below what any sensor sees. A sole that slides flat on its
+/// corners may share its load among them in many ways, and would be sorted out for ever.
 const TOUCHING: (usize, f64) = (50, 1e-6);
 /// What rests must not creep: speeds below this (rad/s, m/s) count as this.
 const AT_REST: f64 = 0.01;
@@ -67,8 +67,8 @@ impl<S: Simd> Impulses<S> {
         endless
     }
 
-    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for those that still
-    /// are moving; gives back for whom a velocity changed by more than this and this share of itself.
+    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for
+    /// those that still are moving; gives back for whom a velocity changed by more than this and this share of itself.
     #[inline(always)]
     fn sweep(&mut self, moving: Mask<S>, settled: [Lanes<S>; 2]) -> Mask<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));

@@ -1,7 +1,9 @@
-//! Episodes of LeRobot data sets: folders with `meta/info.json`, and in `data/` Parquet files of one row per frame, one file per
-//! episode (format v2) or several episodes in a file (v3). Source: huggingface/lerobot, `src/lerobot/datasets`.
+//! Episodes of LeRobot data sets: folders with `meta/info.json`, and in `data/` Parquet files of one row per frame, one
+//! file per episode (format v2) or several episodes in a file (v3). Source: huggingface/lerobot,
+//! `src/lerobot/datasets`.
 //!
-//! Nothing in a data set says in which unit its joints are. Numbers are taken as they are; the `[channels]` of a model say more.
+//! Nothing in a data set says in which unit its joints are. Numbers are taken as they are; the `[channels]` of a model
+//! say more.
 
 mod names;
 mod table;
@@ -95,8 +97,8 @@ impl Episode {
         Err(IoError::DataSet { path, what })
     }
 
-    /// Where the episode's frames may be. Format v3 tells of the file in `meta/episodes` as well, but not always truly; its files'
-    /// own statistics never err.
+    /// Where the episode's frames may be. Format v3 tells of the file in `meta/episodes` as well, but not always truly;
+    /// its files' own statistics never err.
     fn files(&self) -> Result<Vec<PathBuf>, IoError> {
         if self.info.codebase_version.starts_with("v2.") {
             return Ok(vec![self.folder.join(self.info.data_file(self.index))]);

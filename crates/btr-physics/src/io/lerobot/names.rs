@@ -28,8 +28,8 @@ fn channel(column: &str, name: &str) -> String {
     }
 }
 
-/// The names in their order: of a list, of lists under keys as older recordings have them (`{"motors": [...]}`), or of keys with
-/// their places (`{"x": 0, "y": 1}`).
+/// The names in their order: of a list, of lists under keys as older recordings have them (`{"motors": [...]}`), or of
+/// keys with their places (`{"x": 0, "y": 1}`).
 fn flat(names: &Value) -> Vec<String> {
     match names {
         Value::String(name) => vec![name.clone()],

@@ -28,8 +28,8 @@ impl Table {
         Ok(Table { path: path.to_owned(), reader })
     }
 
-    /// The columns of some names in an episode, each as a series per number that a frame has; `None` where the file has no frame of
-    /// it.
+    /// The columns of some names in an episode, each as a series per number that a frame has; `None` where the file has
+    /// no frame of it.
     ///
     /// # Errors
     /// Columns that are not there, are no numbers, or have not the same count of them in each frame.

@@ -1,71 +1,21 @@
-//! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
-//! simulations that everything else searches.
+//! Rollouts of a model: one or many, of its own situations or of others.
 
+use super::{Model, Scenario};
 use crate::abreast::{self, Run};
-use crate::drive::{Drive, DrivePlan};
+use crate::drive::Drive;
 use crate::effect::Placed;
 use crate::engine::Dynamics;
-use crate::parameter::Target;
 use crate::restart::{self, Restart};
 use crate::robot::{JointKind, Robot};
-use crate::sim::{self, EngineName, Setup};
-use crate::task::Fitness;
+use crate::sim::{self, Setup};
 use btr_core::family::Step;
-use btr_core::log::{Log, Role};
+use btr_core::log::Log;
 use btr_core::parallel;
 use btr_core::smooth;
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Job, Simulator, WorldError};
 use rayon::prelude::*;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-/// One situation in which the robot is tried.
-#[derive(Clone, Debug, Default)]
-pub struct Scenario {
-    /// For reports.
-    pub name: String,
-    /// Commands of a recorded log, instead of the model's drive.
-    pub replay: Option<Arc<crate::drive::Replay>>,
-    /// T_e in s.
-    pub duration_s: f64,
-    /// When it begins, in s on the clock by which laws count time: what follows a gap of a log begins late.
-    pub begins_s: f64,
-    /// How long the robot has held the first commands before, in s.
-    pub rest_s: f64,
-    /// What is known of this situation: payload, gain, supply voltage, ...
-    pub settings: Vec<(Target, f64)>,
-    /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
-    /// empty.
-    pub start: Vec<(f64, f64)>,
-    /// States that the robot is moved to on the way, in their order: a chaotic motion is compared in short windows.
-    pub restarts: Arc<[Restart]>,
-}
-
-/// Everything needed to simulate.
-#[derive(Debug)]
-pub struct Model {
-    /// The robot at its own values.
-    pub robot: Robot,
-    /// Effects that are present.
-    pub effects: Vec<Placed>,
-    /// Time steps, ground, sensors.
-    pub setup: Setup,
-    /// What the dimensions of S act on.
-    pub targets: Vec<Target>,
-    /// S.
-    pub simulations: Space,
-    /// What the joints are told, with C.
-    pub drive: DrivePlan,
-    /// Situations, at least one. Those from `learn` on are held out: no search ever sees them.
-    pub scenarios: Vec<Scenario>,
-    /// How many of the scenarios are there to learn from.
-    pub learn: usize,
-    /// f(B).
-    pub fitness: Fitness,
-    /// Rollouts so far, for the progress display; no result depends on it.
-    pub rollouts: AtomicU64,
-}
+use std::sync::atomic::Ordering;
 
 impl Model {
     /// Runs one behaviour and returns what the sensors say, with noise of the model's sensors if a seed is given.
@@ -89,33 +39,6 @@ impl Model {
         step: Step,
     ) -> Result<Log, WorldError> {
         self.run_once((s, c), &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
-    }
-
-    /// The same model in other situations, all to learn from.
-    #[must_use]
-    pub fn in_situations(&self, scenarios: Vec<Scenario>) -> Model {
-        Model {
-            robot: self.robot.clone(),
-            effects: self.effects.clone(),
-            setup: self.setup.clone(),
-            targets: self.targets.clone(),
-            simulations: self.simulations.clone(),
-            drive: self.drive.clone(),
-            learn: scenarios.len(),
-            scenarios,
-            fitness: self.fitness.clone(),
-            rollouts: 0.into(),
-        }
-    }
-
-    /// Whether there is a floor or a ball to touch.
-    pub fn has_contact(&self) -> bool {
-        self.setup.ground.is_some() || self.setup.ball.is_some()
-    }
-
-    /// With which power of the time step the error of its physics engine falls.
-    pub fn order(&self) -> i32 {
-        if !self.has_contact() && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
     /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
@@ -265,109 +188,6 @@ impl Model {
             }
         }
     }
-
-    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.
-    ///
-    /// # Errors
-    /// A point outside C.
-    pub fn references(&self, c: &[f64], scenario: usize) -> Result<Log, WorldError> {
-        self.drive.space().check(c)?;
-        let drive = self.drive_at(c, &self.scenarios[scenario])?;
-        let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s).round() as usize;
-        let clock: Vec<f64> = (0..=ticks).map(|k| k as f64 * self.setup.control_s).collect();
-        let names: Vec<&str> = self.robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
-        let mut rows = vec![Vec::with_capacity(clock.len()); names.len()];
-        let mut command = vec![0.0; names.len()];
-        for &t in &clock {
-            drive.command(t, &mut command);
-            rows.iter_mut().zip(&command).for_each(|(row, &x)| row.push(x));
-        }
-        let mut log = Log::new(clock)?;
-        for (name, row) in names.iter().zip(rows) {
-            log.insert(format!("cmd_{name}"), "rad", Role::Command, row)?;
-        }
-        Ok(log)
-    }
-
-    /// The robot as a controller finds it: the same in simulation and reality.
-    ///
-    /// # Errors
-    /// A point outside C.
-    pub fn beginning(&self, c: &[f64], scenario: usize) -> Result<Robot, WorldError> {
-        let (mut robot, situation) = (self.robot.clone(), &self.scenarios[scenario]);
-        match situation.replay {
-            Some(_) => place(&mut robot, &situation.start),
-            None => self.drive_at(c, situation)?.place(&mut robot),
-        }
-        Ok(robot)
-    }
-
-    /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
-    pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<Placed>, Setup) {
-        self.in_the(&self.scenarios[scenario], s)
-    }
-
-    fn in_the(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<Placed>, Setup) {
-        let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
-        let known = situation.settings.iter().map(|(target, value)| (target, *value));
-        for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
-            target.set(value, &mut robot, &mut effects, &mut setup);
-        }
-        setup.duration_s = situation.duration_s;
-        setup.begins_s = situation.begins_s;
-        setup.rest_s = situation.rest_s;
-        setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();
-        place(&mut robot, &situation.start);
-        (robot, effects, setup)
-    }
-
-    /// The references depend on the controller alone: they are worked out for the robot at its own values, as a real
-    /// robot's controller would, whatever the simulation is.
-    fn drive_at(&self, c: &[f64], situation: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
-        match &situation.replay {
-            Some(replay) => Ok(Box::new(replay.clone())),
-            None => self.drive.at(&self.robot, c, situation.duration_s),
-        }
-    }
-}
-
-/// A run of a model, before anything is allocated for it.
-struct Ready<'a> {
-    robot: Robot,
-    effects: Vec<Placed>,
-    setup: Setup,
-    drive: Box<dyn Drive>,
-    restarts: Vec<Restart>,
-    situation: &'a Scenario,
-}
-
-impl Ready<'_> {
-    /// The run itself, without noise.
-    fn run<'a>(job: &'a Result<Ready, WorldError>) -> Result<Run<'a>, WorldError> {
-        let ready = job.as_ref().map_err(Clone::clone)?;
-        let lead = Box::new(restart::lead(&ready.restarts, ready.setup.dt_s));
-        Run::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
-    }
-}
-
-/// Joint positions at the start, in the order of the movable joints.
-fn place(robot: &mut Robot, start: &[(f64, f64)]) {
-    let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
-    moving.zip(start).for_each(|(link, (q, _))| link.joint.start = *q);
-}
-
-/// A recorded start is what the encoders said: where the joints were depends on the effects on these.
-fn read_back(robot: &mut Robot, effects: &[Placed], recorded: usize) -> Result<(), WorldError> {
-    for placed in effects.iter().filter(|placed| !placed.is_off()) {
-        let joints = placed.joints(robot)?;
-        let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
-        for (i, link) in moving.enumerate().take(recorded) {
-            if joints.contains(&i) {
-                link.joint.start = placed.effect.start(&placed.values, link.joint.start);
-            }
-        }
-    }
-    Ok(())
 }
 
 impl Simulator for Model {
@@ -401,4 +221,37 @@ impl Simulator for Model {
         let fitness = self.fitness.of(&log)?;
         Ok(Behaviour { log, fitness })
     }
+}
+
+/// A run of a model, before anything is allocated for it.
+struct Ready<'a> {
+    robot: Robot,
+    effects: Vec<Placed>,
+    setup: Setup,
+    drive: Box<dyn Drive>,
+    restarts: Vec<Restart>,
+    situation: &'a Scenario,
+}
+
+impl Ready<'_> {
+    /// The run itself, without noise.
+    fn run<'a>(job: &'a Result<Ready, WorldError>) -> Result<Run<'a>, WorldError> {
+        let ready = job.as_ref().map_err(Clone::clone)?;
+        let lead = Box::new(restart::lead(&ready.restarts, ready.setup.dt_s));
+        Run::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
+    }
+}
+
+/// A recorded start is what the encoders said: where the joints were depends on the effects on these.
+fn read_back(robot: &mut Robot, effects: &[Placed], recorded: usize) -> Result<(), WorldError> {
+    for placed in effects.iter().filter(|placed| !placed.is_off()) {
+        let joints = placed.joints(robot)?;
+        let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
+        for (i, link) in moving.enumerate().take(recorded) {
+            if joints.contains(&i) {
+                link.joint.start = placed.effect.start(&placed.values, link.joint.start);
+            }
+        }
+    }
+    Ok(())
 }
