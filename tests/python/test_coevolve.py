@@ -223,6 +223,41 @@ def test_ctrl_c_ends_a_diagnosis_within_a_round() -> None:
     assert steps == ["model as it stands", "its parameters fitted"]
 
 
+def test_the_readme_says_what_an_experiment_needs(tmp_path: Path) -> None:
+    readme = (ROBOTS.parent / "README.md").read_text()
+    block = next(block for block in re.findall(r"```toml\n(.*?)```", readme, re.DOTALL) if "[drive]" in block)
+    robot = 'name = "leg"\n[robot]\nbuiltin = "pendulum"\n[actuators."*"]\nkind = "position"\nkp = 10.0\nkd = 0.4\n'
+    experiment = btr.Model(f'{robot}[parameters]\n"mass@bob" = {{ relative = [0.5, 1.5] }}\n{block}')
+    reality = experiment.at({"mass@bob": 1.3})
+    names = [dim["name"] for dim in experiment.controllers]
+    asked: list[btr.Controller] = []
+
+    def leg(controller: btr.Controller) -> btr.Log:
+        asked.append(controller)
+        (log,) = reality.simulate_all(controllers={name: controller.parameters[name] for name in names})
+        assert log is not None
+        return log
+
+    found = btr.coevolve(experiment, leg, out=tmp_path)
+    assert (len(asked), found.real_tests, len(found.iterations)) == (6, 6, 3)
+    assert btr.load_model(found.adapted).values["mass@bob"] == pytest.approx(1.3, rel=1e-3)
+
+
+def test_ctrl_c_ends_a_population() -> None:
+    script = (
+        "import btr, numpy as np\n"
+        f"nao = btr.load_model({str(ROBOTS / 'nao.toml')!r})\n"
+        "print(1, flush=True)\n"
+        "nao.simulate_all(np.tile(list(nao.values.values()), (100_000, 1)))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None and run.stdout.readline() == "1\n"
+        run.send_signal(signal.SIGINT)
+        # All of them would take minutes, and more memory than there is.
+        _, errors = run.communicate(timeout=60)
+    assert errors.rstrip().endswith("KeyboardInterrupt")
+
+
 def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -> None:
     text = experiment.text.replace('kind = "twin"', 'kind = "manual"')
     text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))

@@ -48,6 +48,14 @@ def assert_the_same(arm: btr.Model, executor: object, alone: tuple, folder: Path
     assert history(folder, executor) == alone[2]
 
 
+@pytest.mark.parametrize("workers", [0, -1])
+def test_nobody_cannot_work(workers: int) -> None:
+    with pytest.raises(ValueError, match=f"workers={workers}"):
+        executors.Ray(workers)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match=f"workers={workers}"):
+        executors.Futures(pool, workers)
+
+
 def test_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
     assert_the_same(arm, 3, alone, tmp_path)
 

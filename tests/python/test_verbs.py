@@ -94,9 +94,33 @@ def test_a_population_is_what_its_members_are_alone(arm: btr.Model) -> None:
     assert arm.simulate_all([nominal], log=LEARN[0]) == [arm.simulate(LEARN[0])] and together[0] != together[1]
 
 
+def test_numbers_in_doubt_have_names(arm: btr.Model) -> None:
+    other = arm.at({"mass@upper": 0.5})
+    assert other.values == {**arm.values, "mass@upper": 0.5} and other.parameters[0] == arm.parameters[0]
+    assert arm.at(list(other.values.values())) == other == arm.at(other.values) and "kp@yaw" in other.text
+    assert other.at(arm.values).values == arm.values
+    tried = arm.simulate_all({"mass@upper": [arm.values["mass@upper"], 0.5], "mass@turret": arm.values["mass@turret"]})
+    assert tried == [arm.simulate(), other.simulate()] and tried[0] != tried[1]
+    frame = pytest.importorskip("pandas").DataFrame({"mass@upper": [0.5]})
+    assert arm.simulate_all(frame) == [other.simulate()]
+
+
+def test_names_may_be_patterns(arm: btr.Model, tmp_path: Path) -> None:
+    assert btr.compare(arm, f"{ROBOTS}/arm/learn_*.csv").document == btr.compare(arm, LEARN).document
+    odd = tmp_path / "[1].csv"
+    odd.write_bytes(Path(LEARN[0]).read_bytes())
+    assert btr.compare(arm, odd).channels == btr.compare(arm, LEARN[0]).channels
+    with pytest.raises(btr.BtrError, match=r"monday_\*.csv: no file is called like that"):
+        btr.compare(arm, "monday_*.csv")
+
+
 @pytest.mark.parametrize(
     ("wrong", "error", "message"),
     [
+        (lambda arm: arm.at({"mass@uper": 1.0}), btr.BtrError, "did you mean mass@upper"),
+        (lambda arm: arm.at({"mass@upper": -1.0}), btr.BtrError, "lies outside its bounds"),
+        (lambda arm: arm.at([1.0]), ValueError, r"shape \(1, 1\) where \(1, 9\)"),
+        (lambda arm: arm.simulate_all({"mass@upper": [0.5], "mass@turret": [1.0, 2.0]}), ValueError, r"shape \(1,\)"),
         (lambda arm: arm.simulate_all(), ValueError, "needs parameters, controllers, or both"),
         (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\) where \(1, 9\)"),
         (lambda arm: arm.simulate_all([1.0] * 9), ValueError, "shape"),

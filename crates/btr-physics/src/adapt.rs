@@ -34,6 +34,22 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
         document.remove(section);
     }
     anchor(&mut document, source.folder(), into);
+    write_values(&mut document, space, s);
+    say_what_wins(&mut document);
+    Ok(with_schema(&document.to_string(), source.folder(), into))
+}
+
+/// The text of a file whose parameters in doubt have the values of `s`; all else is as it was.
+///
+/// # Errors
+/// See [`adapted`].
+pub fn at(text: &str, space: &Space, s: &[f64]) -> Result<String, TomlError> {
+    let mut document = text.parse::<DocumentMut>()?;
+    write_values(&mut document, space, s);
+    Ok(document.to_string())
+}
+
+fn write_values(document: &mut DocumentMut, space: &Space, s: &[f64]) {
     for (dim, value) in space.dims().iter().zip(s) {
         let Some(parameter) = document["parameters"].get_mut(&dim.name) else { continue };
         if let Some(parameter) = parameter.as_table_like_mut() {
@@ -43,8 +59,6 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
             inline.fmt();
         }
     }
-    say_what_wins(&mut document);
-    Ok(with_schema(&document.to_string(), source.folder(), into))
 }
 
 /// Whoever reads an actuator's gain in an adapted model must know that another one holds.

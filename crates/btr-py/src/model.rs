@@ -6,7 +6,7 @@ use crate::log::{Given, Log, numbered};
 use crate::work::{at_once, way, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
-use btr_physics::adapt::moved;
+use btr_physics::adapt::{at, moved};
 use btr_physics::experiment::{self, Source};
 use btr_physics::io::{IoError, write_whole};
 use btr_physics::model;
@@ -82,6 +82,19 @@ impl Model {
     fn spaces(&self) -> (String, String) {
         let dims = |space: &Space| json!(space.dims()).to_string();
         (dims(self.built.simulations()), dims(self.built.controllers()))
+    }
+
+    /// The nominal points of S and C: the middle of the bounds where nothing is known.
+    #[getter]
+    fn nominal(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.built.simulations().nominal(), self.built.controllers().nominal())
+    }
+
+    /// The text of the model with another nominal point of S.
+    fn at(&self, s: Vec<f64>) -> PyResult<String> {
+        let space = self.built.simulations();
+        space.check(&s).map_err(|e| raised(&e.to_string(), None))?;
+        at(&self.source.text, space, &s).map_err(|e| raised(&e.to_string(), None))
     }
 
     /// Writes the model file, whole or not at all; the files that it names are found from there.

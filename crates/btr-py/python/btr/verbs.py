@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import operator
 import os
 from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Union
 
@@ -15,13 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from btr import _btr, rosbag
 from btr import _laws as own
 from btr._btr import Log
+from btr._inputs import wrong
 from btr._laws import Law, Number
 from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder), a `Log`, or a pandas or polars frame with a column `t` in
-seconds."""
+"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or a
+pandas or polars frame with a column `t` in seconds."""
+Points = Union[ArrayLike, Mapping[str, ArrayLike], Any]
+"""Points of a space, a row for each; or columns by name, in a mapping or a frame."""
 Tell = Callable[[str, float, Union[float, None]], None]
 """Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without
 any), both in multiples of the noise floor. Called on another thread."""
@@ -62,8 +67,10 @@ class Model:
         return self._model.joints
 
     def simulate(self, log: LogLike | None = None, *, seed: int | None = None) -> Log:
-        """One rollout: of the model's own drive, or told what `log` says the robot was told. With noise of the model's
-        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up or the log does not fit the model."""
+        """One rollout: of the model's own drive, or told what `log` says the robot was told. Sampled on the model's clock
+        from 0 s on, a row per `sample_every` steps of its `[simulation]`, not at the log's stamps. With noise of the model's
+        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up
+        or the log does not fit the model."""
         return self._model.simulate(None if log is None else _given(log), seed)
 
     @property
@@ -74,29 +81,45 @@ class Model:
         return space
 
     @property
+    def values(self) -> dict[str, float]:
+        """The nominal values of the numbers in doubt, by name; the middle of the bounds (the geometric one on a `log` scale)
+        where there is none."""
+        return dict(zip((dim["name"] for dim in self.parameters), self._model.nominal[0]))
+
+    def at(self, values: Mapping[str, float] | ArrayLike) -> Model:
+        """The model with other nominal values of the numbers in doubt: by name, as `FitResult.values` has them, or all of
+        them in an array of shape (len(self.parameters),). Raises `BtrError` for a name that is none of them and for a value
+        outside its bounds, `ValueError` for another shape."""
+        rows = _points(_each(values), self.parameters, self._model.nominal[0], 1, "values")
+        return self._with_text(self._model.at(rows[0]))
+
+    @property
     def controllers(self) -> list[dict[str, Any]]:
         """The numbers of the drive that are searched, C, as `parameters` are told; empty where it is fixed."""
         space: list[dict[str, Any]] = json.loads(self._model.spaces[1])
         return space
 
     def simulate_all(
-        self, parameters: ArrayLike | None = None, controllers: ArrayLike | None = None, *, log: LogLike | None = None
+        self, parameters: Points | None = None, controllers: Points | None = None, *, log: LogLike | None = None
     ) -> list[Log | None]:
         """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in
-        their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; what is left out has its nominal
-        values. Driven as `simulate` is, without noise. None stands for a simulation that blew up. Raises `BtrError` for a
-        point outside its bounds, `ValueError` for wrong shapes."""
+        their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; or only some of either by name, as
+        arrays of shape (rollouts,) or single numbers (`{"mass@bob": [0.5, 1.0, 2.0]}`, or a frame with such columns). What is
+        left out has its nominal values. Driven and sampled as `simulate` does, without noise. None stands for a simulation
+        that blew up. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
+        shapes."""
         given = [points for points in (parameters, controllers) if points is not None]
         if not given:
             raise ValueError("simulate_all needs parameters, controllers, or both: arrays with a row for every rollout")
-        rollouts = max(len(np.atleast_1d(points)) for points in given)
-        s = _points(parameters, self.parameters, rollouts, "parameters")
-        c = _points(controllers, self.controllers, rollouts, "controllers")
+        rollouts = max(map(_rollouts, given))
+        own_s, own_c = self._model.nominal
+        s = None if parameters is None else _points(parameters, self.parameters, own_s, rollouts, "parameters")
+        c = None if controllers is None else _points(controllers, self.controllers, own_c, rollouts, "controllers")
         return self._model.simulate_all(s, c, None if log is None else _given(log))
 
     def add(self, *effects: str) -> Model:
-        """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site
-        that is not there."""
+        """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
+        same numbers) in it, free to fit. Raises `BtrError` for an effect or a site that is not there."""
         return self._with_text(self._model.add(list(effects)).text)
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
@@ -161,17 +184,56 @@ class Model:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
 
 
+def _by_name(points: Any) -> dict[str, Any] | None:
+    """Columns by name, if that is what they are: of a mapping or a frame."""
+    if isinstance(points, Mapping) or hasattr(points, "columns"):
+        names = points if isinstance(points, Mapping) else points.columns
+        return {str(name): np.asarray(points[name], dtype=np.float64) for name in names}
+    return None
+
+
+def _each(values: Mapping[str, float] | ArrayLike) -> Points:
+    """One value of each as one row of them."""
+    return values if isinstance(values, Mapping) else np.asarray(values, dtype=np.float64)[np.newaxis]
+
+
+def _rollouts(points: Any) -> int:
+    """How many rows there are."""
+    columns = _by_name(points)
+    if columns is None:
+        return len(np.atleast_1d(np.asarray(points)))
+    return max((column.size for column in columns.values()), default=0)
+
+
 def _points(
-    points: ArrayLike | None, space: list[dict[str, Any]], rollouts: int, what: str
-) -> list[list[float]] | None:
+    points: Points, space: list[dict[str, Any]], nominal: list[float], rollouts: int, what: str
+) -> list[list[float]]:
     """A row for every rollout, checked."""
-    if points is None:
-        return None
+    columns = _by_name(points)
+    if columns is not None:
+        return _filled(columns, [dim["name"] for dim in space], nominal, rollouts, what)
     rows = np.asarray(points, dtype=np.float64)
     if rows.shape != (rollouts, len(space)):
         names = ", ".join(dim["name"] for dim in space)
         needed = f"({rollouts}, {len(space)}) is needed: a row of {names or 'nothing'}"
         raise ValueError(f"{what} has shape {rows.shape} where {needed}")
+    listed: list[list[float]] = rows.tolist()
+    return listed
+
+
+def _filled(
+    columns: dict[str, Any], names: list[str], nominal: list[float], rollouts: int, what: str
+) -> list[list[float]]:
+    """A row for every rollout that has these columns, and else nominal values."""
+    rows = np.tile(np.array(nominal), (rollouts, 1))
+    for name, column in columns.items():
+        if name not in names:
+            near = get_close_matches(name, names, 1)
+            told = f"did you mean {near[0]}?" if near else f"there is {', '.join(names) or 'none'}"
+            raise wrong(f"none of the model's {what} is called {name}", told)
+        if column.shape not in ((), (rollouts,)):
+            raise ValueError(f"{what}[{name!r}] has shape {column.shape} where ({rollouts},) is needed")
+        rows[:, names.index(name)] = column
     listed: list[list[float]] = rows.tolist()
     return listed
 
@@ -239,8 +301,19 @@ def _given(log: LogLike) -> Log | Path:
 
 def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
     if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
-        return [_given(logs)]
-    return [_given(log) for log in logs]
+        return _each_of(logs)
+    return [given for log in logs for given in _each_of(log)]
+
+
+def _each_of(log: LogLike) -> list[Log | Path]:
+    """A log, or those whose names are like a pattern's, sorted."""
+    pattern = os.fspath(log) if isinstance(log, (str, os.PathLike)) else ""
+    if not glob.has_magic(pattern) or os.path.exists(pattern):
+        return [_given(log)]
+    found = sorted(glob.glob(pattern))
+    if not found:
+        raise wrong(f"{pattern}: no file is called like that", f"paths begin in {os.getcwd()}")
+    return [Path(path) for path in found]
 
 
 def _loaded(model: Model | str | os.PathLike[str]) -> Model:
@@ -292,8 +365,8 @@ def diagnose(
 
 
 def add(model: Model, *effects: str) -> Model:
-    """The model with effects (`"coulomb_friction@knee"`) in it, free to fit. Raises `BtrError` for an effect or a site that
-    is not there."""
+    """The model with effects in it, free to fit, as `Model.add` makes it. Raises `BtrError` for an effect or a site that is
+    not there."""
     return model.add(*effects)
 
 
