@@ -113,12 +113,18 @@ def _values(found: FitResult, ax: Axes) -> Axes:
         ax.plot(_share(dim, dim["nominal"]), row, "o", color=INK["third"], label="before")
         label = "at its bound" if parameter["at_bound"] else "fitted, with its 95 % interval"
         ax.plot(_share(dim, parameter["value"]), row, "o", color=ink, label=label)
-    units = ["" if parameter["unit"] == "1" else parameter["unit"] for parameter in found.parameters]
-    _notes(ax, [f"{cell(parameter['value'])} {unit}" for parameter, unit in zip(found.parameters, units)])
+    _notes(ax, [_told(parameter) for parameter in found.parameters])
     ax.set_xlim(-0.03, 1.03)
     ax.set_xlabel("share of the way between the bounds")
     _head(ax, "Each value between its bounds")
     return ax
+
+
+def _told(parameter: dict[str, Any]) -> str:
+    """A value with its interval, which is often too narrow to be seen between the bounds."""
+    unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+    interval = "" if parameter["ci95"] is None else f"  ({' .. '.join(map(cell, parameter['ci95']))})"
+    return f"{cell(parameter['value'])}{unit}{interval}"
 
 
 def _share(dim: dict[str, Any], value: float | None) -> float:
