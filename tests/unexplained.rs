@@ -104,8 +104,8 @@ fn the_law_is_the_same_for_any_number_of_threads() {
     assert_eq!(run(1), run(3));
 }
 
-/// Coulomb's friction at the elbow, and Stribeck's that is much like it.
-fn frictions() -> Option<NextExperiment> {
+/// The experiment for frictions at the elbow: Coulomb's, and those of `rivals`.
+fn frictions(rivals: &[(&str, &[(&str, f64)])]) -> Option<NextExperiment> {
     let beside = beside(&[], &[]);
     let rival = |effect: &str, values: &[(&str, f64)]| {
         let candidate = beside.candidates().iter().position(|c| c.effect == effect && c.site == "elbow").unwrap();
@@ -117,14 +117,21 @@ fn frictions() -> Option<NextExperiment> {
         }
         (candidate, u)
     };
-    let coulomb = rival("coulomb_friction", &[("torque", 0.28)]);
-    let stribeck = rival("stribeck_friction", &[("coulomb", 0.27), ("static", 0.45), ("velocity", 0.1)]);
-    next_experiment(&beside, &[coulomb, stribeck]).unwrap()
+    let all = [&[("coulomb_friction", &[("torque", 0.28)][..])], rivals].concat();
+    next_experiment(&beside, &all.into_iter().map(|(effect, values)| rival(effect, values)).collect::<Vec<_>>())
+        .unwrap()
 }
+
+/// Much like it.
+const STRIBECK: (&str, &[(&str, f64)]) =
+    ("stribeck_friction", &[("coulomb", 0.27), ("static", 0.45), ("velocity", 0.1)]);
+/// The same in all that could be measured.
+const ALIKE: (&str, &[(&str, f64)]) =
+    ("stribeck_friction", &[("coulomb", 0.28), ("static", 0.2801), ("velocity", 0.1)]);
 
 #[test]
 fn the_next_experiment_tells_two_frictions_better_than_the_logs_did() {
-    let next = frictions().unwrap();
+    let next = frictions(&[STRIBECK]).unwrap();
     assert!(next.separation > 2.0 * next.separation_so_far && next.separation > 2.0, "{}", next.sentence);
     assert_eq!(next.rivals[0].effect, "stribeck_friction@elbow");
     assert!(next.joints.contains(&"elbow".to_owned()), "{}", next.sentence);
@@ -134,7 +141,19 @@ fn the_next_experiment_tells_two_frictions_better_than_the_logs_did() {
         assert!(channel.values.iter().all(|x| x.is_nan() || x.abs() <= 0.65), "{name}");
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert_eq!(pool.install(frictions).unwrap().sentence, next.sentence);
+    assert_eq!(pool.install(|| frictions(&[STRIBECK])).unwrap().sentence, next.sentence);
+}
+
+#[test]
+fn an_experiment_claims_no_more_than_it_tells() {
+    assert_eq!(frictions(&[ALIKE]), None);
+    let next = frictions(&[STRIBECK, ALIKE]).unwrap();
+    assert!(
+        next.sentence.contains("no motion in their range tells it from stribeck_friction@elbow."),
+        "{}",
+        next.sentence
+    );
+    assert!(next.separation < 0.3 && next.rivals[0].separation > 2.0, "{}", next.sentence);
 }
 
 #[test]

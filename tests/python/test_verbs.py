@@ -114,6 +114,43 @@ def test_names_may_be_patterns(arm: btr.Model, tmp_path: Path) -> None:
         btr.compare(arm, "monday_*.csv")
 
 
+def pendulum_with(effect: str) -> tuple[btr.Model, btr.Log]:
+    """A pendulum, and what another one does that has an effect beside."""
+    pendulum = btr.load_model(ROBOTS / "disengage.toml")
+    clock_s = np.arange(0, 3, 0.01)
+    told = btr.Log(clock_s, {"cmd_hinge": 0.3 * np.sin(5 * clock_s), "q_hinge": np.zeros(len(clock_s))})
+    did = btr.Model(f"{pendulum.text}\n[[effects]]\n{effect}\n", pendulum.path).simulate(told, seed=3)
+    return pendulum, btr.Log(did.clock_s, {name: did[name] for name in ("cmd_hinge", "q_hinge")})
+
+
+def test_what_logs_cannot_tell_apart_the_next_one_may() -> None:
+    pendulum, log = pendulum_with('effect = "command_delay"\nsite = "hinge"\ndelay = 0.004')
+    found = btr.diagnose(pendulum, log)
+    assert found.names == ["command_delay@hinge"] and "motor_lag@hinge" in found.effects[0]["alike"]
+    assert found.next_experiment is not None and found.next_experiment["separation"] > 1
+    assert found.next_commands is not None and found.next_commands.keys() == ["cmd_hinge"]
+    again = pickle.loads(pickle.dumps(found))
+    assert again.next_commands == found.next_commands and again == found
+
+
+def test_what_no_effect_explains_is_told_as_a_law(arm: btr.Model) -> None:
+    truth = arm.add_law("-0.5*q*q*dq", site="elbow")
+    learn, held_out = ([truth.simulate(log, seed=k) for k, log in enumerate(logs)] for logs in (LEARN, HELD_OUT))
+    found = btr.diagnose(arm, learn, held_out=held_out)
+    law = found.residual_law
+    assert found.verdict == "unexplained" and law is not None and law["site"] == "elbow" and found.next_experiment is None
+    better = arm.add_law(law["law"], site=law["site"], on=law["on"])
+    assert btr.fit(better, learn, held_out=held_out).held_out < 0.5 * found.error_ladder[-1]["held_out"]
+
+
+def test_effects_are_told() -> None:
+    effects = btr.effects()
+    assert len(effects.effects) > 30 and "coulomb_friction" in repr(effects)
+    assert "Stribeck" not in repr(effects) and "Armstrong" in repr(btr.effects("stribeck_friction"))
+    with pytest.raises(btr.BtrError, match="did you mean `stribeck_friction`"):
+        btr.effects("stribek_friction")
+
+
 @pytest.mark.parametrize(
     ("wrong", "error", "message"),
     [

@@ -10,6 +10,7 @@ mod progress;
 pub mod report;
 mod table;
 
+pub use cmd::effects::effects;
 pub use coevolution::{Ended, Watch, coevolve};
 pub use failure::Failure;
 

@@ -1,7 +1,7 @@
 //! What people ask of a model and its logs: the answers as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
-use crate::log::Given;
+use crate::log::{Given, Log, numbered};
 use crate::model::Model;
 use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
@@ -45,7 +45,14 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
     })
 }
 
-/// Which effect is missing: the answer and its page. `tell`, which may raise to end it, is called with every step of the
+/// The physical effects, or one of them.
+#[pyfunction]
+#[pyo3(signature = (name = None))]
+pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
+    Ok(btr_cli::effects(name).map_err(Raise::raise)?.to_string())
+}
+
+/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`, which may raise to end it, is called with every step of the
 /// ladder: what was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
@@ -56,7 +63,7 @@ pub(crate) fn diagnose(
     max_effects: usize,
     tell: Py<PyAny>,
     hands: Option<Hands>,
-) -> PyResult<(String, Page)> {
+) -> PyResult<(String, Page, Option<Log>)> {
     let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
     working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
@@ -65,10 +72,12 @@ pub(crate) fn diagnose(
         let family = served(&problem, &logs, &held_out, &way)?;
         let (found, diagnosis) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
         let document = json!(found).to_string();
+        let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
+        let next = next.map(|commands| Log::new(numbered("next experiment"), commands));
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
         let page =
             move || report::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
-        Ok((document, Page::new(&model.source, page)))
+        Ok((document, Page::new(&model.source, page), next))
     })
 }
 

@@ -12,14 +12,27 @@ fn all() -> impl Iterator<Item = &'static Card> {
     EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
 }
 
-pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
-    let cards: Vec<&Card> = match name {
+/// All cards, or that of one effect.
+fn named(name: Option<&str>) -> Result<Vec<&'static Card>, Failure> {
+    Ok(match name {
         None => all().collect(),
         Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
-    };
+    })
+}
+
+/// The physical effects, or one of them, as the document of `btr effects --json`.
+///
+/// # Errors
+/// An effect that is not there.
+pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
+    let effects: Vec<Value> = named(name)?.into_iter().map(describe).collect();
+    Ok(json!({ "ok": true, "effects": effects }))
+}
+
+pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
+    let cards = named(name)?;
     if global.json {
-        let effects: Vec<Value> = cards.iter().map(|card| describe(card)).collect();
-        println!("{}", json!({ "ok": true, "effects": effects }));
+        println!("{}", effects(name)?);
     } else if name.is_some() {
         cards.iter().for_each(|card| tell(card));
     } else {

@@ -18,6 +18,8 @@ const MOST_RIVALS: usize = 5;
 const DURATION_S: (f64, f64) = (4.0, 10.0);
 /// Rivals that are so many noise floors apart are apart: more is not better.
 const ENOUGH: f64 = 10.0;
+/// Rivals that are less apart are alike: what is in doubt can make up for it.
+const APART: f64 = 0.3;
 /// How far a joint may leave the range of its logs, as a share of it.
 const MARGIN: f64 = 0.1;
 
@@ -73,28 +75,36 @@ pub fn next_experiment(beside: &Beside, rivals: &[(usize, Vec<f64>)]) -> Result<
         .map(|apart| apart.ok().flatten().unwrap_or_default())
         .collect();
     let (chosen, apart) = best(tried);
-    if worth(&apart) <= worth(&so_far.1) {
+    if worth(&apart) <= worth(&so_far.1) || apart.iter().all(|x| *x < APART) {
         return Ok(None);
     }
     let name = |k: usize| beside.candidates()[rivals[k].0].name();
     let rivals = apart.iter().enumerate().map(|(k, x)| Rival { effect: name(k + 1), separation: *x }).collect();
-    Ok(Some(proposal(&drives[chosen], &name(0), rivals, least(&so_far.1))))
+    Ok(Some(proposal(&drives[chosen], &name(0), rivals, &so_far.1)))
 }
 
-fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, separation_so_far: f64) -> NextExperiment {
-    let separation = rivals.iter().map(|rival| rival.separation).fold(f64::INFINITY, f64::min);
-    let names: Vec<&str> = rivals.iter().map(|rival| rival.effect.as_str()).collect();
-    let sentence = format!(
-        "Drive {} with {}: {favourite} and {} then differ by at least {separation:.1} noise floors, in these logs by {separation_so_far:.1}.",
+fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, so_far: &[f64]) -> NextExperiment {
+    type Told<'a> = Vec<(&'a Rival, f64)>;
+    let (told, alike): (Told, Told) =
+        rivals.iter().zip(so_far.iter().copied()).partition(|(rival, _)| rival.separation >= APART);
+    let names = |rivals: &Told| rivals.iter().map(|(rival, _)| rival.effect.as_str()).collect::<Vec<_>>().join(", ");
+    let mut sentence = format!(
+        "Drive {} with {}: {favourite} and {} then differ by at least {:.1} noise floors, in these logs by {:.1}",
         drive.joints.join(", "),
         drive.told,
-        names.join(", "),
+        names(&told),
+        least(told.iter().map(|(rival, _)| rival.separation)),
+        least(told.iter().map(|(_, so_far)| *so_far)),
     );
+    if !alike.is_empty() {
+        sentence += &format!("; no motion in their range tells it from {}", names(&alike));
+    }
+    sentence.push('.');
     NextExperiment {
         kind: drive.kind.to_owned(),
         joints: drive.joints.clone(),
-        separation,
-        separation_so_far,
+        separation: least(rivals.iter().map(|rival| rival.separation)),
+        separation_so_far: least(so_far.iter().copied()),
         sentence,
         rivals,
         commands: Some(drive.commands.clone()),
@@ -144,8 +154,8 @@ fn worth(apart: &[f64]) -> f64 {
     apart.iter().map(|x| x.min(ENOUGH).powi(2)).sum()
 }
 
-fn least(apart: &[f64]) -> f64 {
-    apart.iter().copied().reduce(f64::min).unwrap_or(0.0)
+fn least(apart: impl Iterator<Item = f64>) -> f64 {
+    apart.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// The most telling, with its index; of equals the one in which all together are further apart.

@@ -15,9 +15,9 @@ Python's lock, but for laws that are functions (`Model.add_law`).
 
 from btr import distance, executors, search
 from btr._btr import BtrError, Log, TestFailed, __version__
-from btr.coevolution import Controller, coevolve
-from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, FitResult
-from btr.verbs import Model, add, check, compare, diagnose, fit, load_log, load_model
+from btr.coevolution import Controller, Iteration, coevolve
+from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
+from btr.verbs import Model, add, check, compare, diagnose, effects, fit, load_log, load_model
 
 __all__ = [
     "BtrError",
@@ -26,7 +26,9 @@ __all__ = [
     "CompareResult",
     "Controller",
     "DiagnoseResult",
+    "EffectsResult",
     "FitResult",
+    "Iteration",
     "Log",
     "Model",
     "TestFailed",
@@ -37,6 +39,7 @@ __all__ = [
     "compare",
     "diagnose",
     "distance",
+    "effects",
     "executors",
     "fit",
     "load_log",

@@ -24,6 +24,7 @@ __all__ = [
     "diagnose",
     "distance",
     "distances",
+    "effects",
     "fit",
     "fitness_distance",
     "forked",
@@ -121,7 +122,8 @@ def check(model: Model, logs: Sequence[_Given]) -> str: ...
 def compare(model: Model, logs: Sequence[_Given]) -> tuple[str, Page]: ...
 def diagnose(
     model: Model, logs: Sequence[_Given], held_out: Sequence[_Given], max_effects: int, tell: _Tell, hands: int | _Hands | None
-) -> tuple[str, Page]: ...
+) -> tuple[str, Page, Log | None]: ...
+def effects(name: str | None = ...) -> str: ...
 def fit(
     model: Model,
     logs: Sequence[_Given],

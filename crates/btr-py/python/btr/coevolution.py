@@ -4,7 +4,7 @@ simulation."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any, Union
 
 from btr import _btr
 from btr._btr import BtrError, Log
+from btr._tables import cell
 from btr.executors import ExecutorLike, hands_of
 from btr.results import CoevolveResult
 from btr.verbs import LogLike, Model, _count, load_log, load_model
@@ -39,8 +40,17 @@ Reality = Callable[[Controller], LogLike]
 """Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
 frame, or a path. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be
 resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost."""
-Iteration = Mapping[str, Any]
-"""A closed iteration, as under `iterations` in the result."""
+
+
+class Iteration(dict[str, Any]):
+    """A closed iteration, as under `iterations` in the result; prints in a line, so that `tell=print` shows a run going on."""
+
+    def __str__(self) -> str:
+        before = "" if self["phi_predicted"] is None else f", {cell(self['phi_predicted'])} for the one before on fresh tests"
+        promised, real = self["fitness_sim"], self["fitness_real"]
+        fitness = "" if promised is None and real is None else f"; fitness {cell(promised)} promised, {cell(real)} real"
+        return f"iteration {self['i']}: {self['real_tests']} real tests; phi {cell(self['phi'])}{before}{fitness}"
+
 
 
 def coevolve(
@@ -58,7 +68,8 @@ def coevolve(
 
     `reality` takes the place of the experiment's `[reality]`. Everything is kept in the folder `out` (`runs/<name>`), a
     checkpoint after every step: with `resume` a run goes on that was interrupted, by Ctrl-C, an exception, or a lost machine.
-    The same experiment and seed give the same results for every `executor`. `tell` hears every closed iteration.
+    The same experiment and seed give the same results for every `executor`. `tell` hears every closed iteration
+    (`tell=print` shows them).
 
     Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell`
     raised.
@@ -81,7 +92,7 @@ def coevolve(
 
     def heard(iteration: str) -> None:
         if tell is not None:
-            tell(json.loads(iteration))
+            tell(Iteration(json.loads(iteration)))
 
     seed = None if seed is None else _count(seed, "seed")
     function, hands = None if reality is None else robot, hands_of(executor)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from btr import _tables, plots
-from btr._btr import Page, write_report
+from btr._btr import Log, Page, write_report
 from btr._tables import Rows, cell
 
 if TYPE_CHECKING:
@@ -143,6 +143,24 @@ class CompareResult(Reported):
 class DiagnoseResult(Reported):
     """Which effect is missing: `verdict`, `effects`, `error_ladder` and all else that `btr diagnose --json` tells."""
 
+    def __init__(self, document: dict[str, Any], page: Page, next_commands: Log | None) -> None:
+        super().__init__(document, page)
+        self.next_commands = next_commands
+        """The commands of `next_experiment` for the robot: `cmd_<joint>`, each held until the next; None where there are
+        none."""
+
+    @property
+    def residual_law(self) -> dict[str, Any] | None:
+        """What the error looks like where no effect explains it, as a formula: `law`, `site` and `on` are what
+        `Model.add_law` takes. None where there is nothing to tell."""
+        return self.document.get("residual_law")
+
+    @property
+    def next_experiment(self) -> dict[str, Any] | None:
+        """What to do on the robot to tell what was found from its `rivals`, and how far these would be apart, in noise
+        floors. None where there is nothing to tell apart, or no motion that does it."""
+        return self.document.get("next_experiment")
+
     @property
     def names(self) -> list[str]:
         """What was found, as `effect@site`: for `add` and `fit`."""
@@ -164,6 +182,24 @@ class DiagnoseResult(Reported):
         """Draws how the error fell, learnt from and held out, in noise floors, on Matplotlib's `ax` or a new figure; returns
         the axes. Raises `ImportError` without Matplotlib."""
         return plots.diagnose(self, ax)
+
+
+class EffectsResult(Result):
+    """Physical effects (`effects`), each with its law, parameters and bounds."""
+
+    def _headline(self) -> str:
+        if len(self.effects) > 1:
+            return f"{len(self.effects)} effects; btr.effects(name) tells all about one"
+        (effect,) = self.effects
+        alike = f"\nalike: {', '.join(effect['alike'])}" if effect["alike"] else ""
+        return f"{effect['effect']}: {effect['law']}\nshows: {effect['shows']}\nsource: {effect['source']}{alike}"
+
+    def _table(self) -> Rows:
+        if len(self.effects) > 1:
+            told = ((effect, ", ".join(number["name"] for number in effect["parameters"])) for effect in self.effects)
+            return [{"effect": effect["effect"], "on": effect["site"], "parameters": numbers} for effect, numbers in told]
+        keys = {"name": "parameter", "unit": "unit", "min": "min", "max": "max", "typical": "typical"}
+        return [{title: number[key] for key, title in keys.items()} for number in self.effects[0]["parameters"]]
 
 
 class CoevolveResult(Result):

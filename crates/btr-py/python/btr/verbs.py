@@ -20,7 +20,7 @@ from btr._btr import Log
 from btr._inputs import wrong
 from btr._laws import Law, Number
 from btr.executors import ExecutorLike, hands_of
-from btr.results import CheckResult, CompareResult, DiagnoseResult, FitResult
+from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
 """A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or a
@@ -332,6 +332,12 @@ def _silent(step: str, train: float, held_out: float | None) -> None:
     """Nobody listens."""
 
 
+def effects(name: str | None = None) -> EffectsResult:
+    """The physical effects that btr knows, or the one of this name: law, parameters, how it shows, where it is from, and
+    which others are hard to tell from it. Raises `BtrError` for one that is not there."""
+    return EffectsResult(json.loads(_btr.effects(name)))
+
+
 def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
     """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt. Raises `BtrError`
     for logs that cannot be read or do not fit the model."""
@@ -360,8 +366,8 @@ def diagnose(
     `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
     the work."""
     model, most, hands = _loaded(model), _count(max_effects, "max_effects"), hands_of(executor)
-    document, page = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
-    return DiagnoseResult(json.loads(document), page)
+    document, page, commands = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
+    return DiagnoseResult(json.loads(document), page, commands)
 
 
 def add(model: Model, *effects: str) -> Model:
