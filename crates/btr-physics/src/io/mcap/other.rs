@@ -7,23 +7,41 @@ use crate::io::mapping::Topics;
 use indexmap::IndexSet;
 use serde_json::Value;
 
-/// The names of channels by number, in the order in which they came: every message has them all again.
+/// The names of channels by number, in the order in which they came.
 #[derive(Default)]
 pub(crate) struct Names {
     all: IndexSet<String>,
-    /// Only to spare an allocation for each.
-    name: String,
+    /// Lists as messages had them: the next one has the same again.
+    lists: Vec<List>,
 }
+
+/// The numbers of names that came together.
+struct List {
+    prefix: &'static str,
+    names: Vec<String>,
+    numbers: Vec<usize>,
+}
+
+/// More lists than that are no repetition.
+const MOST_LISTS: usize = 16;
 
 impl Names {
     fn number(&mut self, prefix: &str, rest: &str) -> usize {
-        self.name.clear();
-        self.name.push_str(prefix);
-        self.name.push_str(rest);
-        match self.all.get_index_of(&self.name) {
-            Some(number) => number,
-            None => self.all.insert_full(self.name.clone()).0,
-        }
+        self.all.insert_full(format!("{prefix}{rest}")).0
+    }
+
+    /// The numbers of all names of a message.
+    fn numbers(&mut self, prefix: &'static str, names: &[String]) -> &[usize] {
+        let known = self.lists.iter().position(|list| list.prefix == prefix && list.names == names);
+        let at = known.unwrap_or_else(|| {
+            let numbers = names.iter().map(|name| self.number(prefix, name)).collect();
+            if self.lists.len() == MOST_LISTS {
+                self.lists.clear();
+            }
+            self.lists.push(List { prefix, names: names.to_vec(), numbers });
+            self.lists.len() - 1
+        });
+        &self.lists[at].numbers
     }
 
     /// The names, the first number's first.
@@ -120,21 +138,28 @@ pub(crate) fn samples(
 }
 
 /// `<prefix><element>` for each number; none at all where the message leaves the array empty.
-fn named(prefix: &str, elements: &[String], numbers: &[f64], names: &mut Names) -> Result<Vec<(usize, f64)>, String> {
+fn named(
+    prefix: &'static str,
+    elements: &[String],
+    numbers: &[f64],
+    names: &mut Names,
+) -> Result<Vec<(usize, f64)>, String> {
     if numbers.is_empty() {
         return Ok(Vec::new());
     }
     if numbers.len() != elements.len() {
         return Err(format!("{} numbers for {} names", numbers.len(), elements.len()));
     }
-    Ok(elements.iter().zip(numbers).map(|(element, x)| (names.number(prefix, element), *x)).collect())
+    Ok(names.numbers(prefix, elements).iter().copied().zip(numbers.iter().copied()).collect())
 }
 
 fn states(m: &JointState, names: &mut Names) -> Result<Vec<(usize, f64)>, String> {
     let parts = [("q_", &m.position), ("dq_", &m.velocity), ("tau_", &m.effort)];
-    let parts: Result<Vec<_>, _> =
-        parts.into_iter().map(|(prefix, numbers)| named(prefix, &m.name, numbers, names)).collect();
-    Ok(parts?.concat())
+    let mut values = Vec::with_capacity(3 * m.name.len());
+    for (prefix, numbers) in parts {
+        values.extend(named(prefix, &m.name, numbers, names)?);
+    }
+    Ok(values)
 }
 
 /// The position where a joint has one, else its effort: robots under torque control are told efforts.
