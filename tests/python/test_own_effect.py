@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,29 @@ def brittle(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float) -
     if t > 0.5:
         raise ZeroDivisionError(f"at {t}")
     return 0.0
+
+
+def brittle_elsewhere(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float) -> float:
+    if parent_process() is not None:
+        raise ZeroDivisionError("not at home")
+    return 0.0
+
+
+# Workers cannot import what was typed in.
+NOTEBOOK = """
+import btr, sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+def pull(q, dq, ddq, cmd, tau, t, a):
+    return -a * q
+
+swing = btr.Model(sys.argv[1])
+log = swing.add_law(pull, site="hinge", a=0.3).simulate(seed=1)
+pulled = swing.add_law(pull, site="hinge", a=(0.0, 1.0))
+with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    print("the same" if btr.fit(pulled, log, executor=pool).values == btr.fit(pulled, log).values else "another")
+"""
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +147,20 @@ def test_one_thread_or_many_and_a_function_or_text_give_the_same_fit(swing: btr.
     assert [without_time(fitted) for fitted in called] == 3 * [without_time(told)]
 
 
-def test_functions_stay_in_this_process(doubted: btr.Model, logs: list) -> None:
-    with ThreadPoolExecutor(1) as pool, pytest.raises(btr.BtrError, match="in this process alone\nhelp: leave `executor` out"):
-        btr.fit(doubted, logs[0], executor=pool)
+def test_functions_are_called_elsewhere_too(swing: btr.Model, doubted: btr.Model, logs: list) -> None:
+    here = without_time(btr.fit(doubted, logs[0]))
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        assert without_time(btr.fit(doubted, logs[0], executor=pool)) == here
+        with pytest.raises(ZeroDivisionError, match="not at home"):
+            btr.fit(swing.add_law(brittle_elsewhere, site="hinge"), logs[0], executor=pool)
+    with ThreadPoolExecutor(2) as others:
+        assert without_time(btr.fit(doubted, logs[0], executor=others)) == here
+
+
+def test_a_function_of_a_notebook_goes_by_value() -> None:
+    pytest.importorskip("cloudpickle")
+    ran = subprocess.run([sys.executable, "-c", NOTEBOOK, MODEL], capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0 and ran.stdout == "the same\n", ran.stderr
 
 
 def test_what_a_function_raises_arrives_and_nothing_stays_behind(swing: btr.Model, logs: list) -> None:
@@ -218,6 +253,7 @@ def test_pickles_hold_functions_without_a_module_by_their_code(swing: btr.Model,
     model = swing.add_law(lambda q, dq, ddq, cmd, tau, t: -factor * dq, site="hinge")
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "cloudpickle", None)
+        patch.setitem(sys.modules, "ray.cloudpickle", None)
         with pytest.raises(pickle.PicklingError, match="install cloudpickle"):
             pickle.dumps(model)
     pytest.importorskip("cloudpickle", reason="cloudpickle is optional")

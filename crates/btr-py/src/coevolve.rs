@@ -32,7 +32,7 @@ pub(crate) fn coevolve(
     tell: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<Option<String>> {
-    let (way, raised_there) = (way(py, hands, &model.source)?, Raised::default());
+    let (way, raised_there) = (way(py, hands, model)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
     let asked = robot.is_some();

@@ -5,7 +5,7 @@ use btr_physics::effect::{Function, Laws, Param, Scene};
 use btr_physics::elsewhere::{Stopped, Way};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyBytes, PyDict, PyString};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
@@ -23,14 +23,33 @@ thread_local! {
 }
 
 /// The functions of a model.
-pub(crate) fn laws(given: Given) -> Laws {
+pub(crate) fn laws(py: Python<'_>, given: &Given) -> Laws {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    Laws::new(given.into_iter().map(|(name, function)| {
+    Laws::new(given.iter().map(|(name, function)| {
         let make = |function: Py<PyAny>| -> Arc<Function> {
             Arc::new(move |scene: &Scene, params: &[Param], p: &[f64]| value(&function, scene, params, p))
         };
-        (name, known.entry(function.as_ptr() as usize).or_insert_with(|| make(function)).clone())
+        let function = function.clone_ref(py);
+        (name.clone(), known.entry(function.as_ptr() as usize).or_insert_with(|| make(function)).clone())
     }))
+}
+
+/// Functions as other processes can read them; nothing where there are none.
+pub(crate) fn packed(py: Python<'_>, given: &Given) -> PyResult<Vec<u8>> {
+    if given.is_empty() {
+        return Ok(Vec::new());
+    }
+    let given: Vec<(&str, &Py<PyAny>)> = given.iter().map(|(name, function)| (name.as_str(), function)).collect();
+    py.import("btr._laws")?.call_method1("packed", (given,))?.extract()
+}
+
+/// The functions that another process packed.
+pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
+    Python::attach(|py| {
+        let given = py.import("btr._laws").and_then(|laws| laws.call_method1("unpacked", (PyBytes::new(py, bytes),)));
+        let given: PyResult<Given> = given.and_then(|given| given.extract());
+        given.map(|given| laws(py, &given)).map_err(|why| format!("the law's function cannot be read here: {why}"))
+    })
 }
 
 /// What the function says; an exception unwinds to whoever works with it.

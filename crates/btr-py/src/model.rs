@@ -23,15 +23,9 @@ const AT_ONCE: usize = 1024;
 #[pyclass(frozen, module = "btr", name = "Model")]
 pub(crate) struct Model {
     pub(crate) source: Source,
+    /// The functions that its laws name.
+    pub(crate) functions: laws::Given,
     built: Box<model::Model>,
-}
-
-impl Model {
-    /// The model of a text that makes sense.
-    pub(crate) fn of(source: Source) -> PyResult<Self> {
-        let built = Box::new(experiment::model(&source).map_err(Raise::raise)?);
-        Ok(Model { source, built })
-    }
 }
 
 #[pymethods]
@@ -40,8 +34,9 @@ impl Model {
     #[new]
     #[pyo3(signature = (text, path, laws = vec![]))]
     fn new(py: Python<'_>, text: String, path: PathBuf, laws: laws::Given) -> PyResult<Self> {
-        let source = Source { laws: laws::laws(laws), ..Source::new(path, text) };
-        py.detach(|| Model::of(source))
+        let source = Source { laws: laws::laws(py, &laws), ..Source::new(path, text) };
+        let built = py.detach(|| experiment::model(&source)).map_err(Raise::raise)?;
+        Ok(Model { source, functions: laws, built: Box::new(built) })
     }
 
     /// The model of a file, with `key=value` settings as `--set` takes them.
@@ -132,7 +127,7 @@ impl Model {
         log: Option<Given>,
     ) -> PyResult<Vec<Option<Log>>> {
         let log = log.map(Given::source);
-        let way = way(py, None, &self.source)?;
+        let way = way(py, None, self)?;
         let simulated = working(py, &way, || {
             let replaying = log.map(|log| experiment::model_replaying(&self.source, log)).transpose();
             let replaying = replaying.map_err(Raise::raise)?;
@@ -151,16 +146,15 @@ impl Model {
         Ok(logs.collect())
     }
 
-    /// The model with effects (`coulomb_friction@knee`) in it, free to fit.
-    fn add(&self, effects: Vec<String>) -> PyResult<Self> {
+    /// The text of the model with effects (`coulomb_friction@knee`) in it, free to fit.
+    fn add(&self, effects: Vec<String>) -> PyResult<String> {
         let robot = &self.built.robot;
         let addition = |text: &String| Addition::parse(text, robot).map_err(Raise::raise);
         let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?;
         if additions.is_empty() {
             return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".to_owned())));
         }
-        let text = verbs::add(&self.source, robot, &additions).map_err(Raise::raise)?;
-        Model::of(Source { text, ..self.source.clone() })
+        verbs::add(&self.source, robot, &additions).map_err(Raise::raise)
     }
 
     /// The text of the model with a user's own law in it; whether that makes sense is said when it is read.

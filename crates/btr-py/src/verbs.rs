@@ -8,7 +8,7 @@ use crate::work::{Hands, at_once, way, working};
 use btr_cli::report::{self, Subject};
 use btr_core::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
-use btr_physics::experiment::{self, LogSource, Source};
+use btr_physics::experiment::{self, LogSource};
 use btr_physics::verbs::{self, Problem};
 use pyo3::prelude::*;
 use serde_json::json;
@@ -64,7 +64,7 @@ pub(crate) fn diagnose(
     tell: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<(String, Page, Option<Log>)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
     working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
@@ -81,8 +81,8 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and the
-/// fitted model.
+/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and
+/// the fitted model's text.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,
@@ -92,8 +92,8 @@ pub(crate) fn fit(
     add: Vec<String>,
     tell: Py<PyAny>,
     hands: Option<Hands>,
-) -> PyResult<(String, Page, String, Model)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, &model.source)?);
+) -> PyResult<(String, Page, String, String)> {
+    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
     working(py, &way, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
@@ -107,12 +107,11 @@ pub(crate) fn fit(
         let (found, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
-        let fitted = Model::of(Source { text, ..problem.source.clone() })?;
         let (document, space) =
             (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
         let page = move || report::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
-        Ok((document, Page::new(&model.source, page), space, fitted))
+        Ok((document, Page::new(&model.source, page), space, text))
     })
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::raised;
 use crate::laws;
+use crate::model::Model;
 use btr_physics::elsewhere::{self, Executor, Stopped, Way};
 use btr_physics::experiment::Source;
 use pyo3::prelude::*;
@@ -23,29 +24,30 @@ pub(crate) enum Hands {
     Object(Py<PyAny>),
 }
 
-/// How the work on a model is done. Laws that are functions of this program are called here, on one thread: only one can hold
-/// Python's lock.
-pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, source: &Source) -> PyResult<Arc<Way>> {
-    let has_functions = !source.laws.is_empty();
+/// How the work on a model is done. Functions of Python are called on one thread of a process: only one can hold Python's
+/// lock.
+pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, model: &Model) -> PyResult<Arc<Way>> {
     Ok(Arc::new(match hands {
-        Some(Hands::Object(_)) if has_functions => {
-            let help = "leave `executor` out, or write the law as an expression".to_owned();
-            return Err(raised("a law that is a function is called in this process alone", Some(help)));
-        }
-        _ if has_functions => Way::here(1),
-        None => Way::default(),
-        Some(Hands::Threads(threads)) => Way::here(threads),
         Some(Hands::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
-            Way::elsewhere(Box::new(Elsewhere { object, workers }))
+            let functions = laws::packed(py, &model.functions)?;
+            Way::elsewhere(Box::new(Elsewhere { object, workers, functions }))
         }
+        Some(Hands::Threads(threads)) if model.functions.is_empty() => Way::here(threads),
+        Some(Hands::Threads(_)) | None => here(&model.source),
     }))
+}
+
+/// The work on a model done by all threads, or by one.
+fn here(source: &Source) -> Way {
+    if source.laws.is_empty() { Way::default() } else { Way::here(1) }
 }
 
 /// Batches go out through a Python object: `work(parcels, batch) -> answer`.
 struct Elsewhere {
     object: Py<PyAny>,
     workers: usize,
+    functions: Vec<u8>,
 }
 
 /// What workers are told once; `key` is the same for the same content.
@@ -68,6 +70,10 @@ impl Parcel {
 impl Executor for Elsewhere {
     fn workers(&self) -> usize {
         self.workers
+    }
+
+    fn functions(&self) -> &[u8] {
+        &self.functions
     }
 
     fn work(&self, parcels: &[Arc<elsewhere::Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
@@ -98,7 +104,7 @@ fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     Ok(pool.install(work))
 }
 
-/// Answers a batch, wherever work is done: `parcels` are keys and contents.
+/// Answers a batch, wherever work is done: `parcels` are keys and contents. What a law's function raises is raised here.
 #[pyfunction]
 pub(crate) fn serve<'py>(
     py: Python<'py>,
@@ -107,8 +113,11 @@ pub(crate) fn serve<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let answer = py.detach(|| threaded(|| elsewhere::serve(&parcels, batch)))?.map_err(|why| raised(&why, None))?;
-    Ok(PyBytes::new(py, &answer))
+    let serve = || catch_unwind(AssertUnwindSafe(|| elsewhere::serve(&parcels, batch, &laws::unpacked)));
+    match py.detach(|| threaded(serve))? {
+        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why, None))?)),
+        Err(cause) => Err(cause_of(cause)),
+    }
 }
 
 /// Does work in a thread of its own while this one waits for it and for Ctrl-C. What was raised in it (by a listener, a
@@ -149,7 +158,7 @@ pub(crate) fn at_once<T: Send>(
     source: &Source,
     work: impl FnOnce() -> PyResult<T> + Send,
 ) -> PyResult<T> {
-    if source.laws.is_empty() { py.detach(|| threaded(work))? } else { working(py, &way(py, None, source)?, work) }
+    if source.laws.is_empty() { py.detach(|| threaded(work))? } else { working(py, &Arc::new(here(source)), work) }
 }
 
 /// What work unwound with, as an exception.

@@ -30,7 +30,7 @@ impl Served {
     /// A file that the model names and that cannot be read any more.
     pub fn new(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], way: Arc<Way>) -> Result<Self, String> {
         let local: Arc<dyn Family> = Arc::new(problem.beside.clone());
-        let parcel = way.executor.as_ref().map(|_| parcel(problem, learn, held_out)).transpose()?;
+        let parcel = way.executor.as_ref().map(|e| parcel(problem, learn, held_out, e.functions())).transpose()?;
         Ok(Served { parcel: parcel.map(Arc::new), ..Served::here(local, way) })
     }
 
@@ -73,14 +73,14 @@ pub(super) fn proof(family: &dyn Family) -> u64 {
     proof_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
 }
 
-fn parcel(problem: &Problem, learn: &[LogSource], held_out: &[LogSource]) -> Result<Parcel, String> {
+fn parcel(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], functions: &[u8]) -> Result<Parcel, String> {
     let read = |log: &LogSource| -> Result<(PathBuf, Log), String> {
         let path = std::path::absolute(log.path()).map_err(|e| e.to_string())?;
         Ok((path, experiment::recorded(&problem.source, log).map_err(|e| e.to_string())?))
     };
     let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
     Parcel::of(&Content::Problem {
-        model: Folder::pack(&problem.source, false)?,
+        model: Folder::pack(&problem.source, false, functions)?,
         learn: read(learn)?,
         held_out: read(held_out)?,
     })

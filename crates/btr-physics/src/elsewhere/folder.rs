@@ -1,6 +1,7 @@
 //! A model file with the files that it names, to be opened elsewhere.
 
 use crate::adapt::each_named_file;
+use crate::effect::Laws;
 use crate::experiment::Source;
 use serde::{Deserialize, Serialize};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -13,12 +14,17 @@ pub(super) struct Folder {
     name: PathBuf,
     text: String,
     files: Vec<(String, Vec<u8>)>,
+    /// The functions that its laws name, as an executor packed them.
+    functions: Vec<u8>,
 }
+
+/// Makes laws of packed functions.
+pub(super) type Functions<'a> = &'a dyn Fn(&[u8]) -> Result<Laws, String>;
 
 impl Folder {
     /// Packs a model file, with the logs of its `[reality]` if they are wanted. What names further files (an index of logs, a
     /// folder, a data set's episode) stays where it is, by its absolute path.
-    pub(super) fn pack(source: &Source, with_logs: bool) -> Result<Self, String> {
+    pub(super) fn pack(source: &Source, with_logs: bool, functions: &[u8]) -> Result<Self, String> {
         let mut document = source.text.parse::<DocumentMut>().map_err(|e| e.to_string())?;
         if let Some(reality) = document.get_mut("reality").filter(|_| !with_logs).and_then(|r| r.as_table_like_mut()) {
             for key in ["files", "held_out"] {
@@ -46,15 +52,21 @@ impl Folder {
             }
         });
         let name = PathBuf::from(source.path.file_name().unwrap_or("model.toml".as_ref()));
-        failed.map_or(Ok(Folder { name, text: document.to_string(), files }), Err)
+        let functions = functions.to_vec();
+        failed.map_or(Ok(Folder { name, text: document.to_string(), files, functions }), Err)
     }
 
     /// Lays the files out for as long as `open` takes.
-    pub(super) fn unpacked<T>(&self, open: impl FnOnce(Source) -> Result<T, String>) -> Result<T, String> {
+    pub(super) fn unpacked<T>(
+        &self,
+        functions: Functions,
+        open: impl FnOnce(Source) -> Result<T, String>,
+    ) -> Result<T, String> {
+        let laws = if self.functions.is_empty() { Laws::default() } else { functions(&self.functions)? };
         // Nobody else's: who shares a temporary folder may share process numbers, too.
         let folder = std::env::temp_dir().join(format!("btr-{:016x}", RandomState::new().build_hasher().finish()));
         let opened = self.lay_out(&folder).map_err(|e| format!("{}: {e}", folder.display()));
-        let opened = opened.and_then(|()| open(Source::new(folder.join(&self.name), &self.text)));
+        let opened = opened.and_then(|()| open(Source { laws, ..Source::new(folder.join(&self.name), &self.text) }));
         // What cannot be removed is left to who cleans temporary folders.
         let _ = std::fs::remove_dir_all(&folder);
         opened

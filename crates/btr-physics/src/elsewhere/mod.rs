@@ -31,6 +31,10 @@ const MOST_AT_ONCE: usize = 64;
 pub trait Executor: Send + Sync {
     /// How many batches are worked on at once.
     fn workers(&self) -> usize;
+    /// The functions that the model's laws name, as whoever calls [`serve`] can read them; nothing where it has none.
+    fn functions(&self) -> &[u8] {
+        &[]
+    }
     /// Has [`serve`] called elsewhere, and waits for the answer. Called from as many threads at once as there are workers.
     ///
     /// # Errors

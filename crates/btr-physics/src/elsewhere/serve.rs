@@ -2,6 +2,7 @@
 
 use super::cache::Cache;
 use super::family::proof;
+use super::folder::Functions;
 use super::message::{
     Answer, Batch, Candidate, Content, Derived, Order, Parcel, Points, Rated, Residuals, Sparse, name_of,
 };
@@ -27,21 +28,22 @@ static PROBLEMS: Cache<Known> = Cache::new(4);
 static TESTS: Cache<Known> = Cache::new(256);
 
 /// Answers a batch: `parcels` are keys and contents, the first of them what the batch is about. To be called wherever work is
-/// done, in one thread; what a parcel takes to be opened is done once in a process.
+/// done, in one thread; what a parcel takes to be opened is done once in a process. `functions` makes laws of what
+/// [`Executor::functions`](super::Executor::functions) packed.
 ///
 /// # Errors
 /// Parcels of another version, files that are not there.
-pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8]) -> Result<Vec<u8>, String> {
+pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Result<Vec<u8>, String> {
     let ((key, content), tests) = parcels.split_first().ok_or("no parcel")?;
     let (batch, asked) = (name_of(batch), postcard::from_bytes(batch).map_err(|e| e.to_string())?);
-    let known = PROBLEMS.get(*key, || open(Parcel::content(content)?))?;
+    let known = PROBLEMS.get(*key, || open(Parcel::content(content)?, functions))?;
     let answer = match (&*known, asked) {
         (Known::Family { family, proof }, Batch::Points(points)) => {
             let results = residuals(family.as_ref(), *key, &points)?;
             postcard::to_allocvec(&Answer { proof: *proof, batch, results })
         }
         (Known::Simulations { model, distance, proof }, Batch::Population(candidates)) => {
-            let open = |(key, content): &(u64, &[u8])| TESTS.get(*key, || open(Parcel::content(content)?));
+            let open = |(key, content): &(u64, &[u8])| TESTS.get(*key, || open(Parcel::content(content)?, functions));
             let tests = tests.iter().map(open).collect::<Result<Vec<_>, String>>()?;
             let tests: Vec<&Behaviour> = tests
                 .iter()
@@ -58,16 +60,16 @@ pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8]) -> Result<Vec<u8>, String> 
     answer.map_err(|e| e.to_string())
 }
 
-fn open(content: Content) -> Result<Known, String> {
+fn open(content: Content, functions: Functions) -> Result<Known, String> {
     match content {
-        Content::Problem { model, learn, held_out } => model.unpacked(|source| {
+        Content::Problem { model, learn, held_out } => model.unpacked(functions, |source| {
             let made = |logs: Vec<_>| -> Vec<LogSource> {
                 logs.into_iter().map(|(name, log)| LogSource::Made { name, log }).collect()
             };
             let problem = Problem::new(source, &made(learn), &made(held_out)).map_err(|e| e.to_string())?;
             Ok(Known::Family { proof: proof(&problem.beside), family: Box::new(problem.beside) })
         }),
-        Content::Experiment { experiment, distance, robot } => experiment.unpacked(|source| {
+        Content::Experiment { experiment, distance, robot } => experiment.unpacked(functions, |source| {
             let model = experiment::simulations(&source, robot).map_err(|e| e.to_string())?;
             let spec: DistanceSpec = serde_json::from_str(&distance).map_err(|e| e.to_string())?;
             Ok(Known::Simulations { proof: simulator::proof(&model), model: Box::new(model), distance: spec.build() })

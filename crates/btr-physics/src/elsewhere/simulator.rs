@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use super::message::{Batch, Candidate, Content, Order, Parcel, Rated, proof_of};
-use super::{MOST_AT_ONCE, Way};
+use super::{Executor, MOST_AT_ONCE, Way};
 use crate::experiment::Source;
 use crate::model::Model;
 use btr_core::distance::DistanceSpec;
@@ -40,10 +40,9 @@ impl<'a> ServedModel<'a> {
         way: &'a Way,
         parcels: &'a Parcels,
     ) -> Result<Self, String> {
-        let experiment = match way.executor {
-            Some(_) => Some(parcels.experiment(local, source, (distance, robot))?),
-            None => None,
-        };
+        let parcel =
+            |executor: &dyn Executor| parcels.experiment(local, source, (distance, robot), executor.functions());
+        let experiment = way.executor.as_deref().map(parcel).transpose()?;
         Ok(ServedModel { local, way, parcels, experiment })
     }
 }
@@ -54,13 +53,14 @@ impl Parcels {
         model: &Model,
         source: &Source,
         (distance, robot): (&DistanceSpec, bool),
+        functions: &[u8],
     ) -> Result<(Arc<Parcel>, u64), String> {
         let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, parcel, proof)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
             return Ok((parcel.clone(), *proof));
         }
         let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
-        let experiment = Folder::pack(source, !robot)?;
+        let experiment = Folder::pack(source, !robot, functions)?;
         let parcel = Parcel::of(&Content::Experiment { experiment, distance, robot })?;
         let (parcel, proof) = (Arc::new(parcel), proof(model));
         *known = Some((source.text.clone(), parcel.clone(), proof));

@@ -10,7 +10,7 @@ fall.
 
 A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column `t`
 in seconds. Errors are `BtrError`, with what to do about it. Everything that simulates runs on all cores without holding
-Python's lock, but for laws that are functions (`Model.add_law`).
+Python's lock; with laws that are functions (`Model.add_law`) it takes several processes to do so (`btr.executors`).
 """
 
 from btr import distance, executors, search

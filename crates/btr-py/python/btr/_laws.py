@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Union
 
 from btr._btr import BtrError
@@ -74,18 +74,47 @@ class _ByValue:
         self._law = law
 
     def __reduce__(self) -> tuple[Any, tuple[bytes]]:
-        try:
-            cloudpickle = importlib.import_module("cloudpickle")
-        except ImportError:
+        cloudpickle = _cloudpickle()
+        if cloudpickle is None:
             raise pickle.PicklingError(
                 f"{self._law!r} cannot be imported by its name: put it in a module, or install cloudpickle"
-            ) from None
+            )
         return pickle.loads, (cloudpickle.dumps(self._law),)
+
+
+def _cloudpickle() -> Any:
+    """The package, or Ray's copy of it; None where neither is there."""
+    for name in ("cloudpickle", "ray.cloudpickle"):
+        try:
+            return importlib.import_module(name)
+        except ImportError:
+            continue
+    return None
 
 
 def for_pickles(laws: Mapping[str, Law]) -> dict[str, Law | _ByValue]:
     """Functions as pickles hold them: by their names where they can be imported."""
     return {name: law if _is_importable(law) else _ByValue(law) for name, law in laws.items()}
+
+
+def packed(laws: Sequence[tuple[str, Law]]) -> bytes:
+    """Functions for other processes; raises `BtrError` for one that cannot go there."""
+    try:
+        return pickle.dumps([(name, _travelling(law)) for name, law in laws])
+    except pickle.PicklingError as error:
+        raise BtrError(f"a law cannot be called elsewhere: {error}") from None
+
+
+def _travelling(law: Law) -> Law | _ByValue:
+    # What a notebook or script defines is there under its name only in processes that run the same one.
+    is_at_home = getattr(law, "__module__", None) == "__main__" and _cloudpickle() is not None
+    return law if _is_importable(law) and not is_at_home else _ByValue(law)
+
+
+def unpacked(content: bytes) -> list[tuple[str, Law]]:
+    """What another process packed."""
+    laws: list[tuple[str, Law]] = pickle.loads(content)
+    return laws
 
 
 def _is_importable(law: Law) -> bool:

@@ -3,7 +3,8 @@
 `executor=` of `coevolve`, `diagnose` and `fit` is `None` (all threads of this machine), a number of threads, `"ray"`,
 anything with `submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes here. What
 comes out is the same, bit by bit, whoever does the work: no random number is drawn by workers, and each of them proves that
-it computes what is computed here.
+it computes what is computed here. Laws that are functions (`Model.add_law`) go along, by their names where they can be
+imported, else with cloudpickle's help.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ class Model:
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
         same numbers) in it, free to fit. Raises `BtrError` for an effect or a site that is not there."""
-        return self._with_text(self._model.add(list(effects)).text)
+        return self._with_text(self._model.add(list(effects)))
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
         """The model with a physical effect of your own at the joints `site`: on their `torque` (beside the motor's, in N·m or
@@ -135,7 +135,7 @@ class Model:
         fit looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
 
         A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them
-        on one core. 4 s of a desk arm in steps of 1 ms take 8 ms, and 2.7 ms with the expression. Its answer may depend on
+        on one core, unless `executor=` of a verb hands the work to several processes. 4 s of a desk arm in steps of 1 ms take 8 ms, and 2.7 ms with the expression. Its answer may depend on
         nothing but its arguments: it is asked more than once in a step, for velocities nearby too, and on a thread of its
         own. What it raises ends the verb and arrives; an answer that is not finite is a `BtrError`. It stays in memory once
         it was used. The text has its name only: whoever reads a saved file gives the function along (`load_model(...,
@@ -391,4 +391,4 @@ def fit(
     model, hands = _loaded(model), hands_of(executor)
     added = [add] if isinstance(add, str) else list(add)
     document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), added, tell, hands)
-    return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted.text))
+    return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted))
