@@ -8,7 +8,7 @@ use btr_core::random::{Rng, stream};
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};
-use btr_physics::experiment::{Source, model, start_of};
+use btr_physics::experiment::{Source, model, starts};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{Base, JointKind, Robot};
 use btr_physics::sim;
@@ -136,8 +136,7 @@ impl Reality {
         let logs: Vec<Log> = (0..self.model.scenarios.len()).map(|i| self.record(&truth, placed, i)).collect();
         let mut model = clone(&self.model, self.learn);
         for (scenario, log) in model.scenarios.iter_mut().zip(&logs) {
-            let begins = |joint: &str| start_of(log, joint).unwrap_or_default();
-            scenario.start = self.model.robot.movable().map(|(_, link)| begins(&link.joint.name)).collect();
+            scenario.start = starts(log, &self.model.robot).unwrap_or_else(|e| quit(&e));
         }
         Beside::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
     }

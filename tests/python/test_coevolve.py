@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -243,19 +244,47 @@ def test_the_readme_says_what_an_experiment_needs(tmp_path: Path) -> None:
     assert btr.load_model(found.adapted).values["mass@bob"] == pytest.approx(1.3, rel=1e-3)
 
 
-def test_ctrl_c_ends_a_population() -> None:
-    script = (
-        "import btr, numpy as np\n"
-        f"nao = btr.load_model({str(ROBOTS / 'nao.toml')!r})\n"
-        "print(1, flush=True)\n"
-        "nao.simulate_all(np.tile(list(nao.values.values()), (100_000, 1)))\n"
+LIFT = """<robot name="lift"><link name="frame"/>
+<joint name="slide" type="prismatic"><parent link="frame"/><child link="carriage"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1000" velocity="10"/></joint>
+<link name="carriage"><inertial><mass value="5"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+def test_a_slide_is_told_metres(experiment: btr.Model, tmp_path: Path) -> None:
+    (tmp_path / "lift.urdf").write_text(LIFT)
+    head, loop = (
+        'name = "lift"\n[robot]\nurdf = "lift.urdf"\nbase = "fixed"\n[actuators."*"]\nkind = "position"\nkp = 500.0\nkd = 50.0\n',
+        experiment.text[experiment.text.index("[drive]") : experiment.text.index("[reality]")],
     )
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-        assert run.stdout is not None and run.stdout.readline() == "1\n"
-        run.send_signal(signal.SIGINT)
-        # All of them would take minutes, and more memory than there is.
-        _, errors = run.communicate(timeout=60)
-    assert errors.rstrip().endswith("KeyboardInterrupt")
+    search = experiment.text[experiment.text.index("[coevolve]") :]
+    parameters = '[parameters]\n"mass@carriage" = { relative = [0.5, 1.5] }\n[simulation]\nduration_s = 1.0\n'
+    lift = btr.Model(head + parameters + loop + search, tmp_path / "lift.toml")
+    assert {dim["name"]: dim["unit"] for dim in lift.controllers}["amplitude@slide"] == "m"
+
+    def robot(controller: btr.Controller) -> btr.Log:
+        raise Unplugged(controller.references.unit("cmd_slide"))
+
+    with pytest.raises(Unplugged, match="^m$"):
+        btr.coevolve(lift, robot, out=tmp_path / "run")
+
+
+def test_ctrl_c_comes_out_of_a_population() -> None:
+    nao = btr.load_model(ROBOTS / "nao.toml")
+    rows = [list(nao.values.values())] * 4000
+    interrupt = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    interrupt.start()
+    with pytest.raises(KeyboardInterrupt) as raised:
+        nao.simulate_all(rows)
+    assert raised.traceback[-1].name == "simulate_all"
+
+
+def test_an_iteration_prints_in_a_line(undisturbed: dict) -> None:
+    first = undisturbed["iterations"][0]
+    line = r"iteration 1: 2 real tests; phi [\d.e-]+, [\d.e-]+ for the one before on fresh tests; fitness [\d.]+ promised, [\d.]+ real"
+    assert re.fullmatch(line, str(btr.Iteration(first))), str(btr.Iteration(first))
+    nothing = dict.fromkeys(["phi_predicted", "fitness_sim", "fitness_real"])
+    assert str(btr.Iteration(first | nothing | {"phi": 0.25})) == "iteration 1: 2 real tests; phi 0.25"
 
 
 def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -> None:

@@ -48,12 +48,14 @@ def assert_the_same(arm: btr.Model, executor: object, alone: tuple, folder: Path
     assert history(folder, executor) == alone[2]
 
 
-@pytest.mark.parametrize("workers", [0, -1])
-def test_nobody_cannot_work(workers: int) -> None:
+@pytest.mark.parametrize("workers", [0, -1, 2.5, True])
+def test_nobody_and_a_half_cannot_work(workers: float) -> None:
     with pytest.raises(ValueError, match=f"workers={workers}"):
         executors.Ray(workers)
     with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match=f"workers={workers}"):
         executors.Futures(pool, workers)
+    with pytest.raises(ValueError, match=f"executor={workers}"):
+        executors.hands_of(workers)
 
 
 def test_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:

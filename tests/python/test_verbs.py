@@ -97,8 +97,9 @@ def test_a_population_is_what_its_members_are_alone(arm: btr.Model) -> None:
 def test_numbers_in_doubt_have_names(arm: btr.Model) -> None:
     other = arm.at({"mass@upper": 0.5})
     assert other.values == {**arm.values, "mass@upper": 0.5} and other.parameters[0] == arm.parameters[0]
-    assert arm.at(list(other.values.values())) == other == arm.at(other.values) and "kp@yaw" in other.text
-    assert other.at(arm.values).values == arm.values
+    assert arm.at(list(other.values.values())).values == other.values == arm.at(other.values).values
+    assert other.at(arm.values).values == arm.values and arm.at({}) == arm
+    assert all("mass@upper" in line for line in other.text.splitlines() if line not in arm.text)
     tried = arm.simulate_all({"mass@upper": [arm.values["mass@upper"], 0.5], "mass@turret": arm.values["mass@turret"]})
     assert tried == [arm.simulate(), other.simulate()] and tried[0] != tried[1]
     frame = pytest.importorskip("pandas").DataFrame({"mass@upper": [0.5]})
@@ -110,6 +111,11 @@ def test_names_may_be_patterns(arm: btr.Model, tmp_path: Path) -> None:
     odd = tmp_path / "[1].csv"
     odd.write_bytes(Path(LEARN[0]).read_bytes())
     assert btr.compare(arm, odd).channels == btr.compare(arm, LEARN[0]).channels
+    deeper = tmp_path / "a" / "b"
+    deeper.mkdir(parents=True)
+    (deeper / "deep.csv").write_bytes(odd.read_bytes())
+    once = btr.check(arm, [odd, f"{tmp_path}/**/deep.csv", f"{tmp_path}/a/*/d*.csv"])
+    assert [Path(log["log"]).name for log in once.logs] == ["[1].csv", "deep.csv"]
     with pytest.raises(btr.BtrError, match=r"monday_\*.csv: no file is called like that"):
         btr.compare(arm, "monday_*.csv")
 
@@ -154,9 +160,13 @@ def test_effects_are_told() -> None:
 @pytest.mark.parametrize(
     ("wrong", "error", "message"),
     [
-        (lambda arm: arm.at({"mass@uper": 1.0}), btr.BtrError, "did you mean mass@upper"),
+        (lambda arm: arm.at({"mass@uper": 1.0}), btr.BtrError, "did you mean `mass@upper`"),
         (lambda arm: arm.at({"mass@upper": -1.0}), btr.BtrError, "lies outside its bounds"),
-        (lambda arm: arm.at([1.0]), ValueError, r"shape \(1, 1\) where \(1, 9\)"),
+        (lambda arm: arm.at([1.0]), ValueError, r"shape \(1,\) where \(9,\)"),
+        (lambda arm: arm.simulate_all({"kp@yaww": [20.0]}), btr.BtrError, "none of the model's parameters is called `kp@yaww`"),
+        (lambda arm: arm.simulate_all(controllers={"gain": [1.0]}), btr.BtrError, "there are no controllers"),
+        (lambda arm: arm.simulate_all({}), ValueError, "or columns by name"),
+        (lambda arm: arm.simulate_all(controllers=[[]], log=LEARN[0]), ValueError, "controllers have no say"),
         (lambda arm: arm.simulate_all({"mass@upper": [0.5], "mass@turret": [1.0, 2.0]}), ValueError, r"shape \(1,\)"),
         (lambda arm: arm.simulate_all(), ValueError, "needs parameters, controllers, or both"),
         (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\) where \(1, 9\)"),

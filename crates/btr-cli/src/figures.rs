@@ -28,7 +28,7 @@ pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Resu
     let (before, after) = (simulate(run.state().start())?, simulate(run.state().simulation())?);
     let joints = tracking(real, &before, &after);
     if !joints.is_empty() {
-        files.push(run.write("figure5.svg", figure5(&joints, "rad").as_bytes())?);
+        files.push(run.write("figure5.svg", figure5(&joints).as_bytes())?);
     }
     let meta = meta(experiment, run)?;
     for (name, log) in [("real", real), ("simulated_before", &before), ("simulated_after", &after)] {
@@ -91,6 +91,7 @@ fn tracking(real: &Log, before: &Log, after: &Log) -> Vec<Tracking> {
             };
             let tracking = Tracking {
                 joint: joint.to_owned(),
+                unit: real.channel(&format!("q_{joint}"))?.unit.clone(),
                 time_s: real.clock_s().to_vec(),
                 reference: at(real, "cmd")?,
                 real: at(real, "q")?,

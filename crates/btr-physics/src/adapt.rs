@@ -34,26 +34,26 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
         document.remove(section);
     }
     anchor(&mut document, source.folder(), into);
-    write_values(&mut document, space, s);
+    write_values(&mut document, space.dims().iter().map(|dim| dim.name.as_str()).zip(s.iter().copied()));
     say_what_wins(&mut document);
     Ok(with_schema(&document.to_string(), source.folder(), into))
 }
 
-/// The text of a file whose parameters in doubt have the values of `s`; all else is as it was.
+/// The text of a file of whose parameters in doubt these have other values; all else is as it was.
 ///
 /// # Errors
 /// See [`adapted`].
-pub fn at(text: &str, space: &Space, s: &[f64]) -> Result<String, TomlError> {
+pub fn at<'a>(text: &str, values: impl IntoIterator<Item = (&'a str, f64)>) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    write_values(&mut document, space, s);
+    write_values(&mut document, values);
     Ok(document.to_string())
 }
 
-fn write_values(document: &mut DocumentMut, space: &Space, s: &[f64]) {
-    for (dim, value) in space.dims().iter().zip(s) {
-        let Some(parameter) = document["parameters"].get_mut(&dim.name) else { continue };
+fn write_values<'a>(document: &mut DocumentMut, values: impl IntoIterator<Item = (&'a str, f64)>) {
+    for (name, value) in values {
+        let Some(parameter) = document["parameters"].get_mut(name) else { continue };
         if let Some(parameter) = parameter.as_table_like_mut() {
-            parameter.insert("value", toml_edit::value(*value));
+            parameter.insert("value", toml_edit::value(value));
         }
         if let Some(inline) = parameter.as_inline_table_mut() {
             inline.fmt();

@@ -4,12 +4,14 @@ use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::family::{Family, Step};
 use btr_core::log::Log;
 use btr_core::world::{Job, Made, Simulator, Wanted};
-use btr_physics::elsewhere::{Executor, Parcel, Parcels, Served, ServedModel, Way, serve};
+use btr_physics::elsewhere::{Executor, Parcel, Parcels, Served, ServedModel, Stopped, Way, serve};
 use btr_physics::experiment::{LogSource, Source, model};
 use btr_physics::verbs::Problem;
 use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 type Tested<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -96,6 +98,25 @@ fn families_that_were_derived_of_others() -> Tested<()> {
         }
     }
     assert!(derived > 0, "no family was derived of another one");
+    Ok(())
+}
+
+#[test]
+fn what_is_stopped_simulates_no_further() -> Tested<()> {
+    let model = model(&robots("pendulum.toml")?)?;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; 4096];
+    let way = Way::default();
+    let heed = || {
+        if model.rollouts.load(Ordering::Relaxed) > 0 {
+            way.stop();
+        }
+        way.heed();
+    };
+    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_all(&jobs, &heed)));
+    assert!(ended.is_err_and(|cause| cause.is::<Stopped>()));
+    let simulated = model.rollouts.load(Ordering::Relaxed);
+    assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");
     Ok(())
 }
 

@@ -16,9 +16,6 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// So many rollouts are a matter of seconds, and enough for many cores.
-const AT_ONCE: usize = 1024;
-
 /// A robot's model: the text of its file, and where relative paths in it begin.
 #[pyclass(frozen, module = "btr", name = "Model")]
 pub(crate) struct Model {
@@ -85,11 +82,20 @@ impl Model {
         (self.built.simulations().nominal(), self.built.controllers().nominal())
     }
 
-    /// The text of the model with another nominal point of S.
-    fn at(&self, s: Vec<f64>) -> PyResult<String> {
-        let space = self.built.simulations();
+    /// The text of the model with other nominal values of these dimensions of S.
+    fn at(&self, values: Vec<(usize, f64)>) -> PyResult<String> {
+        let (space, mut s) = (self.built.simulations(), self.built.simulations().nominal());
+        values.iter().for_each(|&(k, value)| s[k] = value);
         space.check(&s).map_err(|e| raised(&e.to_string(), None))?;
-        at(&self.source.text, space, &s).map_err(|e| raised(&e.to_string(), None))
+        let values = values.iter().map(|&(k, value)| (space.dims()[k].name.as_str(), value));
+        at(&self.source.text, values).map_err(|e| raised(&e.to_string(), None))
+    }
+
+    /// Where the names are among the dimensions of S, or of C, which are called `what`.
+    fn places(&self, of_controllers: bool, names: Vec<String>, what: &str) -> PyResult<Vec<usize>> {
+        let space = if of_controllers { self.built.controllers() } else { self.built.simulations() };
+        let place = |name: &String| space.index_of(name).ok_or_else(|| unknown(name, space, what));
+        names.iter().map(place).collect()
     }
 
     /// Writes the model file, whole or not at all; the files that it names are found from there.
@@ -138,9 +144,7 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            // Ctrl-C is heeded in between.
-            let few = jobs.chunks(AT_ONCE).take_while(|_| !way.is_stopped());
-            Ok(few.flat_map(|jobs| model.simulate_all(jobs)).collect::<Vec<_>>())
+            Ok(model.simulate_all(&jobs, &|| way.heed()))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::new(numbered("simulated"), log.ok()?)));
         Ok(logs.collect())
@@ -162,6 +166,16 @@ impl Model {
         let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();
         verbs::add_law(&self.source, &OwnLaw { law, site, on, numbers }).map_err(Raise::raise)
     }
+}
+
+fn unknown(name: &str, space: &Space, what: &str) -> PyErr {
+    let known = || space.dims().iter().map(|dim| dim.name.as_str());
+    let all = || match space.is_empty() {
+        true => format!("there are no {what}"),
+        false => format!("there are {}", known().collect::<Vec<_>>().join(", ")),
+    };
+    let help = experiment::suggestion(name, known()).unwrap_or_else(all);
+    raised(&format!("none of the model's {what} is called `{name}`"), Some(help))
 }
 
 /// Whether points are in their spaces: what is outside is a mistake, not a simulation that failed.

@@ -52,8 +52,9 @@ pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
     Ok(btr_cli::effects(name).map_err(Raise::raise)?.to_string())
 }
 
-/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`, which may raise to end it, is called with every step of the
-/// ladder: what was done, the error on the logs to learn from and on those held out, in multiples of the noise floor.
+/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`, which
+/// may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and on
+/// those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,

@@ -128,11 +128,13 @@ fn by_generation(individuals: &[Individual]) -> Vec<Vec<&Individual>> {
     generations
 }
 
-/// One joint over time, in rad (m for slides).
+/// One joint over time.
 #[derive(Clone, Debug)]
 pub(crate) struct Tracking {
     /// The joint's name.
     pub(crate) joint: String,
+    /// Of its positions.
+    pub(crate) unit: String,
     /// In s.
     pub(crate) time_s: Vec<f64>,
     /// What the joint was told.
@@ -146,13 +148,13 @@ pub(crate) struct Tracking {
 }
 
 /// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after (right).
-pub(crate) fn figure5(joints: &[Tracking], unit: &str) -> String {
+pub(crate) fn figure5(joints: &[Tracking]) -> String {
     let panel = |joint: &Tracking, when: &str, simulated: &[f64]| {
         let curve = |values: &[f64]| joint.time_s.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
         Panel {
             title: format!("{}, {when}", joint.joint),
             x_label: "time (s)".into(),
-            y_label: format!("position ({unit})"),
+            y_label: format!("position ({})", joint.unit),
             series: vec![
                 Series::new("reference", Ink::Truth, Mark::Dashes, curve(&joint.reference)),
                 Series::new("real", Ink::Second, Mark::Line, curve(&joint.real)),

@@ -17,8 +17,8 @@ pub const DRIVES: &[(&str, &str)] = &[
     ("replay", "the commands of a recorded log, held between samples"),
 ];
 
-/// Largest amplitude of the sine drive unless the experiment says otherwise, in rad.
-const SINE_AMPLITUDE_RAD: f64 = 0.6;
+/// Largest amplitude of the sine drive unless the experiment says otherwise, in the unit of the commands.
+const SINE_AMPLITUDE: f64 = 0.6;
 
 /// A kind of drive with what it needs.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ fn sine_dims(robot: &Robot) -> Vec<Dim> {
         .flat_map(|joint| {
             let name = &joint.name;
             [
-                Dim::new(format!("amplitude@{name}"), joint.command_unit(), 0.0, SINE_AMPLITUDE_RAD),
+                Dim::new(format!("amplitude@{name}"), joint.command_unit(), 0.0, SINE_AMPLITUDE),
                 Dim::new(format!("phase@{name}"), "rad", -PI, PI),
             ]
         })

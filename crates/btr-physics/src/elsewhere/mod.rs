@@ -85,8 +85,8 @@ impl Way {
         Ok(pool.map_err(|e| format!("there cannot be {threads} threads: {e}"))?.install(work))
     }
 
-    /// Unwinds where the work was stopped.
-    fn heed(&self) {
+    /// Unwinds with [`Stopped`] where the work was stopped.
+    pub fn heed(&self) {
         if self.is_stopped() {
             resume_unwind(Box::new(Stopped));
         }

@@ -23,4 +23,4 @@ pub use parse::{FileError, Source, nearest, suggestion};
 pub(crate) use pieces::timely;
 pub use replays::{Checked, Replays, replays};
 pub use single::{model, model_driven_by, model_replaying, recorded};
-pub use start::start_of;
+pub use start::starts;

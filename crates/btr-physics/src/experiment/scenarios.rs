@@ -4,7 +4,7 @@ use super::file::{Choice, ColumnSection, File, LogsSection};
 use super::log_source::LogSource;
 use super::parse::{FileError, Source, nearest};
 use super::pieces::{self, Piece, about};
-use super::start;
+use super::start::starts;
 use crate::drive::Replay;
 use crate::model::Scenario;
 use crate::parameter::Target;
@@ -261,7 +261,7 @@ impl Reader<'_> {
             replay: Some(Arc::new(Replay::new(&piece.log, self.robot))),
             duration_s: piece.log.duration_s(),
             begins_s: piece.begins_s,
-            start: start::of_all(&piece.log, self.robot).map_err(|e| self.lacking(&piece.path, &e))?,
+            start: starts(&piece.log, self.robot).map_err(|e| self.lacking(&piece.path, &e))?,
             ..Scenario::default()
         })
     }

@@ -7,7 +7,10 @@ use btr_core::smooth;
 
 /// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
 /// say what a joint with a motor was told cannot be replayed.
-pub(super) fn of_all(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
+///
+/// # Errors
+/// Commands that are missing.
+pub fn starts(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
     robot
         .movable()
         .map(|(_, link)| {
@@ -22,7 +25,7 @@ pub(super) fn of_all(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogErr
 
 /// Where a joint is when the log begins, and how fast it moves: as the first positions together tell: a single
 /// reading errs by the sensor's noise, and a difference of two by far more. A log without noise is taken at its word.
-pub fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
+fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     let first = |prefix: &str| {
         let channel = log.channel(&format!("{prefix}_{joint}"))?;
         channel.values.iter().copied().find(|x| x.is_finite())

@@ -109,9 +109,14 @@ impl Model {
 
     /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side
     /// by side where they follow each other.
-    pub fn simulate_all(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
+    /// `heed` is called before every few of them; what it unwinds with ends the rest.
+    pub fn simulate_all(&self, jobs: &[Job], heed: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
         let at_once = parallel::side_by_side(abreast::at_most(), jobs.len());
-        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(|few| self.few(few)).collect()
+        let heeding = |few| {
+            heed();
+            self.few(few)
+        };
+        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(heeding).collect()
     }
 
     fn few(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {

@@ -30,13 +30,14 @@ pub struct NextExperiment {
     pub kind: String,
     /// The joints that move; the others hold the middle of their ranges.
     pub joints: Vec<String>,
-    /// How far the favourite and its nearest rival are apart, in multiples of the noise floor.
+    /// How far the favourite and the nearest of the rivals that it tells apart are from each other, in multiples of the noise
+    /// floor.
     pub separation: f64,
     /// The same in the logs that there are.
     pub separation_so_far: f64,
     /// What to do and why.
     pub sentence: String,
-    /// Whom it is to tell from the favourite.
+    /// Everybody who is alike, whether it tells them from the favourite or not.
     pub rivals: Vec<Rival>,
     /// The commands.
     #[serde(skip)]
@@ -52,8 +53,8 @@ pub struct Rival {
     pub separation: f64,
 }
 
-/// The drive that tells the first of `rivals` (candidates with their points) best from the others; none where no drive does it
-/// better than the logs did, or where there are none to tell apart.
+/// The drive that tells the first of `rivals` (candidates with their points) best from the others; none where no drive tells
+/// it from anybody or does so better than the logs did, and where there are none to tell apart.
 ///
 /// # Errors
 /// A model that blows up on its own logs.
@@ -88,23 +89,23 @@ fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, so_far: &[f
     let (told, alike): (Told, Told) =
         rivals.iter().zip(so_far.iter().copied()).partition(|(rival, _)| rival.separation >= APART);
     let names = |rivals: &Told| rivals.iter().map(|(rival, _)| rival.effect.as_str()).collect::<Vec<_>>().join(", ");
+    let separation = least(told.iter().map(|(rival, _)| rival.separation));
+    let separation_so_far = least(told.iter().map(|(_, so_far)| *so_far));
     let mut sentence = format!(
-        "Drive {} with {}: {favourite} and {} then differ by at least {:.1} noise floors, in these logs by {:.1}",
+        "Drive {} with {}: {favourite} and {} then differ by at least {separation:.1} noise floors, in these logs by {separation_so_far:.1}",
         drive.joints.join(", "),
         drive.told,
         names(&told),
-        least(told.iter().map(|(rival, _)| rival.separation)),
-        least(told.iter().map(|(_, so_far)| *so_far)),
     );
     if !alike.is_empty() {
-        sentence += &format!("; no motion in their range tells it from {}", names(&alike));
+        sentence += &format!("; this does not tell it from {}", names(&alike));
     }
     sentence.push('.');
     NextExperiment {
         kind: drive.kind.to_owned(),
         joints: drive.joints.clone(),
-        separation: least(rivals.iter().map(|rival| rival.separation)),
-        separation_so_far: least(so_far.iter().copied()),
+        separation,
+        separation_so_far,
         sentence,
         rivals,
         commands: Some(drive.commands.clone()),

@@ -21,6 +21,15 @@ def cell(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+def interval(parameter: dict[str, Any]) -> str:
+    """The 95 % interval of a fitted number, or why there is none."""
+    if parameter["at_bound"]:
+        return "at its bound"
+    ci95 = parameter["ci95"]
+    by = " (by its bounds)" if parameter["by_bounds"] else ""
+    return "withheld" if ci95 is None else f"{cell(ci95[0])} .. {cell(ci95[1])}{by}"
+
+
 def text(rows: Rows) -> str:
     """The rows in columns of equal width."""
     if not rows:

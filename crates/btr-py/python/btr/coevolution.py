@@ -52,7 +52,6 @@ class Iteration(dict[str, Any]):
         return f"iteration {self['i']}: {self['real_tests']} real tests; phi {cell(self['phi'])}{before}{fitness}"
 
 
-
 def coevolve(
     experiment: Model | str | PathLike[str],
     reality: Reality | None = None,

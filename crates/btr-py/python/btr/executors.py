@@ -59,8 +59,7 @@ class Futures:
             kind = type(executor).__name__
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
         self._executor = executor
-        self._workers = _workers_of(executor) if workers is None else workers
-        _must_be_some(self._workers)
+        self._workers = _must_be_some(_workers_of(executor) if workers is None else workers)
         self._shared = _Shared(self._scatter if callable(getattr(executor, "scatter", None)) else None)
 
     @property
@@ -79,9 +78,11 @@ class Futures:
         return answer
 
 
-def _must_be_some(workers: int) -> None:
-    if not 1 <= workers <= _MOST_THREADS:
-        raise ValueError(f"workers={workers!r}: 1 to {_MOST_THREADS}")
+def _must_be_some(workers: Any, what: str = "workers") -> int:
+    """A number of workers or threads; raises `ValueError` for what is none."""
+    if not isinstance(workers, numbers.Integral) or isinstance(workers, bool) or not 1 <= int(workers) <= _MOST_THREADS:
+        raise ValueError(f"{what}={workers!r}: a whole number from 1 to {_MOST_THREADS}")
+    return int(workers)
 
 
 def _workers_of(executor: Any) -> int:
@@ -104,15 +105,14 @@ class Ray:
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
         """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches
         are worked on at once: as many as the cluster has processors, unless given."""
-        if workers is not None:
-            _must_be_some(workers)
+        given = None if workers is None else _must_be_some(workers)
         ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})
         self._ray = ray
         self._serve = ray.remote(num_cpus=1, max_retries=retries)(serve)
         processors = int(ray.cluster_resources().get("CPU", 1))
-        self._workers = max(1, processors) if workers is None else workers
+        self._workers = max(1, processors) if given is None else given
         self._shared = _Shared(ray.put)
 
     @property
@@ -155,10 +155,8 @@ def hands_of(executor: ExecutorLike) -> int | Hands | None:
     """What `executor=` means; raises `TypeError` or `ValueError` where that is nothing."""
     if executor is None or (isinstance(executor, str) and executor == "threads"):
         return None
-    if isinstance(executor, numbers.Integral):
-        if isinstance(executor, bool) or not 1 <= int(executor) <= _MOST_THREADS:
-            raise ValueError(f"executor={executor!r}: a number of threads is 1 to {_MOST_THREADS}")
-        return int(executor)
+    if isinstance(executor, numbers.Real):
+        return _must_be_some(executor, "executor")
     if isinstance(executor, str):
         if executor == "ray":
             return Ray()

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from btr._optional import needed
-from btr._tables import cell
+from btr._tables import cell, interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,8 +123,7 @@ def _values(found: FitResult, ax: Axes) -> Axes:
 def _told(parameter: dict[str, Any]) -> str:
     """A value with its interval, which is often too narrow to be seen between the bounds."""
     unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-    interval = "" if parameter["ci95"] is None else f"  ({' .. '.join(map(cell, parameter['ci95']))})"
-    return f"{cell(parameter['value'])}{unit}{interval}"
+    return f"{cell(parameter['value'])}{unit}: {interval(parameter)}"
 
 
 def _share(dim: dict[str, Any], value: float | None) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from btr import _tables, plots
 from btr._btr import Log, Page, write_report
-from btr._tables import Rows, cell
+from btr._tables import Rows, cell, interval
 
 if TYPE_CHECKING:
     import pandas
@@ -146,13 +146,13 @@ class DiagnoseResult(Reported):
     def __init__(self, document: dict[str, Any], page: Page, next_commands: Log | None) -> None:
         super().__init__(document, page)
         self.next_commands = next_commands
-        """The commands of `next_experiment` for the robot: `cmd_<joint>`, each held until the next; None where there are
-        none."""
+        """The commands of `next_experiment` for the robot: `cmd_<joint>`, each held until the next, NaN where the joint's
+        motor is off; None where there are none."""
 
     @property
     def residual_law(self) -> dict[str, Any] | None:
         """What the error looks like where no effect explains it, as a formula: `law`, `site` and `on` are what
-        `Model.add_law` takes. None where there is nothing to tell."""
+        `Model.add_law` takes, of a model that has the effects in `beside`. None where there is nothing to tell."""
         return self.document.get("residual_law")
 
     @property
@@ -169,11 +169,21 @@ class DiagnoseResult(Reported):
     def _headline(self) -> str:
         found = ", ".join(self.names)
         if self.verdict == "effect_missing":
-            return f"missing: {found}"
+            return f"missing: {found}{self._further()}"
         if self.verdict == "nothing_missing":
             return "nothing is missing: what remains is noise"
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
-        return f"unexplained: {found + ' helps and does not explain' if found else 'no effect of the library helps'}; {share}"
+        helps = f"{found} helps and does not explain" if found else "no effect of the library helps"
+        return f"unexplained: {helps}; {share}{self._further()}"
+
+    def _further(self) -> str:
+        """What is known beyond the verdict, a line each."""
+        unsure = [effect for effect in self.effects if effect["alike"]]
+        alike = [f"\nthese logs cannot tell {', '.join(_names([e]))} from {', '.join(e['alike'])}" for e in unsure]
+        law, following = self.residual_law, self.next_experiment
+        like = f"\nthe error looks like {law['law']} on the {law['on']} of {law['site']}" if law else ""
+        beside = f", beside {', '.join(law['beside'])}" if law and law["beside"] else ""
+        return "".join(alike) + like + beside + (f"\nnext experiment: {following['sentence']}" if following else "")
 
     def _table(self) -> Rows:
         return _ladder(self.error_ladder)
@@ -192,13 +202,13 @@ class EffectsResult(Result):
             return f"{len(self.effects)} effects; btr.effects(name) tells all about one"
         (effect,) = self.effects
         alike = f"\nalike: {', '.join(effect['alike'])}" if effect["alike"] else ""
-        return f"{effect['effect']}: {effect['law']}\nshows: {effect['shows']}\nsource: {effect['source']}{alike}"
+        return f"{effect['effect']}: {effect['law']}\nsite: {effect['site']}\nshows: {effect['shows']}\nsource: {effect['source']}{alike}"
 
     def _table(self) -> Rows:
         if len(self.effects) > 1:
             told = ((effect, ", ".join(number["name"] for number in effect["parameters"])) for effect in self.effects)
-            return [{"effect": effect["effect"], "on": effect["site"], "parameters": numbers} for effect, numbers in told]
-        keys = {"name": "parameter", "unit": "unit", "min": "min", "max": "max", "typical": "typical"}
+            return [{"effect": effect["effect"], "site": effect["site"], "parameters": numbers} for effect, numbers in told]
+        keys = {"name": "parameter", "unit": "unit", "min": "min", "max": "max", "off": "off", "typical": "typical"}
         return [{title: number[key] for key, title in keys.items()} for number in self.effects[0]["parameters"]]
 
 
@@ -288,13 +298,6 @@ class FitResult(Reported):
         return f"error in noise floors: {ladder}{why}"
 
     def _table(self) -> Rows:
-        def interval(parameter: dict[str, Any]) -> str:
-            if parameter["at_bound"]:
-                return "at its bound"
-            ci95 = parameter["ci95"]
-            by = " (by its bounds)" if parameter["by_bounds"] else ""
-            return "withheld" if ci95 is None else f"{cell(ci95[0])} .. {cell(ci95[1])}{by}"
-
         return [
             {"parameter": p["name"], "value": p["value"], "unit": p["unit"], "95 % interval": interval(p)}
             for p in self.parameters

@@ -7,7 +7,6 @@ import json
 import operator
 import os
 from collections.abc import Callable, Iterable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Union
 
@@ -90,8 +89,13 @@ class Model:
         """The model with other nominal values of the numbers in doubt: by name, as `FitResult.values` has them, or all of
         them in an array of shape (len(self.parameters),). Raises `BtrError` for a name that is none of them and for a value
         outside its bounds, `ValueError` for another shape."""
-        rows = _points(_each(values), self.parameters, self._model.nominal[0], 1, "values")
-        return self._with_text(self._model.at(rows[0]))
+        if isinstance(values, Mapping):
+            places = self._model.places(False, list(values), "parameters")
+            return self._with_text(self._model.at(list(zip(places, map(float, values.values())))))
+        point = np.asarray(values, dtype=np.float64)
+        if point.shape != (len(self.parameters),):
+            raise ValueError(f"a point has shape {point.shape} where ({len(self.parameters)},) is needed")
+        return self._with_text(self._model.at(list(enumerate(point.tolist()))))
 
     @property
     def controllers(self) -> list[dict[str, Any]]:
@@ -108,14 +112,14 @@ class Model:
         left out has its nominal values. Driven and sampled as `simulate` does, without noise. None stands for a simulation
         that blew up. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
         shapes."""
-        given = [points for points in (parameters, controllers) if points is not None]
-        if not given:
-            raise ValueError("simulate_all needs parameters, controllers, or both: arrays with a row for every rollout")
-        rollouts = max(map(_rollouts, given))
-        own_s, own_c = self._model.nominal
-        s = None if parameters is None else _points(parameters, self.parameters, own_s, rollouts, "parameters")
-        c = None if controllers is None else _points(controllers, self.controllers, own_c, rollouts, "controllers")
-        return self._model.simulate_all(s, c, None if log is None else _given(log))
+        s, c = _table(parameters), _table(controllers)
+        rollouts = max(_rollouts(s), _rollouts(c))
+        if rollouts == 0:
+            raise ValueError("simulate_all needs parameters, controllers, or both: a row for every rollout, or columns by name")
+        if log is not None and c is not None:
+            raise ValueError("a log says what joints are told: controllers have no say then")
+        rows_s, rows_c = _rows(s, self._model, "parameters", rollouts), _rows(c, self._model, "controllers", rollouts)
+        return self._model.simulate_all(rows_s, rows_c, None if log is None else _given(log))
 
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
@@ -184,58 +188,53 @@ class Model:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
 
 
-def _by_name(points: Any) -> dict[str, Any] | None:
-    """Columns by name, if that is what they are: of a mapping or a frame."""
-    if isinstance(points, Mapping) or hasattr(points, "columns"):
-        names = points if isinstance(points, Mapping) else points.columns
-        return {str(name): np.asarray(points[name], dtype=np.float64) for name in names}
-    return None
+Table = Union[NDArray[np.float64], dict[str, NDArray[np.float64]], None]
+"""Points as they were given: rows, columns by name, or none."""
 
 
-def _each(values: Mapping[str, float] | ArrayLike) -> Points:
-    """One value of each as one row of them."""
-    return values if isinstance(values, Mapping) else np.asarray(values, dtype=np.float64)[np.newaxis]
+def _table(points: Any) -> Table:
+    if points is None:
+        return None
+    names = points if isinstance(points, Mapping) else getattr(points, "columns", None)
+    if names is None:
+        return np.asarray(points, dtype=np.float64)
+    return {str(name): np.asarray(points[name], dtype=np.float64) for name in names}
 
 
-def _rollouts(points: Any) -> int:
-    """How many rows there are."""
-    columns = _by_name(points)
-    if columns is None:
-        return len(np.atleast_1d(np.asarray(points)))
-    return max((column.size for column in columns.values()), default=0)
+def _rollouts(table: Table) -> int:
+    """How many points there are."""
+    if isinstance(table, dict):
+        return max((column.size for column in table.values()), default=0)
+    return 0 if table is None else len(np.atleast_1d(table))
 
 
-def _points(
-    points: Points, space: list[dict[str, Any]], nominal: list[float], rollouts: int, what: str
-) -> list[list[float]]:
-    """A row for every rollout, checked."""
-    columns = _by_name(points)
-    if columns is not None:
-        return _filled(columns, [dim["name"] for dim in space], nominal, rollouts, what)
-    rows = np.asarray(points, dtype=np.float64)
-    if rows.shape != (rollouts, len(space)):
-        names = ", ".join(dim["name"] for dim in space)
-        needed = f"({rollouts}, {len(space)}) is needed: a row of {names or 'nothing'}"
+def _rows(table: Table, model: _btr.Model, what: str, rollouts: int) -> list[list[float]] | None:
+    """A row for every rollout of what is called `parameters` or `controllers`."""
+    if table is None:
+        return None
+    of_controllers = what == "controllers"
+    rows, nominal = table, model.nominal[of_controllers]
+    if isinstance(rows, dict):
+        rows = _filled(rows, model.places(of_controllers, list(rows), what), nominal, (what, rollouts))
+    if rows.shape != (rollouts, len(nominal)):
+        names = ", ".join(dim["name"] for dim in json.loads(model.spaces[of_controllers]))
+        needed = f"({rollouts}, {len(nominal)}) is needed: a row of {names or 'nothing'}"
         raise ValueError(f"{what} has shape {rows.shape} where {needed}")
     listed: list[list[float]] = rows.tolist()
     return listed
 
 
 def _filled(
-    columns: dict[str, Any], names: list[str], nominal: list[float], rollouts: int, what: str
-) -> list[list[float]]:
-    """A row for every rollout that has these columns, and else nominal values."""
+    columns: dict[str, NDArray[np.float64]], places: list[int], nominal: list[float], needed: tuple[str, int]
+) -> NDArray[np.float64]:
+    """Columns at their places, and nominal values at the others."""
+    what, rollouts = needed
     rows = np.tile(np.array(nominal), (rollouts, 1))
-    for name, column in columns.items():
-        if name not in names:
-            near = get_close_matches(name, names, 1)
-            told = f"did you mean {near[0]}?" if near else f"there is {', '.join(names) or 'none'}"
-            raise wrong(f"none of the model's {what} is called {name}", told)
+    for place, (name, column) in zip(places, columns.items()):
         if column.shape not in ((), (rollouts,)):
             raise ValueError(f"{what}[{name!r}] has shape {column.shape} where ({rollouts},) is needed")
-        rows[:, names.index(name)] = column
-    listed: list[list[float]] = rows.tolist()
-    return listed
+        rows[:, place] = column
+    return rows
 
 
 def load_model(
@@ -302,15 +301,19 @@ def _given(log: LogLike) -> Log | Path:
 def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
     if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
         return _each_of(logs)
-    return [given for log in logs for given in _each_of(log)]
+    all_of_them = [given for log in logs for given in _each_of(log)]
+    # A file counts once, however many patterns it fits.
+    paths = {given: None for given in all_of_them if isinstance(given, Path)}
+    return [given for given in all_of_them if not isinstance(given, Path) or paths.pop(given, 0) is None]
 
 
 def _each_of(log: LogLike) -> list[Log | Path]:
     """A log, or those whose names are like a pattern's, sorted."""
     pattern = os.fspath(log) if isinstance(log, (str, os.PathLike)) else ""
-    if not glob.has_magic(pattern) or os.path.exists(pattern):
+    # The folder of an episode (`folder#3`) may have brackets in its name.
+    if not glob.has_magic(pattern) or any(map(os.path.exists, (pattern, pattern.rpartition("#")[0]))):
         return [_given(log)]
-    found = sorted(glob.glob(pattern))
+    found = sorted(glob.glob(pattern, recursive=True))
     if not found:
         raise wrong(f"{pattern}: no file is called like that", f"paths begin in {os.getcwd()}")
     return [Path(path) for path in found]

@@ -40,7 +40,8 @@ pub(crate) fn merge(samples: Vec<(Kind, Sample)>, names: &Names) -> Option<Merge
     let first = *clock.first()?;
     // Beyond 2^53 ns (104 days, so any clock since 1970) seconds in f64 lose nanoseconds: count from the first tick.
     let zero = if first > 1 << 53 { first } else { 0 };
-    let seconds = |ns: u64| if ns < zero { -((zero - ns) as f64) } else { (ns - zero) as f64 } / 1e9;
+    let signed = |ns: u64| if ns < zero { -((zero - ns) as f64) } else { (ns - zero) as f64 };
+    let seconds = |ns: u64| signed(ns) / 1e9;
     let clock_s: Vec<f64> = clock.iter().map(|ns| seconds(*ns)).collect();
 
     let mut warnings = Vec::new();

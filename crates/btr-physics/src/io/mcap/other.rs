@@ -11,8 +11,10 @@ use serde_json::Value;
 #[derive(Default)]
 pub(crate) struct Names {
     all: IndexSet<String>,
-    /// Lists as messages had them: the next one has the same again.
+    /// Lists as messages had them: they come again, usually in the same order.
     lists: Vec<List>,
+    /// The place of the one that came last.
+    last: usize,
 }
 
 /// The numbers of names that came together.
@@ -23,7 +25,7 @@ struct List {
 }
 
 /// More lists than that are no repetition.
-const MOST_LISTS: usize = 16;
+const MOST_LISTS: usize = 1024;
 
 impl Names {
     fn number(&mut self, prefix: &str, rest: &str) -> usize {
@@ -32,16 +34,18 @@ impl Names {
 
     /// The numbers of all names of a message.
     fn numbers(&mut self, prefix: &'static str, names: &[String]) -> &[usize] {
-        let known = self.lists.iter().position(|list| list.prefix == prefix && list.names == names);
-        let at = known.unwrap_or_else(|| {
+        let many = self.lists.len();
+        let is_it = |at: &usize| self.lists[*at].prefix == prefix && self.lists[*at].names == names;
+        let known = (1..=many).map(|k| (self.last + k) % many).find(is_it);
+        self.last = known.unwrap_or_else(|| {
             let numbers = names.iter().map(|name| self.number(prefix, name)).collect();
-            if self.lists.len() == MOST_LISTS {
+            if many == MOST_LISTS {
                 self.lists.clear();
             }
             self.lists.push(List { prefix, names: names.to_vec(), numbers });
             self.lists.len() - 1
         });
-        &self.lists[at].numbers
+        &self.lists[self.last].numbers
     }
 
     /// The names, the first number's first.

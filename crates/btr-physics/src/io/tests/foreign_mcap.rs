@@ -152,6 +152,42 @@ fn clocks_since_1970_start_at_zero_to_the_nanosecond() {
 }
 
 #[test]
+fn a_command_before_the_first_state_is_held_also_on_a_clock_since_1970() {
+    let mut bag = Bag::new();
+    let start = 1_700_000_000_000_000_000;
+    let goal = |bag: &mut Bag, ns, goal: f64| {
+        bag.cdr("/goals", "std_msgs/msg/Float64MultiArray", ns, &((Vec::<u8>::new(), 0_u32), vec![goal]));
+    };
+    goal(&mut bag, start - 1_000_000_000, 1.0);
+    goal(&mut bag, start - 1, 2.0);
+    bag.states(start, &["hip"], &[0.5]);
+    goal(&mut bag, start + 5, 3.0);
+    bag.states(start + 10, &["hip"], &[0.5]);
+    let (log, _) = bag.read(r#"topics.arrays = { "/goals" = ["cmd_hip"] }"#).unwrap();
+    assert_eq!(log.clock_s(), [0.0, 1e-8]);
+    assert_eq!(text(&log, "cmd_hip"), "[2.0, 3.0]");
+}
+
+#[test]
+fn a_message_per_motor_in_any_order_is_told_apart() {
+    let mut bag = Bag::new();
+    let (motors, ticks) = (1200_usize, 3_usize);
+    let names: Vec<String> = (0..motors).map(|k| format!("m{k}")).collect();
+    for tick in 0..ticks {
+        for k in 0..motors {
+            // Backwards every other time.
+            let k = if tick % 2 == 0 { k } else { motors - 1 - k };
+            bag.states(10 * tick as u64, &[&names[k]], &[(10 * k + tick) as f64]);
+        }
+    }
+    let (log, _) = bag.read("").unwrap();
+    for k in [0, 1, 17, 1023, 1024, 1199] {
+        let told: Vec<f64> = (0..ticks).map(|tick| (10 * k + tick) as f64).collect();
+        assert_eq!(log.values(&format!("q_m{k}")).unwrap(), told);
+    }
+}
+
+#[test]
 fn the_standard_topics_of_btr_hold_what_the_log_holds() {
     let log = walk(50);
     let mut bag = Bag::new();
