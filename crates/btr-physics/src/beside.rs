@@ -7,6 +7,7 @@ mod offer;
 mod parts;
 mod sites;
 mod standing;
+mod starts;
 mod visible;
 
 use crate::effect::{Effect, On, Param, Placed};
@@ -23,6 +24,7 @@ use btr_core::world::WorldError;
 use knobs::in_doubt;
 use parts::{Part, parts, whole};
 use sites::limbs;
+pub(crate) use starts::seen_starts;
 use std::ops::Range;
 use std::sync::Arc;
 

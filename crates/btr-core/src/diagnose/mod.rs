@@ -16,7 +16,7 @@ mod state;
 pub use law::ResidualLaw;
 
 use crate::fit::judge::{Measure, NOISE, chi};
-use crate::fit::{Bench, Effort, Estimate, Fit, Logs, estimates};
+use crate::fit::{Bench, Effort, Estimate, Fit, LOOKS, Logs, estimates};
 use beginning::from_beginnings;
 use judge::judge_rivals;
 use law::residual_law;
@@ -156,7 +156,31 @@ pub struct Diagnosis {
 /// `None` where the model blows up as it stands.
 pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
     let state = begin(bench, tell)?;
-    Some(go_on(bench, question, state, tell))
+    Some(match bench.family.has_contact() {
+        true => go_on(bench, question, state, tell),
+        false => go_on_looking(bench, question, state, tell, LOOKS),
+    })
+}
+
+/// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
+/// believed if they leave less: a model that lacks something sees such that make up for it.
+fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung), looks: usize) -> Diagnosis {
+    let contact = bench.family.has_contact();
+    let looks_again = leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench));
+    if looks == 0 || !looks_again {
+        return go_on(bench, question, state, tell);
+    }
+    let seen = bench.family.seen_from(&state.fit.u);
+    if seen.is_none() && contact {
+        return go_on(bench, question, state, tell);
+    }
+    let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &state.fit.u);
+    if !contact && !state.is_seen_better(&again) {
+        bench.count(&again);
+        return go_on(bench, question, state, tell);
+    }
+    state.look_again(&again, tell);
+    go_on_looking(&again, question, state, tell, looks - 1)
 }
 
 /// Round after round; once something is found, with starts as the model that has it sees them.
@@ -171,11 +195,10 @@ fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Run
         state.accept(bench, rival, found, tell);
         state.eliminate(bench);
         state.simplify(bench);
-        let explained = !leaves_something(bench, &state, &state.fit);
-        if let Some(family) = (!explained).then(|| bench.family.seen_from(&state.fit.u)).flatten() {
-            let again = bench.going_on(&*family, &state.fit.u);
-            state.look_again(&again, tell);
-            return go_on(&again, question, state, tell);
+        let contact = bench.family.has_contact();
+        if leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench)) {
+            let looks = if contact { 1 } else { LOOKS };
+            return go_on_looking(bench, question, state, tell, looks);
         }
     }
     Diagnosis { cut_short, ..conclude(bench, question, state) }

@@ -5,7 +5,7 @@ use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use super::{Found, Ranked, Rung, leaves_something};
-use crate::fit::judge::{Measure, chi, held_out_squares};
+use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
 use crate::fit::{Bench, Effort, Fit, Logs};
 
 /// How far numbers are moved to begin anew: amplitudes by this share, shapes by so much of their coordinate...
@@ -192,6 +192,21 @@ impl State {
         let mut bare = Fit::at(bench, self.bare.active.clone(), self.bare.u.clone(), &[])?;
         bare.renew_step_error(bench);
         Some(bare)
+    }
+
+    /// Whether the error on the logs to judge on is more than noise.
+    pub(super) fn is_judged_badly(&self, bench: &Bench) -> bool {
+        self.held_out.is_some_and(|squares| chi(squares, bench.samples(Logs::HeldOut)) > NOISE)
+    }
+
+    /// Whether a family that is seen from here leaves less.
+    pub(super) fn is_seen_better(&self, bench: &Bench) -> bool {
+        const LESS: f64 = 1.0 - LEARNT_FALL / 2.0;
+        let again = Fit::at(bench, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
+        let Some(mut fit) = again else { return false };
+        fit.solve(bench, FOLLOWER);
+        let judged = || held_out_squares(bench, &fit.u).zip(self.held_out);
+        fit.squares() < LESS * self.fit.squares() || judged().is_some_and(|(seen, before)| seen < LESS * before)
     }
 
     /// Goes on beside a family that is seen from here.

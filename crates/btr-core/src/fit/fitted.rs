@@ -66,20 +66,50 @@ impl Ladder<'_> {
     }
 }
 
+/// A fit, why it ended, and the integrator's error.
+type Done = (Fit, Ended, f64);
+
+/// How often a motion without contact is looked at anew, ...
+pub(crate) const LOOKS: usize = 3;
+/// ... while the squares fall below this share.
+const LESS: f64 = 0.99;
+
 /// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on
 /// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
 /// where the model blows up as it stands.
 pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
     let mut ladder = Ladder { rungs: Vec::new(), tell };
     let fit = begin(bench, &mut ladder)?;
-    let (fit, ended, integrator_error) = finish(bench, fit, &mut ladder, "fitted");
-    let other = (ladder.error() > NOISE).then(|| bench.family.seen_from(&fit.u)).flatten();
-    let Some(family) = other else { return Some(conclude(bench, fit, ended, integrator_error, ladder)) };
-    let again = bench.going_on(&*family, &fit.u);
-    let mut fit = Fit::at(&again, fit.active, fit.u, &[])?;
+    let done = finish(bench, fit, &mut ladder, "fitted");
+    let looks = if bench.family.has_contact() { 1 } else { LOOKS };
+    looked(bench, done, ladder, looks)
+}
+
+/// Goes on with starts as the fitted model sees them, so often at most. Where nothing is touched, that is tried in any case,
+/// and kept if it leaves less.
+fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option<Fitted> {
+    let contact = bench.family.has_contact();
+    if looks == 0 || (contact && ladder.error() <= NOISE) {
+        return Some(conclude(bench, done, ladder));
+    }
+    let seen = bench.family.seen_from(&done.0.u);
+    if seen.is_none() && contact {
+        return Some(conclude(bench, done, ladder));
+    }
+    let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &done.0.u);
+    let mut fit = Fit::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
     fit.renew_step_error(&again);
-    let (fit, ended, integrator_error) = finish(&again, fit, &mut ladder, "starts as it sees them");
-    Some(conclude(&again, fit, ended, integrator_error, ladder))
+    if !contact {
+        fit.solve(&again, TRIAL);
+        let judged = held_out_squares(&again, &fit.u).zip(held_out_squares(bench, &done.0.u));
+        let better = judged.is_some_and(|(seen, before)| seen < LESS * before);
+        if fit.squares() > LESS * done.0.squares() && !better {
+            bench.count(&again);
+            return Some(conclude(bench, done, ladder));
+        }
+    }
+    let done = finish(&again, fit, &mut ladder, "starts as it sees them");
+    looked(&again, done, ladder, looks - 1)
 }
 
 /// The best of several starts; some effects have no slope where they are off.
@@ -105,7 +135,7 @@ fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
 }
 
 /// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
-fn finish(bench: &Bench, mut fit: Fit, ladder: &mut Ladder, step: &str) -> (Fit, Ended, f64) {
+fn finish(bench: &Bench, mut fit: Fit, ladder: &mut Ladder, step: &str) -> Done {
     fit.jacobian = None;
     fit.solve(bench, Effort::FULL);
     let integrator_error = fit.renew_step_error(bench);
@@ -118,7 +148,7 @@ fn finish(bench: &Bench, mut fit: Fit, ladder: &mut Ladder, step: &str) -> (Fit,
     (fit, ended, integrator_error)
 }
 
-fn conclude(bench: &Bench, fit: Fit, ended: Ended, integrator_error: f64, ladder: Ladder) -> Fitted {
+fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder) -> Fitted {
     let error = ladder.error();
     let withheld = (error > NOISE).then(|| {
         format!(

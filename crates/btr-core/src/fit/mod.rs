@@ -13,6 +13,7 @@ mod together;
 pub use bench::{Bench, FINE_ENOUGH, FINEST, Logs, Residual, corrected, squares};
 pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
+pub(crate) use fitted::LOOKS;
 pub use fitted::{Fitted, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use judge::{Measure, NOISE};

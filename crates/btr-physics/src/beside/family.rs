@@ -9,8 +9,6 @@ use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
 use std::ops::Range;
 
-/// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
-const NUDGE: (f64, f64) = (3.0, 0.05);
 /// What counts as the beginning of a log, as a share of it.
 const BEGINNING: f64 = 0.3;
 
@@ -93,7 +91,7 @@ impl Family for Beside {
                 cut.is_ok()
             }
             (Base::Floating, false) => other.rest_otherwise(u).unwrap_or(false),
-            (Base::Fixed, _) => false,
+            (Base::Fixed, _) => other.start_otherwise(u),
         };
         differs.then(|| Box::new(other) as Box<dyn Family>)
     }
@@ -126,22 +124,14 @@ impl Family for Beside {
             scenario.restarts = restarts.into();
             return self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?);
         }
-        // Where one rests nothing moves, so that positions are all there is.
-        let numbers = if self.rests { 1 } else { 2 };
-        for (k, (joint, sigma)) in nudged.iter().filter_map(|&k| Some((k, self.nudged(log).nth(k / numbers)?))) {
-            let start = &mut scenario.start[joint];
-            match k % numbers {
-                0 => start.0 += NUDGE.0 * sigma,
-                _ => start.1 += NUDGE.0 * sigma / NUDGE.1,
-            }
-        }
+        nudged.iter().for_each(|&number| self.nudge(log, &mut scenario, number, 1.0));
         self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?)
     }
 }
 
 impl Beside {
     /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
-    fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+    pub(super) fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
         joints.zip(self.model.robot.movable()).filter_map(move |(i, (_, link))| {
             let name = format!("q_{}", link.joint.name);
@@ -150,7 +140,7 @@ impl Beside {
     }
 
     /// What was measured in a log less what was simulated, in noise floors.
-    fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
+    pub(super) fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
         let part = &self.parts[log];
         let recorded = &self.recorded[part.scenario];
         let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());

@@ -1,6 +1,7 @@
 //! `compare`: how far a model is off, in multiples of the sensors' noise, and where.
 
 use super::ProblemError;
+use crate::beside::seen_starts;
 use crate::experiment::{Replays, Source};
 use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
 use btr_core::family::Step;
@@ -31,7 +32,11 @@ pub struct Compared {
 ///
 /// # Errors
 /// A simulation that blew up; logs of which no channel is simulated.
-pub fn compare(source: &Source, replays: Replays) -> Result<Compared, ProblemError> {
+pub fn compare(source: &Source, mut replays: Replays) -> Result<Compared, ProblemError> {
+    // What readings do not tell of a log's start is no fault of the model.
+    if let Some(seen) = seen_starts(&replays.model, &replays.logs) {
+        replays.model.scenarios = seen;
+    }
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |step: Step| -> Result<Vec<Log>, WorldError> {
