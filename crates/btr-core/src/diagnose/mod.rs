@@ -163,7 +163,7 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
 }
 
 /// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
-/// believed if they leave less: a model that lacks something sees such that make up for it.
+/// believed if nothing else is left to explain: a model that lacks something sees such that make up for it.
 fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung), looks: usize) -> Diagnosis {
     let contact = bench.family.has_contact();
     let looks_again = leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench));
@@ -175,7 +175,7 @@ fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn
         return go_on(bench, question, state, tell);
     }
     let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &state.fit.u);
-    if !contact && !state.is_seen_better(&again) {
+    if !contact && !state.is_explained_by(&again) {
         bench.count(&again);
         return go_on(bench, question, state, tell);
     }

@@ -199,14 +199,14 @@ impl State {
         self.held_out.is_some_and(|squares| chi(squares, bench.samples(Logs::HeldOut)) > NOISE)
     }
 
-    /// Whether a family that is seen from here leaves less.
-    pub(super) fn is_seen_better(&self, bench: &Bench) -> bool {
-        const LESS: f64 = 1.0 - LEARNT_FALL / 2.0;
+    /// Whether nothing is left to explain where a family is seen from here.
+    pub(super) fn is_explained_by(&self, bench: &Bench) -> bool {
         let again = Fit::at(bench, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Some(mut fit) = again else { return false };
         fit.solve(bench, FOLLOWER);
-        let judged = || held_out_squares(bench, &fit.u).zip(self.held_out);
-        fit.squares() < LESS * self.fit.squares() || judged().is_some_and(|(seen, before)| seen < LESS * before)
+        let samples = bench.samples(Logs::HeldOut).max(1);
+        let judged = held_out_squares(bench, &fit.u).map_or(0.0, |squares| chi(squares, samples));
+        !leaves_something(bench, self, &fit) && judged <= NOISE
     }
 
     /// Goes on beside a family that is seen from here.

@@ -71,8 +71,9 @@ type Done = (Fit, Ended, f64);
 
 /// How often a motion without contact is looked at anew, ...
 pub(crate) const LOOKS: usize = 3;
-/// ... while the squares fall below this share.
+/// ... while the squares fall below this share, or to this one where that leaves something to explain.
 const LESS: f64 = 0.99;
+const MOST: f64 = 0.5;
 
 /// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on
 /// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
@@ -101,15 +102,24 @@ fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option
     fit.renew_step_error(&again);
     if !contact {
         fit.solve(&again, TRIAL);
-        let judged = held_out_squares(&again, &fit.u).zip(held_out_squares(bench, &done.0.u));
-        let better = judged.is_some_and(|(seen, before)| seen < LESS * before);
-        if fit.squares() > LESS * done.0.squares() && !better {
+        if !is_better(&again, &fit, bench, &done.0) {
             bench.count(&again);
             return Some(conclude(bench, done, ladder));
         }
     }
     let done = finish(&again, fit, &mut ladder, "starts as it sees them");
     looked(&again, done, ladder, looks - 1)
+}
+
+/// Whether starts that were seen anew are to be believed: nothing is left to explain, and less than before; or they were so
+/// wrong that most is explained now. A model that lacks something sees starts that make up for a little of it.
+fn is_better(again: &Bench, fit: &Fit, bench: &Bench, before: &Fit) -> bool {
+    let squares = |bench: &Bench, fit: &Fit| (fit.squares(), held_out_squares(bench, &fit.u).unwrap_or(0.0));
+    let ((learnt, judged), (learnt_before, judged_before)) = (squares(again, fit), squares(bench, before));
+    let samples = |logs| again.samples(logs);
+    let explained = chi(learnt, samples(Logs::Learn)) <= NOISE && chi(judged, samples(Logs::HeldOut).max(1)) <= NOISE;
+    let share = if explained { LESS } else { MOST };
+    learnt < share * learnt_before || judged < share * judged_before
 }
 
 /// The best of several starts; some effects have no slope where they are off.

@@ -6,7 +6,7 @@ use super::parts::whole;
 use crate::model::{Model, Scenario};
 use crate::robot::Base;
 use btr_core::family::{Family, Step};
-use btr_core::fit::squares;
+use btr_core::fit::{NOISE, squares};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
@@ -23,13 +23,13 @@ const ROUNDS: usize = 4;
 const SETTLED: f64 = 0.1;
 /// A step that leads nowhere is halved so often.
 const HALVINGS: u32 = 3;
-/// Starts that moved by less, in nudges, are as good as where they were where slopes at the old ones tell the rest, ...
+/// Starts that moved by less, in nudges, are as good as where they were: slopes at the old ones tell the rest.
 const MOVED: f64 = 3.0;
-/// ... and where nothing else makes up for them.
-const SEEN: f64 = 0.5;
+/// A log whose squares fall to this share, or to noise, began elsewhere than its readings seem to say.
+const MOST: f64 = 0.5;
 
-/// The situations of logs with starts as the model that stands there sees them; `None` where it sees none that readings do
-/// not tell.
+/// The situations of logs with starts as the model that stands there sees them, where these explain all or most of what it is
+/// off: a model that lacks something sees starts that make up for a little of it. `None` where there are no such.
 pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenario>> {
     if model.robot.base != Base::Fixed {
         return None;
@@ -38,7 +38,22 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
     let mut beside = Beside::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
     beside.measure().ok()?;
     let origin = vec![0.0; beside.knobs.len()];
-    beside.start_from(&origin, SEEN).then_some(beside.situations)
+    let chi = |beside: &Beside, log: usize| -> Option<f64> {
+        let there: Vec<f64> = beside.residual(&origin, log, Step::USUAL).ok()?;
+        let there: Vec<f64> = there.into_iter().filter(|r| r.is_finite()).collect();
+        Some((squares(&there) / there.len().max(1) as f64).sqrt())
+    };
+    let mut seen = beside.clone();
+    seen.start_from(&origin, 0.0);
+    let mut differs = false;
+    for log in 0..recorded.len() {
+        let (before, after) = (chi(&beside, log)?, chi(&seen, log)?);
+        if before > NOISE && after < NOISE.max(MOST.sqrt() * before) {
+            beside.situations[log] = seen.situations[log].clone();
+            differs = true;
+        }
+    }
+    differs.then_some(beside.situations)
 }
 
 impl Beside {
