@@ -149,6 +149,25 @@ def test_what_no_effect_explains_is_told_as_a_law(arm: btr.Model) -> None:
     assert btr.fit(better, learn, held_out=held_out).held_out < 0.5 * found.error_ladder[-1]["held_out"]
 
 
+def test_measurements_are_not_written_over(tmp_path: Path) -> None:
+    log = btr.load_log(LEARN[0])
+    for path in (tmp_path / "log.csv", tmp_path / "log.mcap"):
+        log.write(path)
+        with pytest.raises(btr.BtrError, match="holds more than commands: it would be lost"):
+            log.write(path)
+        log.write(path, overwrite=True)
+    told = btr.Log(log.clock_s, {"cmd_yaw": log["cmd_yaw"]})
+    told.write(tmp_path / "told.csv")
+    told.write(tmp_path / "told.csv")
+
+
+def test_a_bound_is_within_itself() -> None:
+    model = btr.load_model(ARM, {'parameters."mass@turret".relative': [0.7, 1.0 / 0.7]})
+    low = 0.7 * model.values["mass@turret"]
+    for number in (low, round(low, 12), model.parameters[0]["max"]):
+        assert model.at({"mass@turret": number}).values["mass@turret"] == number
+
+
 def test_effects_are_told() -> None:
     effects = btr.effects()
     assert len(effects.effects) > 30 and "coulomb_friction" in repr(effects)

@@ -11,6 +11,7 @@ pub mod report;
 mod table;
 
 pub use cmd::effects::effects;
+pub use cmd::output::may_write_log;
 pub use coevolution::{Ended, Watch, coevolve};
 pub use failure::Failure;
 

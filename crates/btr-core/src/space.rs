@@ -84,6 +84,9 @@ pub enum SpaceError {
     },
 }
 
+/// A value this share of the range beyond its bound is at it.
+const ROUNDING: f64 = 1e-12;
+
 impl Dim {
     /// A linear dimension without a nominal value.
     pub fn new(name: impl Into<String>, unit: impl Into<String>, min: f64, max: f64) -> Self {
@@ -138,7 +141,9 @@ impl Dim {
     }
 
     fn check_value(&self, value: f64) -> Result<(), SpaceError> {
-        if value >= self.min && value <= self.max {
+        // Bounds relative to a value are rounded, and are themselves inside.
+        let rounding = ROUNDING * (self.max - self.min);
+        if value >= self.min - rounding && value <= self.max + rounding {
             return Ok(());
         }
         Err(SpaceError::Outside { name: self.name.clone(), value, min: self.min, max: self.max })

@@ -63,8 +63,11 @@ impl Log {
         Ok(Log { name: path, log })
     }
 
-    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written, and where a
+    /// log with more than commands in it would be lost, unless that is to be: `overwrite`.
+    #[pyo3(signature = (path, *, overwrite = false))]
+    fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        py.detach(|| btr_cli::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
         py.detach(|| io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 

@@ -42,6 +42,14 @@ pub(crate) fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>
     std::iter::once(source.path.clone()).chain(named_files(source)).chain(further).collect()
 }
 
+/// Refuses a log that cannot be written, or that would take the place of one with more than commands in it.
+///
+/// # Errors
+/// See [`guard`].
+pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure> {
+    guard(Kind::Log { over_measurements }.at(Some(path)), [])
+}
+
 /// Refuses outputs that cannot be written or would take the place of what is not theirs to replace.
 ///
 /// # Errors

@@ -123,7 +123,7 @@ class CheckResult(Result):
 
 
 class CompareResult(Reported):
-    """How far a model is off, in multiples of the noise floor (`chi`), and where (`failures`)."""
+    """How far a model is off, in multiples of the noise floor (`chi` of each of the `channels`), and where (`failures`)."""
 
     def _headline(self) -> str:
         if not self.failures:

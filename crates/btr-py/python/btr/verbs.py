@@ -6,6 +6,7 @@ import glob
 import json
 import operator
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Union
@@ -331,6 +332,14 @@ def _count(number: int, what: str) -> int:
     return number
 
 
+def _warned(document: dict[str, Any]) -> dict[str, Any]:
+    """Says what is bad about the logs: nothing that was found can be trusted then."""
+    for doubt in document["doubts"]:
+        if doubt["severity"] == "bad":
+            warnings.warn(f"{doubt['log']}: {doubt['sentence']}", stacklevel=3)
+    return document
+
+
 def _silent(step: str, train: float, held_out: float | None) -> None:
     """Nobody listens."""
 
@@ -370,7 +379,7 @@ def diagnose(
     the work."""
     model, most, hands = _loaded(model), _count(max_effects, "max_effects"), hands_of(executor)
     document, page, commands = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
-    return DiagnoseResult(json.loads(document), page, commands)
+    return DiagnoseResult(_warned(json.loads(document)), page, commands)
 
 
 def add(model: Model, *effects: str) -> Model:
@@ -394,4 +403,4 @@ def fit(
     model, hands = _loaded(model), hands_of(executor)
     added = [add] if isinstance(add, str) else list(add)
     document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), added, tell, hands)
-    return FitResult(json.loads(document), page, json.loads(space), model._with_text(fitted))
+    return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))
