@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use btr_core::diagnose::{Question, Verdict, diagnose};
-use btr_core::family::{Family, Step};
+use btr_core::family::{Family, Rollout, Step};
 use btr_core::fit::{Bench, Logs, squares};
 use btr_core::log::{Log, Role};
 use btr_physics::ant;
@@ -119,7 +119,7 @@ fn nothing_is_found_where_nothing_is_on_the_way() {
 /// The root mean square of a family's residuals at a point, in noise floors.
 fn error(family: &dyn Family, u: &[f64]) -> f64 {
     let logs = 0..family.logs().len();
-    let all: Vec<f64> = logs.flat_map(|log| family.residual(u, log, Step::USUAL).unwrap()).collect();
+    let all: Vec<f64> = logs.flat_map(|log| family.residual(Rollout::of(u, log), Step::USUAL).unwrap()).collect();
     let finite: Vec<f64> = all.into_iter().filter(|r| r.is_finite()).collect();
     (squares(&finite) / finite.len() as f64).sqrt()
 }

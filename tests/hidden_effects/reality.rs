@@ -2,7 +2,7 @@
 
 use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
-use btr_core::family::{Candidate, Family, Knob, Law, Step};
+use btr_core::family::{Candidate, Family, Knob, Law, Rollout, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
 use btr_physics::beside::Beside;
@@ -246,7 +246,7 @@ impl Reality {
 /// Residuals of the training episodes.
 fn residuals(bare: &Beside, u: &[f64]) -> Vec<f64> {
     let learn = bare.logs().iter().filter(|log| !log.held_out).count();
-    (0..learn).flat_map(|log| bare.residual(u, log, Step::USUAL).unwrap_or_default()).collect()
+    (0..learn).flat_map(|log| bare.residual(Rollout::of(u, log), Step::USUAL).unwrap_or_default()).collect()
 }
 
 /// Root mean square of what an effect changes in the training episodes, in multiples of the noise.

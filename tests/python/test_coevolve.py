@@ -133,6 +133,21 @@ def test_a_test_that_failed_is_spent(experiment: btr.Model, tmp_path: Path) -> N
     assert found.tests[1]["verdict"] == {"failed": {"why": "fell off the table"}} and "fell off the table" in repr(found)
 
 
+def test_a_test_that_was_recorded_badly_is_warned_about(experiment: btr.Model, tmp_path: Path) -> None:
+    twin = Twin(experiment)
+
+    def robot(controller: btr.Controller) -> dict:
+        log = twin(controller)
+        return {"t": log.clock_s, **log.to_dict(), "q_hinge": np.full(len(log), np.nan)}
+
+    with pytest.warns(UserWarning) as heard:
+        found = btr.coevolve(experiment, robot, out=tmp_path)
+    told = [str(warning.message) for warning in heard]
+    assert "real test 0: its log has nothing that rmse could compare with a simulation" in told, told
+    assert len(told) == len(set(told)) and not any("real test 1" in line for line in told), told
+    assert found.doubts[0]["test"] == 0 and "bad: real test 0: its log has nothing" in repr(found)
+
+
 class Unplugged(Exception):
     """The robot's own."""
 

@@ -309,6 +309,15 @@ def test_mistakes_are_told(swing: btr.Model, law, asked: dict, kind: type, messa
         swing.add_law(law, **{"site": "hinge", **asked})
 
 
+def test_an_expression_means_what_it_means_in_python(swing: btr.Model) -> None:
+    text = "-a*q**2 + 1e-2*-dq - 2**-1*a*-q/3"
+    told, called = (
+        swing.add_law(law, site="hinge", a=0.3).simulate(seed=1)
+        for law in (text, eval("lambda q, dq, ddq, cmd, tau, t, a: " + text))
+    )
+    assert told == called
+
+
 def test_names_that_are_taken_are_refused(doubted: btr.Model) -> None:
     with pytest.raises(btr.BtrError, match="another formula at `hinge` has one"):
         doubted.add_law("-a*q", site="hinge", a=0.1)

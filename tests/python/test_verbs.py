@@ -45,6 +45,22 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     assert "coulomb_friction.torque@yaw" in saved.text and saved.joints == arm.joints
 
 
+def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Model) -> None:
+    pytest.importorskip("pandas", reason="frames need pandas")
+    fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add="coulomb_friction@yaw")
+    friction = fitted.to_dataframe().set_index("parameter").loc["coulomb_friction.torque@yaw"]
+    assert friction["low"] < friction["value"] < friction["high"] and not friction["at_bound"]
+
+
+def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> None:
+    known = btr.load_model(ARM, {"parameters.mass@upper.relative": (0.5, 2.0)})
+    (mass,) = (dim for dim in known.parameters if dim["name"] == "mass@upper")
+    assert (mass["min"], mass["max"]) == pytest.approx([factor * mass["nominal"] for factor in (0.5, 2.0)])
+    assert known.joints == arm.joints
+    with pytest.raises(btr.BtrError, match=r"`parameters\.\.relative` is no name of a value"):
+        btr.load_model(ARM, {"parameters..relative": 1.0})
+
+
 def said(*arguments: object) -> dict:
     """What the command line answers, without the time it took."""
     command = [sys.executable, "-m", "btr", *map(str, arguments), "--json", "-q"]
@@ -243,3 +259,14 @@ def test_what_a_listener_raises_ends_the_work_and_arrives(arm: btr.Model) -> Non
     with pytest.raises(KeyboardInterrupt, match="model as it stands"):
         btr.diagnose(arm, LEARN[:1], tell=tell)
     assert btr.fit(arm, LEARN[:1]).ok
+
+
+def test_a_mapping_of_arrays_is_a_log(arm: btr.Model) -> None:
+    log = btr.load_log(LEARN[0], model=arm)
+    columns = {"t": log.clock_s, **log.to_dict()}
+    assert btr.load_log(columns)["q_yaw"].tobytes() == log["q_yaw"].tobytes()
+    assert btr.compare(arm, columns).channels == btr.compare(arm, btr.load_log(columns)).channels
+    with pytest.raises(TypeError, match="needs a column `t`"):
+        btr.load_log({"q_yaw": log["q_yaw"]})
+    with pytest.raises(btr.BtrError, match="no log to learn from\nhelp: "):
+        btr.compare(arm, [])

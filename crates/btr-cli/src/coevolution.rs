@@ -6,6 +6,7 @@ use btr_core::coevolve::{Coevolution, Step, StopReason};
 use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
 use btr_physics::adapt;
+use btr_physics::doubts::Told;
 use btr_physics::experiment::Experiment;
 use btr_physics::identify;
 use btr_physics::report::{self, ByDistance, Report};
@@ -20,6 +21,8 @@ pub trait Watch {
     fn step(&mut self, run: &Coevolution, step: Option<&Step>);
     /// The populations lost each other, and the error falls like this while a cause is looked for.
     fn rung(&self, rung: &Rung);
+    /// Something about a real test is not as it should be.
+    fn warn(&mut self, line: &str);
     /// Something is to be said.
     fn say(&mut self, line: &str);
     /// Whether to stop after the step in flight.
@@ -75,9 +78,12 @@ pub fn coevolve(
         true => Run::resume(experiment, plan, folder)?,
         false => Run::begin(experiment, plan, folder)?,
     };
+    let mut told = Told::default();
+    // What earlier tests showed was told when they were done.
+    told.new_in(experiment, run.state().ledger().entries());
     loop {
         watch.begins(experiment, run.state());
-        let left = turn(&mut run, experiment, watch)?;
+        let left = turn(&mut run, experiment, &mut told, watch)?;
         if goes_on(&mut run, experiment, &left, watch)? {
             continue;
         }
@@ -93,10 +99,12 @@ pub fn coevolve(
 }
 
 /// The loop, one step at a time, so that it can be watched and interrupted.
-fn turn(run: &mut Run, experiment: &mut Experiment, watch: &mut dyn Watch) -> Result<Left, Failure> {
+fn turn(run: &mut Run, experiment: &mut Experiment, told: &mut Told, watch: &mut dyn Watch) -> Result<Left, Failure> {
     loop {
         let step = run.step(experiment)?;
         watch.step(run.state(), Some(&step));
+        let new = told.new_in(experiment, run.state().ledger().entries());
+        new.iter().for_each(|doubt| watch.warn(&doubt.sentence()));
         match step {
             Step::Stopped(reason) => return Ok(Left::Stopped(reason)),
             Step::Waiting(what) => return Ok(Left::Waiting(what)),

@@ -44,7 +44,9 @@ impl Failure {
             ProblemError::File(error) => error.into(),
             ProblemError::World(error) => Failure::simulation(&error, doubts),
             ProblemError::Add(error) => error.into(),
-            ProblemError::Still | ProblemError::Blind | ProblemError::Nothing => Failure::new("log", message, help),
+            ProblemError::Still | ProblemError::Short(_) | ProblemError::Blind | ProblemError::Nothing => {
+                Failure::new("log", message, help)
+            }
         }
     }
 

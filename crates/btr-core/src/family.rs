@@ -180,6 +180,25 @@ impl Step {
     }
 }
 
+/// A simulation that is put beside a log.
+#[derive(Clone, Copy, Debug)]
+pub struct Rollout<'a> {
+    /// One coordinate per knob.
+    pub u: &'a [f64],
+    /// Which log.
+    pub log: usize,
+    /// By how much each number of the log's start is moved, in all windows at once, in units of what noise could hide. Empty
+    /// where it begins as it seems to.
+    pub moved: &'a [f64],
+}
+
+impl<'a> Rollout<'a> {
+    /// From where the log seems to begin.
+    pub fn of(u: &'a [f64], log: usize) -> Self {
+        Rollout { u, log, moved: &[] }
+    }
+}
+
 /// A family of simulations beside measurements.
 pub trait Family: Send + Sync {
     /// Everything that may be varied.
@@ -198,19 +217,19 @@ pub trait Family: Send + Sync {
     }
     /// The logs; those to learn from first.
     fn logs(&self) -> &[Recorded];
-    /// (measured − simulated)/sigma for one log, all its channels one after the other; NaN where nothing was measured. `u` has
-    /// one coordinate per knob. The same arguments give the same bits.
+    /// (measured − simulated)/sigma for one log, all its channels one after the other; NaN where nothing was measured. The same
+    /// arguments give the same bits.
     ///
     /// # Errors
     /// A simulation that blew up.
-    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError>;
-    /// How many points are best asked for at once.
+    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError>;
+    /// How many are best asked for at once.
     fn side_by_side(&self) -> usize {
         1
     }
-    /// What [`residual`](Self::residual) gives at each point, bit by bit; they may be simulated side by side.
-    fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
-        points.iter().map(|u| self.residual(u, log, step)).collect()
+    /// What [`residual`](Self::residual) gives for each, bit by bit; they may be simulated side by side.
+    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+        rollouts.iter().map(|rollout| self.residual(*rollout, step)).collect()
     }
     /// With which power of the step its error falls.
     fn order(&self) -> i32 {
@@ -235,8 +254,14 @@ pub trait Family: Send + Sync {
         false
     }
     /// The same family as it is seen from a point: what only a model can tell of the logs' starts, and its noise floors, as the
-    /// model there has them. None where they do not depend on it.
+    /// model there has them. None where they do not depend on it, or starts are looked for number by number
+    /// ([`start_open`](Self::start_open)).
     fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn Family>> {
+        None
+    }
+    /// The same family where some logs begin elsewhere, and others with them ([`begins_with`](Self::begins_with)): by how much
+    /// each number of their starts is moved, as in [`Rollout`]. None where logs cannot.
+    fn begun(&self, _moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
         None
     }
     /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no
@@ -254,18 +279,19 @@ pub trait Family: Send + Sync {
     fn near(&self, _candidate: usize) -> &[String] {
         &[]
     }
-    /// The standard deviation of what is known of those numbers, in units of what [`residual_from`](Self::residual_from) moves
-    /// them by; infinite where nothing is.
+    /// The standard deviation of what is known of those numbers, in units of what a [`Rollout`] moves them by; infinite where
+    /// nothing is.
     fn start_spread(&self) -> f64 {
         f64::INFINITY
     }
-    /// The same as [`residual`](Self::residual) where some of those numbers, in all windows at once, are moved by what noise
-    /// could hide.
-    ///
-    /// # Errors
-    /// A simulation that blew up.
-    fn residual_from(&self, u: &[f64], log: usize, _nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
-        self.residual(u, log, Step::USUAL)
+    /// How far from where a log seems to begin each of those numbers is looked for: standard deviations in the same units. None
+    /// where they are not looked for.
+    fn start_open(&self, _log: usize) -> Vec<f64> {
+        Vec::new()
+    }
+    /// The log that tells where this one begins: an earlier part of the same recording, or itself.
+    fn begins_with(&self, log: usize) -> usize {
+        log
     }
 }
 

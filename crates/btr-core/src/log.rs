@@ -168,6 +168,16 @@ impl Log {
         self.channels.iter().map(|(name, channel)| (name.as_str(), channel))
     }
 
+    /// Whether both hold the same samples at the same times, missing ones included.
+    pub fn is_same(&self, other: &Log) -> bool {
+        let same = |a: &[f64], b: &[f64]| a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()));
+        let channel =
+            |(name, channel): (&str, &Channel)| other.channel(name).is_some_and(|o| same(&channel.values, &o.values));
+        same(&self.clock_s, &other.clock_s)
+            && self.channels.len() == other.channels.len()
+            && self.channels().all(channel)
+    }
+
     /// The channel of that name.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         self.channels.get(name)

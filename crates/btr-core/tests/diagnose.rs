@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use btr_core::diagnose::{Diagnosis, Question, Verdict, diagnose};
-use btr_core::family::{Candidate, Family, Knob, Law, Measured, Recorded, Step};
+use btr_core::family::{Candidate, Family, Knob, Law, Measured, Recorded, Rollout, Step};
 use btr_core::fit::Bench;
 use btr_core::random::stream;
 use btr_core::world::WorldError;
@@ -115,7 +115,7 @@ impl Family for Made {
         Some(Box::new(short))
     }
 
-    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
+    fn residual(&self, Rollout { u, log, .. }: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
         let finer = f64::from(step.divides_by());
         let simulated = (0..self.logs[log].rows()).map(|i| (self.motion)(u, log, i as f64 * PERIOD_S, finer));
         Ok(self.measured[log].iter().zip(simulated).map(|(there, here)| there - here).collect())

@@ -22,7 +22,12 @@ pub(crate) fn quality(log: &Log, robot: &Robot, noise: &Noise) -> Quality {
         );
     }
     // What the limits tell about units need not be guessed from the size of the numbers.
-    let told = |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|f| f.channel == finding.channel);
+    let tells = |limits: &Finding, of: &Finding| match limits.topic {
+        Topic::Unit => limits.channel == of.channel,
+        Topic::Limits => limits.channel == of.channel && of.severity < Severity::Bad,
+        _ => false,
+    };
+    let told = |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|limits| tells(limits, finding));
     // What a joint is told that follows another one says nothing about it.
     let led =
         |finding: &Finding| robot.movable().any(|(_, l)| l.joint.mimic.is_some() && l.joint.name == finding.channel);

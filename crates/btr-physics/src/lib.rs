@@ -10,6 +10,7 @@ pub mod augment;
 pub mod beside;
 mod check;
 mod control;
+pub mod doubts;
 pub mod drive;
 pub mod effect;
 pub mod elsewhere;

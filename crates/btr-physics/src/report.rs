@@ -1,6 +1,7 @@
 //! What a run found, as one document: `history.json`, `--json` and the tables of the terminal are views of it.
 
 use crate::augment::Cause;
+use crate::doubts::{TestDoubt, doubts};
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::reality::Revealed;
@@ -47,6 +48,8 @@ pub struct Report {
     pub by_distance: Vec<ByDistance>,
     /// The ledger of real tests.
     pub tests: Vec<Entry>,
+    /// What is bad about them.
+    pub doubts: Vec<TestDoubt>,
     /// Every generation.
     pub generations: Vec<Generation>,
 }
@@ -153,6 +156,7 @@ pub fn report(
         logs: log_scores(experiment, state)?,
         by_distance,
         tests: state.ledger().entries().to_vec(),
+        doubts: doubts(experiment, state.ledger().entries()),
         generations: state.history().generations.clone(),
     })
 }

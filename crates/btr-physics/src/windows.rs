@@ -160,18 +160,19 @@ pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
     (number / 2 < joints).then_some(number / 2)
 }
 
-/// Moves the starts of all windows by what is not known of one of their numbers; `sigmas` are the joints' noise floors.
-pub(crate) fn nudge(restarts: &mut [Restart], number: usize, sigmas: &[f64]) {
+/// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints' noise
+/// floors.
+pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[f64]) {
     for Restart { state: State { joints, base }, .. } in restarts {
         if let Some((sigma, joint)) = sigmas.get(number / 2).zip(joints.get_mut(number / 2)) {
             match number % 2 {
-                0 => joint.0 += sigma,
-                _ => joint.1 += sigma / REACH_S,
+                0 => joint.0 += by * sigma,
+                _ => joint.1 += by * sigma / REACH_S,
             }
             continue;
         }
         let number = number - 2 * sigmas.len();
-        let along = |axis: usize| BASE[number] * Vector3::ith(axis, 1.0);
+        let along = |axis: usize| by * BASE[number] * Vector3::ith(axis, 1.0);
         match number {
             0..3 => base.velocity_m_s += along(number),
             3 => base.pose.translation.vector += along(2),

@@ -1,7 +1,7 @@
 //! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
 
 use btr_core::distance::{DistanceSpec, Rmse};
-use btr_core::family::{Family, Step};
+use btr_core::family::{Family, Rollout, Step};
 use btr_core::log::Log;
 use btr_core::world::{Job, Made, Simulator, Wanted};
 use btr_physics::elsewhere::{Executor, Parcel, Parcels, Served, ServedModel, Stopped, Way, serve};
@@ -47,25 +47,47 @@ fn assert_the_same(here: &dyn Family, there: &dyn Family) {
     let knobs = here.knobs().len();
     let moved = |k: usize| (0..knobs).map(|i| if i == k { here.knobs()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
     let points: Vec<Vec<f64>> = (0..knobs).step_by(knobs / 7 + 1).map(moved).collect();
-    let points: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
     let bits = |all: Vec<Result<Vec<f64>, _>>| -> Vec<Vec<u64>> {
         let of = |one: Result<Vec<f64>, _>| one.unwrap_or_default().iter().map(|x: &f64| x.to_bits()).collect();
         all.into_iter().map(of).collect()
     };
-    for log in 0..here.logs().len() {
-        for step in [Step::USUAL, Step::USUAL.halved()] {
-            assert_eq!(bits(here.residuals(&points, log, step)), bits(there.residuals(&points, log, step)));
-        }
-        let from = |family: &dyn Family| bits(vec![family.residual_from(points[0], log, &[0])]);
-        assert!(here.starts(log) == 0 || from(here) == from(there));
+    let moved = |log: usize| {
+        let still = vec![0.0; here.starts(log)];
+        (0..still.len().min(5)).map(move |k| (log, [&still[..k], &[0.5], &still[k + 1..]].concat()))
+    };
+    let logs = 0..here.logs().len();
+    let moved: Vec<(usize, Vec<f64>)> = logs.clone().flat_map(moved).collect();
+    let of_points = logs.flat_map(|log| points.iter().map(move |u| Rollout::of(u, log)));
+    let of_starts = moved.iter().map(|(log, moved)| Rollout { u: &points[0], log: *log, moved });
+    let rollouts: Vec<Rollout> = of_points.chain(of_starts).collect();
+    for step in [Step::USUAL, Step::USUAL.halved()] {
+        let together = bits(here.residuals(&rollouts, step));
+        assert_eq!(together, bits(there.residuals(&rollouts, step)));
+        assert_eq!(together, bits(rollouts.iter().map(|one| here.residual(*one, step)).collect()), "one by one");
     }
 }
 
 fn served(source: &Source, from_s: f64) -> Tested<(Problem, Served)> {
-    let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s, 2)?]);
+    let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
     let problem = Problem::new(source.clone(), &learn, &held_out)?;
     let family = Served::new(&problem, &learn, &held_out, Arc::new(Way::elsewhere(Box::new(Worker))))?;
     Ok((problem, family))
+}
+
+/// The end of a log that is held out from its beginning begins where that does.
+#[test]
+fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
+    let source = robots("arm.toml")?;
+    let beside = Problem::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.beside;
+    assert_eq!((beside.logs().len(), beside.begins_with(0), beside.begins_with(1)), (2, 0, 0));
+    let begun = beside.begun(&[(0, vec![2.0; beside.starts(0)])]).ok_or("a fixed robot's logs can begin elsewhere")?;
+    let origin = vec![0.0; beside.knobs().len()];
+    for log in 0..2 {
+        let residual = |family: &dyn Family| family.residual(Rollout::of(&origin, log), Step::USUAL);
+        let there = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
+        assert_ne!(there(residual(&beside)?), there(residual(&*begun)?), "part {log}");
+    }
+    Ok(())
 }
 
 #[test]
@@ -74,6 +96,15 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
     let (problem, family) = served(&source, 0.0)?;
     assert_the_same(&problem.beside, &family);
+    // One that begins elsewhere.
+    let moved = [(0, (0..family.starts(0)).map(|k| 0.1 * k as f64 - 0.3).collect())];
+    let (here, there) = (problem.beside.begun(&moved), family.begun(&moved));
+    let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
+    assert_the_same(&*here, &*there);
+    let origin = vec![0.0; family.knobs().len()];
+    let from = |family: &dyn Family, log| family.residual(Rollout::of(&origin, log), Step::USUAL);
+    assert_ne!(from(&*here, 0)?, from(&family, 0)?);
+    assert_eq!(from(&*here, 1)?, from(&family, 1)?);
     Ok(())
 }
 

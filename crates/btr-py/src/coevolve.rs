@@ -111,6 +111,12 @@ impl Watch for Watcher {
 
     fn rung(&self, _: &Rung) {}
 
+    fn warn(&mut self, line: &str) {
+        if let Err(error) = Python::attach(|py| warn(py, &[line])) {
+            std::panic::resume_unwind(Box::new(error));
+        }
+    }
+
     fn say(&mut self, _: &str) {}
 
     fn stops(&mut self) -> bool {

@@ -87,7 +87,9 @@ impl Raise for ProblemError {
             ProblemError::File(error) => error.raise(),
             ProblemError::Add(error) => error.raise(),
             ProblemError::World(error) => error.raise(),
-            ProblemError::Still | ProblemError::Blind | ProblemError::Nothing => raised(&self.to_string(), self.help()),
+            ProblemError::Still | ProblemError::Short(_) | ProblemError::Blind | ProblemError::Nothing => {
+                raised(&self.to_string(), self.help())
+            }
         }
     }
 }

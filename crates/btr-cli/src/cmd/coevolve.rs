@@ -78,6 +78,10 @@ impl Watch for Watcher<'_> {
         ladder::tell(&LadderStep::from(rung), self.global);
     }
 
+    fn warn(&mut self, line: &str) {
+        self.say(&format!("warning: {line}"));
+    }
+
     fn say(&mut self, line: &str) {
         self.progress.iter().for_each(|progress| progress.say(line));
     }
@@ -167,6 +171,9 @@ fn show(report: &Report) {
         report.simulated_evaluations,
         report.failed_evaluations
     );
+    for doubt in &report.doubts {
+        println!("bad: {}", doubt.sentence());
+    }
     let at_bound = report.iterations.last().map_or(&[][..], |last| &last.evidence.at_bound);
     for grown in &report.augmentations {
         println!("S has grown after iteration {}: {}", grown.after_iteration, grown.parameters.join(", "));

@@ -52,6 +52,9 @@ fn show(report: &FitReport) {
     let mut table = Table::new(&ladder::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(ladder::estimate(estimate)));
     println!("{}", table.render());
+    if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
+        println!("\nby its bounds: that is what the bounds leave; the logs tell less");
+    }
     if let Some(why) = &report.withheld {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");
     }

@@ -325,8 +325,9 @@ fn command_lines_that_make_no_sense() {
 #[test]
 fn settings_on_the_command_line() {
     let lab = Lab::new();
-    let told = ["simulation.duration_s", "simulation.duraton_s=1", "name.first=1", "seed=many"]
-        .map(|setting| lab.complaint(&format!("coevolve small.toml --out run --set {setting}")));
+    let told =
+        ["simulation.duration_s", "simulation.duraton_s=1", "simulation..duration_s=1", "name.first=1", "seed=many"]
+            .map(|setting| lab.complaint(&format!("coevolve small.toml --out run --set {setting}")));
     insta::assert_snapshot!("settings", told.join("\n"));
 }
 

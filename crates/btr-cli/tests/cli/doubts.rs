@@ -45,6 +45,7 @@ const CMD_HIP: usize = 1;
 const CMD_KNEE: usize = 2;
 const Q_HIP: usize = 3;
 const Q_KNEE: usize = 4;
+const DQ_HIP: usize = 5;
 const DQ_KNEE: usize = 6;
 
 /// A leg that does as its model says, for four seconds at 100 Hz.
@@ -281,4 +282,32 @@ fn of_readings_without_noise_it_is_said_that_their_floor_is_assumed() {
     assert!(document["noise_floor"][0]["sigma"].as_f64().unwrap() > 5e-6, "{document}");
     assert!(lab.ok("fit leg.toml clean.csv").contains("(assumed: its readings show no noise)"));
     says(&lab, "clean.csv", 0, "fine: q_hip shows no noise, as if simulated");
+}
+
+#[test]
+fn what_tells_nothing_or_is_held_out_from_itself_is_refused() {
+    let lab = lab();
+    lab.edit("log.csv", "short.csv", |k, _| k < 15);
+    for verb in ["fit", "diagnose"] {
+        let why = lab.complaint(&format!("{verb} leg.toml short.csv"));
+        assert!(why.contains("the longest log to learn from has 14 samples: too few to tell anything"), "{why}");
+    }
+    lab.edit("log.csv", "copy.csv", |_, _| true);
+    let why = lab.complaint("fit leg.toml log.csv --held-out copy.csv");
+    assert!(why.contains("log.csv and copy.csv hold the same measurements"), "{why}");
+}
+
+#[test]
+fn degrees_that_a_joint_could_reach_in_rad_are_told_all_the_same() {
+    let lab = lab();
+    lab.edit("log.csv", "degrees.csv", |k, cells| {
+        for (column, factor) in [(CMD_HIP, 0.15 * 57.3), (Q_HIP, 0.15), (DQ_HIP, 0.15)] {
+            if k > 0 {
+                cells[column] = (cells[column].parse::<f64>().unwrap() * factor).to_string();
+            }
+        }
+        true
+    });
+    says(&lab, "degrees.csv", 1, "fine: cmd_hip reaches");
+    says(&lab, "degrees.csv", 1, "bad: cmd_hip moves");
 }

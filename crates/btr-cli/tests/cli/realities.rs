@@ -205,3 +205,36 @@ fn an_index_chooses_logs_and_tells_what_is_known_of_each() {
     assert!((mass - 1.3).abs() < 0.05, "{mass} kg: without the gains from the index it cannot be found");
     assert_eq!(document["logs"].as_array().unwrap().len(), 2);
 }
+
+#[test]
+fn a_real_test_that_was_recorded_badly_is_told_at_once() {
+    let lab = Lab::with(&[(TWIN, "kind = \"manual\""), ("duration_s = 0.5", "duration_s = 3.0")]);
+    lab.ok("coevolve small.toml --out run -q");
+    play(&lab, "run/transfers/0000");
+    play(&lab, "run/transfers/0001");
+    let good = lab.read("run/transfers/0000/log.csv");
+    let column = good.lines().next().unwrap().split(',').position(|name| name == "q_hinge").unwrap();
+    let changed = |change: &dyn Fn(f64) -> String| {
+        let row = |row: &str| {
+            let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+            cells[column] = cells[column].parse().map_or_else(|_| cells[column].clone(), change);
+            cells.join(",") + "\n"
+        };
+        good.lines().map(row).collect::<String>()
+    };
+    lab.write("run/transfers/0000/log.csv", &changed(&|x| (57.3 * x).to_string()));
+    lab.write("run/transfers/0001/log.csv", &changed(&|_| String::new()));
+    let output = lab.run("coevolve small.toml --out run --resume");
+    let told = crate::lab::text(&output.stderr);
+    assert!(
+        told.contains("warning: real test 0: dq_hinge is a 57th of the slope of q_hinge: is q_hinge in degrees?"),
+        "{told}"
+    );
+    assert!(told.contains("warning: real test 1: its log has nothing that rmse could compare"), "{told}");
+    let again = crate::lab::text(&lab.run("coevolve small.toml --out run --resume").stderr);
+    assert!(!again.contains("warning: real test"), "told once: {again}");
+    let document = lab.json("coevolve small.toml --out run --resume");
+    let doubts = document["doubts"].as_array().unwrap();
+    assert!(doubts.iter().any(|d| d["test"] == 0 && d["topic"] == "unit" && d["channel"] == "q_hinge"), "{document}");
+    assert!(doubts.iter().any(|d| d["test"] == 1 && d["severity"] == "bad"), "{document}");
+}

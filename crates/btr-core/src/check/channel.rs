@@ -29,14 +29,18 @@ pub(super) fn sensor(name: &str, channel: &Channel) -> Sensor {
 }
 
 /// What is to be said about a channel.
-pub(super) fn findings(sensor: &Sensor, role: Role) -> Vec<Finding> {
+pub(super) fn findings(sensor: &Sensor, channel: &Channel) -> Vec<Finding> {
     let mut found = Vec::new();
     let Sensor { name, unit, missing, min, max, .. } = sensor;
     let mut say = |topic, severity, sentence| found.push(Finding::new(topic, severity, name, sentence));
     // Commands that are missing in parts are told about spell by spell.
-    if *missing > 0.01 && (role != Role::Command || *missing >= 1.0) {
+    if *missing > 0.01 && (channel.role != Role::Command || *missing >= 1.0) {
         let severity = if *missing > 0.5 { Severity::Bad } else { Severity::Doubtful };
         say(Topic::Missing, severity, format!("{name} lacks {:.1} % of its samples", 100.0 * missing));
+    }
+    let infinite = channel.values.iter().filter(|x| x.is_infinite()).count();
+    if infinite > 0 {
+        say(Topic::Missing, Severity::Bad, format!("{name} is infinite in {infinite} samples: leave them empty"));
     }
     if *missing >= 1.0 {
         return found;

@@ -19,12 +19,15 @@ pub(super) fn of(log: &Log) -> Clock {
     }
 }
 
+/// A log of fewer samples tells nothing.
+pub const FEWEST_SAMPLES: usize = 20;
+
 /// What is to be said about a clock.
 pub(super) fn findings(clock: &Clock, log: &Log) -> Vec<Finding> {
     let mut found = Vec::new();
     let jitter = clock.jitter_s * clock.rate_hz;
     let severity = match () {
-        () if clock.samples < 20 => Severity::Bad,
+        () if clock.samples < FEWEST_SAMPLES => Severity::Bad,
         () if jitter > 0.2 || clock.rate_hz < 20.0 => Severity::Doubtful,
         () => Severity::Fine,
     };

@@ -14,8 +14,10 @@ const MOST_DOUBT_S: f64 = 0.05;
 const LATE_S: f64 = 0.15;
 /// A joint that is less like its command than this hardly follows it, or follows it in another way than most.
 const LIKE: f64 = 0.9;
-/// How far a ratio may be from the one that is expected.
+/// How far a ratio may be from the one that is expected, ...
 const NEAR: f64 = 0.15;
+/// ... and that of a position to its command, which servos follow more or less.
+const NEARLY: f64 = 0.4;
 
 /// Whether a joint follows its command, and how late; nothing without a command or a reading.
 pub(super) fn follows(log: &Log, joint: &str) -> Option<(Follows, Vec<Finding>)> {
@@ -24,6 +26,7 @@ pub(super) fn follows(log: &Log, joint: &str) -> Option<(Follows, Vec<Finding>)>
     let command = log.channel(&format!("cmd_{joint}")).filter(there)?;
     let lag = lag(log.clock_s(), &command.values, &position.values, MOST_LAG_S);
     let mut found: Vec<Finding> = pinned(joint, command, position).into_iter().collect();
+    found.extend(in_degrees(joint, command, position, lag));
     found.push(match reversed(log, joint, command, position, lag) {
         Some(reversed) => reversed,
         None => late(log, joint, command, position, lag),
@@ -48,15 +51,38 @@ fn pinned(joint: &str, command: &Channel, position: &Channel) -> Option<Finding>
     })
 }
 
+/// A joint that moves as it is told, but 57 times as far, or a 57th of it.
+fn in_degrees(joint: &str, command: &Channel, position: &Channel, lag: Option<Lag>) -> Option<Finding> {
+    let follows = lag.is_some_and(|lag| lag.likeness >= 0.5);
+    if command.unit != "rad" || position.unit != "rad" || !follows || !is_moved(command, position) {
+        return None;
+    }
+    let both = || position.values.iter().zip(&command.values).filter(|(q, told)| (*q * *told).is_finite());
+    let ratio = range(both().map(|(q, _)| *q)) / range(both().map(|(_, told)| *told));
+    let near = |expected: f64| (ratio / expected - 1.0).abs() < NEARLY;
+    let degrees = 1f64.to_degrees();
+    let [q, told] = ["q", "cmd"].map(|kind| format!("{kind}_{joint}"));
+    let (suspect, sentence) = match () {
+        () if near(degrees) => (&q, format!("{q} moves {ratio:.0} times as far as {told}: is {q} in degrees?")),
+        () if near(degrees.recip()) => {
+            (&told, format!("{told} moves {:.0} times as far as {q}: is {told} in degrees?", ratio.recip()))
+        }
+        () => return None,
+    };
+    Some(Finding::new(Topic::Unit, Severity::Bad, suspect, sentence))
+}
+
+/// How far values are apart.
+fn range(values: impl Iterator<Item = f64>) -> f64 {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    (high - low).max(0.0)
+}
+
 /// Whether a joint is told and moves enough to tell anything.
 fn is_moved(command: &Channel, position: &Channel) -> bool {
-    let range = |channel: &Channel| {
-        let there = channel.values.iter().filter(|x| x.is_finite());
-        let (low, high) = there.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-        (high - low).max(0.0)
-    };
     let noise = Noise::of(&position.values).map_or(0.0, |noise| noise.sigma());
-    range(command) > 0.0 && range(position) >= 20.0 * noise
+    let there = |channel: &'_ Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
+    there(command) > 0.0 && there(position) >= 20.0 * noise
 }
 
 /// A joint that does the opposite of what it is told: it follows better upside down, or sooner where that is as good.

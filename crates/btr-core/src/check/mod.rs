@@ -6,6 +6,8 @@ mod joint;
 #[cfg(test)]
 mod tests;
 
+pub use clock::FEWEST_SAMPLES;
+
 use crate::lag::Lag;
 use crate::log::{Log, Role};
 use serde::{Deserialize, Serialize};
@@ -157,7 +159,7 @@ pub fn check(log: &Log) -> Quality {
     let mut findings = clock::findings(&quality.clock, log);
     for (name, channel) in known() {
         let sensor = channel::sensor(name, channel);
-        findings.extend(channel::findings(&sensor, channel.role));
+        findings.extend(channel::findings(&sensor, channel));
         if channel.role == Role::Command {
             findings.extend(channel::silences(log, name, &channel.values));
         }

@@ -34,11 +34,22 @@ fn a_healthy_log_is_fine_and_its_lags_are_told() {
 }
 
 #[test]
+fn degrees_are_told_from_the_command_beside_them() {
+    for (scaled, factor) in [("q_hip", 50.0), ("cmd_hip", 60.0), ("q_hip", 10.0)] {
+        let mut log = healthy();
+        log.values_mut(scaled).unwrap().iter_mut().for_each(|x| *x *= factor);
+        let found = check(&log).findings.iter().any(|f| f.sentence.contains(&format!("is {scaled} in degrees?")));
+        assert_eq!(found, factor > 10.0, "{scaled} times {factor}: {:?}", check(&log).findings);
+    }
+}
+
+#[test]
 fn every_fault_is_found_where_it_is() {
     let mut log = healthy();
     let n = log.len();
     log.values_mut("q_hip").unwrap()[..1200].fill(f64::NAN);
     log.insert("tau_knee", "N·m", Role::Measured, (0..n).map(|i| (0.01 * i as f64).sin().min(0.5)).collect()).unwrap();
+    log.values_mut("q_knee").unwrap()[700] = f64::INFINITY;
     log.insert("imu_gyro_x", "rad/s", Role::Measured, vec![0.0; n]).unwrap();
     log.insert("cmd_toe", "rad", Role::Command, vec![0.1; n]).unwrap();
     log.insert("q_toe", "rad", Role::Measured, vec![0.1; n]).unwrap();
@@ -46,6 +57,7 @@ fn every_fault_is_found_where_it_is() {
     let quality = check(&log);
     for (topic, channel, expected) in [
         (Topic::Missing, "q_hip", Severity::Bad),
+        (Topic::Missing, "q_knee", Severity::Bad),
         (Topic::Saturation, "tau_knee", Severity::Doubtful),
         (Topic::Dead, "imu_gyro_x", Severity::Doubtful),
         (Topic::Excitation, "toe", Severity::Doubtful),

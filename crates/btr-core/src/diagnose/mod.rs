@@ -170,7 +170,7 @@ fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn
     if looks == 0 || !looks_again {
         return go_on(bench, question, state, tell);
     }
-    let seen = bench.family.seen_from(&state.fit.u);
+    let seen = bench.seen_from(&state.fit.u);
     if seen.is_none() && contact {
         return go_on(bench, question, state, tell);
     }

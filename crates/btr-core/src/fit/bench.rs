@@ -1,7 +1,8 @@
 //! Evaluating a family: many points and logs at once, counted.
 
+use super::nearest::{MOVED, nearest_starts};
 use super::start::Starts;
-use crate::family::{Family, Recorded, Step};
+use crate::family::{Family, Recorded, Rollout, Step};
 use crate::parallel::side_by_side;
 use crate::world::WorldError;
 use rayon::prelude::*;
@@ -59,6 +60,13 @@ impl<'a> Bench<'a> {
         Bench { halvings: self.step().halvings.into(), rollouts: rollouts.into(), ..other }
     }
 
+    /// The family as the model at a point has it; see [`Family::seen_from`]. `None` where that is no different.
+    pub(crate) fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+        let (moved, rollouts) = nearest_starts(self.family, u, MOVED);
+        self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
+        if moved.is_empty() { self.family.seen_from(u) } else { self.family.begun(&moved) }
+    }
+
     /// Takes over the count of a bench that went on from here.
     pub(crate) fn count(&self, other: &Bench) {
         self.rollouts.store(other.rollouts(), Ordering::Relaxed);
@@ -105,13 +113,10 @@ impl<'a> Bench<'a> {
     }
 
     fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
-        let jobs = points.len() * which.len();
-        self.rollouts.fetch_add(jobs, Ordering::Relaxed);
-        let at_once = side_by_side(self.family.side_by_side(), jobs);
-        let tasks = which.iter().flat_map(|&log| points.chunks(at_once).map(move |few| (log, few)));
-        let run = |(log, few): (usize, &[Vec<f64>])| self.of_log(few, log, step);
-        let parts: Vec<Option<Vec<f64>>> =
-            tasks.collect::<Vec<_>>().into_par_iter().with_max_len(1).flat_map_iter(run).collect();
+        let of_log = |&log: &usize| points.iter().map(move |u| Rollout::of(u, log));
+        let rollouts: Vec<Rollout> = which.iter().flat_map(of_log).collect();
+        self.rollouts.fetch_add(rollouts.len(), Ordering::Relaxed);
+        let parts = each(self.family, &rollouts, step, &|log, residual| self.known(log, residual));
         let joined = |point: usize| {
             let of_logs = (0..which.len()).map(|log| parts[log * points.len() + point].as_deref());
             Some(of_logs.collect::<Option<Vec<&[f64]>>>()?.concat())
@@ -119,16 +124,12 @@ impl<'a> Bench<'a> {
         (0..points.len()).map(joined).collect()
     }
 
-    /// The residuals of one log at some points, without what its start state could do.
-    fn of_log(&self, points: &[Vec<f64>], log: usize, step: Step) -> Vec<Option<Residual>> {
-        let points: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
-        let known = |residual: Result<Vec<f64>, WorldError>| {
-            let mut residual = residual.ok()?;
-            residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
-            self.starts.project(log, &mut residual);
-            Some(residual)
-        };
-        self.family.residuals(&points, log, step).into_iter().map(known).collect()
+    /// The residual of a log without what its start state could do; a missing sample is none.
+    fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Option<Residual> {
+        let mut residual = residual.ok()?;
+        residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
+        self.starts.project(log, &mut residual);
+        Some(residual)
     }
 
     /// Measured samples of the logs of a kind, without those that their start states take.
@@ -170,6 +171,21 @@ impl<'a> Bench<'a> {
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
+}
+
+/// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
+pub(super) fn each<T: Send>(
+    family: &dyn Family,
+    rollouts: &[Rollout],
+    step: Step,
+    made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
+) -> Vec<T> {
+    let at_once = side_by_side(family.side_by_side(), rollouts.len());
+    let run = |few: &[Rollout]| {
+        let residuals = family.residuals(few, step);
+        few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
+    };
+    rollouts.par_chunks(at_once).with_max_len(1).flat_map_iter(run).collect()
 }
 
 /// Adds a step error to a residual.

@@ -93,7 +93,7 @@ fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option
     if looks == 0 || (contact && ladder.error() <= NOISE) {
         return Some(conclude(bench, done, ladder));
     }
-    let seen = bench.family.seen_from(&done.0.u);
+    let seen = bench.seen_from(&done.0.u);
     if seen.is_none() && contact {
         return Some(conclude(bench, done, ladder));
     }

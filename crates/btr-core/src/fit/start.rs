@@ -3,10 +3,10 @@
 //! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
 //! again, as if B's share of it were noise.
 
+use super::bench::each;
 use super::together::{rows_near, shared};
-use crate::family::Family;
+use crate::family::{Family, Rollout, Step};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 /// A direction shorter than this share of the longest one of its log is none.
 const NEGLIGIBLE: f64 = 1e-3;
@@ -23,31 +23,47 @@ struct Window {
     shares: Vec<f64>,
 }
 
+/// A rollout in which some numbers of a log's start are nudged.
+struct Shot {
+    log: usize,
+    nudged: Vec<usize>,
+    moved: Vec<f64>,
+}
+
+impl Shot {
+    fn of(family: &dyn Family, log: usize, nudged: Vec<usize>) -> Self {
+        let mut moved = vec![0.0; family.starts(log)];
+        nudged.iter().for_each(|&number| moved[number] = 1.0);
+        Shot { log, nudged, moved }
+    }
+}
+
 impl Starts {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
     pub(super) fn at(family: &dyn Family, u: &[f64]) -> (Starts, usize) {
-        let shots = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
         // The first of each log is moved nowhere.
-        let of_log = |log: usize| std::iter::once(Vec::new()).chain(shots(log)).map(move |shot| (log, shot));
+        let nudged = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
+        let shots = |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| Shot::of(family, log, n));
         let logs = (0..family.logs().len()).filter(|&log| family.starts(log) > 0);
-        let jobs: Vec<(usize, Vec<usize>)> = logs.flat_map(of_log).collect();
-        let run = |(log, nudged): &(usize, Vec<usize>)| family.residual_from(u, *log, nudged).ok();
-        let answers: Vec<Option<Vec<f64>>> = jobs.par_iter().map(run).collect();
+        let shots: Vec<Shot> = logs.flat_map(shots).collect();
+        let rollouts: Vec<Rollout> =
+            shots.iter().map(|shot| Rollout { u, log: shot.log, moved: &shot.moved }).collect();
+        let answers = each(family, &rollouts, Step::USUAL, &|_, residual| residual.ok());
         let windows = |log: usize| {
-            let own = || jobs.iter().zip(&answers).filter(move |((of, _), _)| *of == log);
+            let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
             let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
             let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
-            for ((_, nudged), there) in own().skip(1) {
+            for (shot, there) in own().skip(1) {
                 let Some(there) = there else { continue };
                 let change = |&number: &usize| (number, change(family, log, number, usual, there));
-                changes.extend(nudged.iter().map(change));
+                changes.extend(shot.nudged.iter().map(change));
             }
             changes.sort_by_key(|(number, _)| *number);
             let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
             rows(family, log).into_iter().map(|rows| Window::new(rows, &changes, family.start_spread())).collect()
         };
         let starts = (0..family.logs().len()).map(windows).collect();
-        (Starts(starts), jobs.len())
+        (Starts(starts), shots.len())
     }
 
     /// How many numbers the start of a log takes. What is known of a start takes none: the rest stays white.

@@ -1,12 +1,16 @@
 //! What is simulated beside what was measured, at any point of the family and from any start.
 
 use super::Beside;
+use super::starts::OPEN;
+use crate::effect::Placed;
 use crate::floor;
+use crate::model::{Point, Scenario};
 use crate::robot::Base;
 use crate::windows;
-use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
+use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// What counts as the beginning of a log, as a share of it.
@@ -37,19 +41,20 @@ impl Family for Beside {
         &self.logs
     }
 
-    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
-        self.against(log, &self.simulate(u, self.parts[log].scenario, step)?)
+    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+        self.residuals(&[rollout], step).remove(0)
     }
 
     fn side_by_side(&self) -> usize {
         self.model.side_by_side()
     }
 
-    fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
-        let situation = &self.situations[self.parts[log].scenario];
-        let points: Vec<_> = points.iter().map(|u| (self.inner(u), self.placed(u))).collect();
-        let simulated = self.model.rollouts_in(&points, situation, step);
-        simulated.into_iter().map(|simulated| self.against(log, &simulated?)).collect()
+    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+        let point = |of: &Rollout| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
+        let points: Vec<(Vec<f64>, Vec<Placed>, Cow<Scenario>)> = rollouts.iter().map(point).collect();
+        let points: Vec<Point> = points.iter().map(|(s, further, situation)| Point { s, further, situation }).collect();
+        let simulated = self.model.rollouts_in(&points, step);
+        rollouts.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
     }
 
     fn order(&self) -> i32 {
@@ -84,16 +89,21 @@ impl Family for Beside {
     }
 
     fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+        if self.model.robot.base == Base::Fixed {
+            return None;
+        }
         let mut other = self.clone();
-        let differs = match (self.model.robot.base, self.is_chaotic()) {
-            (Base::Floating, true) => {
-                let cut = other.cut(u).and_then(|()| other.measure()).and_then(|()| floor::raise(&mut other, u));
-                cut.is_ok()
-            }
-            (Base::Floating, false) => other.rest_otherwise(u).unwrap_or(false),
-            (Base::Fixed, _) => other.start_otherwise(u),
+        let differs = if self.is_chaotic() {
+            let cut = other.cut(u).and_then(|()| other.measure()).and_then(|()| floor::raise(&mut other, u));
+            cut.is_ok()
+        } else {
+            other.rest_otherwise(u).unwrap_or(false)
         };
         differs.then(|| Box::new(other) as Box<dyn Family>)
+    }
+
+    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
+        Some(Box::new(self.begun_elsewhere(moved)))
     }
 
     fn beginnings(&self) -> Option<Box<dyn Family>> {
@@ -116,16 +126,15 @@ impl Family for Beside {
         &self.near[candidate]
     }
 
-    fn residual_from(&self, u: &[f64], log: usize, nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
-        let mut scenario = self.situations[self.parts[log].scenario].clone();
-        if !scenario.restarts.is_empty() {
-            let mut restarts = scenario.restarts.to_vec();
-            nudged.iter().for_each(|&number| windows::nudge(&mut restarts, number, &self.parts[log].noise));
-            scenario.restarts = restarts.into();
-            return self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?);
-        }
-        nudged.iter().for_each(|&number| self.nudge(log, &mut scenario, number, 1.0));
-        self.against(log, &self.simulate_in(u, &scenario, Step::USUAL)?)
+    fn start_open(&self, log: usize) -> Vec<f64> {
+        // A free robot's start is seen otherwise.
+        let numbers = if self.model.robot.base == Base::Fixed { self.starts(log) } else { 0 };
+        (0..numbers).map(|number| OPEN[number % 2]).collect()
+    }
+
+    fn begins_with(&self, log: usize) -> usize {
+        let same = |other: &usize| self.parts[*other].scenario == self.parts[log].scenario;
+        (0..self.parts.len()).find(same).unwrap_or(log)
     }
 }
 

@@ -2,7 +2,7 @@
 //! typical sizes of effects were made for a desk arm, whose motion shows the least of them.
 
 use super::Beside;
-use btr_core::family::{Family, Knob, Law, Step};
+use btr_core::family::{Family, Knob, Law, Rollout, Step};
 use btr_core::fit::{rows_near, shared, squares};
 use btr_core::world::WorldError;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ pub(super) fn enlarge(beside: &mut Beside) -> Result<(), WorldError> {
             shapes.iter().for_each(|&(knob, shape)| u[knob] = shape);
             u[*knob] = *by;
         }
-        beside.residual(&u, log, Step::USUAL).ok()
+        beside.residual(Rollout::of(&u, log), Step::USUAL).ok()
     };
     let answers: Vec<Option<Vec<f64>>> = shots.par_iter().map(simulated).collect();
     let mut shown = vec![None; tries.len()];
@@ -59,7 +59,7 @@ pub(super) fn enlarge(beside: &mut Beside) -> Result<(), WorldError> {
 fn worst(beside: &Beside, origin: &[f64]) -> Result<Option<(usize, Vec<f64>)>, WorldError> {
     let mut worst: Option<(f64, usize, Vec<f64>)> = None;
     for log in (0..beside.logs.len()).filter(|&log| !beside.logs[log].held_out) {
-        let residual = beside.residual(origin, log, Step::USUAL)?;
+        let residual = beside.residual(Rollout::of(origin, log), Step::USUAL)?;
         let finite: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
         let size = squares(&finite);
         if worst.as_ref().is_none_or(|(most, ..)| size > *most) {

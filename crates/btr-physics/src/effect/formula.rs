@@ -4,7 +4,7 @@
 //! there are effects that hold at rest.
 //!
 //! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function) that a
-//! process meets, some 20 kB for an expression.
+//! process meets, less than a kB for an expression.
 
 use super::law::{FormulaError, Law, Laws, Scene};
 use super::{Card, Effect, Param, SiteKind};
@@ -21,7 +21,8 @@ pub static FORMULA: Card = Card {
     site: SiteKind::Joint,
     cite: "the model file",
     tell: "as its law says; it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, \
-           + - * / ^ ( ) abs sign min max sqrt exp ln sin cos tan atan atan2 tanh floor round PI",
+           numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan \
+           asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
     alike: &[],

@@ -1,7 +1,7 @@
 //! What the text of a law stands for: an expression, which is compiled, or a function of the program that made the model.
 
 use super::Param;
-use exmex::{Express, FlatEx, FloatOpsFactory, MakeOperators, Operator};
+use super::expression::{self, Expression};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -15,9 +15,6 @@ pub type Scene = [f64; VARIABLES.len()];
 /// A law as a function of the scene and of its parameters, whose names come with it in the order of their values. It
 /// may be called from any thread, more than once for a step, and for velocities near the joint's own.
 pub type Function = dyn Fn(&Scene, &[Param], &[f64]) -> f64 + Send + Sync;
-
-/// The most names in an expression, so that a step needs no memory of its own.
-const MOST_NAMES: usize = 16;
 
 /// Stands in the text of a law that is a function, and in no expression.
 const OF_A_FUNCTION: char = ':';
@@ -42,9 +39,6 @@ pub enum FormulaError {
     /// A parameter that cannot have this name.
     #[error("`{0}` means something else in every law")]
     Taken(String),
-    /// More names than [`MOST_NAMES`].
-    #[error("a law can have {MOST_NAMES} different names at most")]
-    TooMany,
     /// A function that did not come with the model.
     #[error("the law `{0}` is a function, and there is none of that name here")]
     Absent(String),
@@ -77,40 +71,32 @@ impl fmt::Debug for Laws {
     }
 }
 
-/// The functions inside expressions: those of floats, and a sign that is 0 at 0.
-#[derive(Clone, Debug)]
-struct Operators;
-
-impl MakeOperators<f64> for Operators {
-    fn make<'a>() -> Vec<Operator<'a, f64>> {
-        let mut all = FloatOpsFactory::<f64>::make();
-        all.push(Operator::make_unary("sign", |x: f64| if x > 0.0 { 1.0 } else { -f64::from(x < 0.0) }));
-        all
-    }
-}
-
 /// What can be asked for a value.
 pub(super) enum Law {
-    Expression(Box<Expression>),
+    Expression(Expression),
     Function(Arc<Function>),
 }
 
 impl Law {
     pub(super) fn new(text: &str, params: &[&str], laws: &Laws) -> Result<Self, FormulaError> {
-        if let Some(&taken) = params.iter().find(|name| VARIABLES.contains(name)) {
+        let is_function = laws.0.contains_key(text);
+        let is_taken = |name: &&&str| VARIABLES.contains(*name) || !is_function && expression::is_known(name);
+        if let Some(&taken) = params.iter().find(is_taken) {
             return Err(FormulaError::Taken(taken.to_owned()));
         }
         match laws.0.get(text) {
             Some(function) => Ok(Law::Function(function.clone())),
             None if text.contains(OF_A_FUNCTION) => Err(FormulaError::Absent(text.to_owned())),
-            None => Ok(Law::Expression(Box::new(Expression::new(text, params)?))),
+            None => expression(text, params).map(Law::Expression),
         }
     }
 
     /// The law's value; NaN where it has none.
     pub(super) fn at(&self, params: &[Param], p: &[f64], scene: &Scene) -> f64 {
         match self {
-            Law::Expression(expression) => expression.at(p, scene),
+            Law::Expression(expression) => {
+                expression.at(|name| scene.get(name).copied().unwrap_or_else(|| p[name - scene.len()]))
+            }
             // A simulation that blows up is no function's mistake.
             Law::Function(_) if scene.iter().any(|x| !x.is_finite()) => f64::NAN,
             Law::Function(function) => function(scene, params, p),
@@ -118,38 +104,12 @@ impl Law {
     }
 }
 
-/// A compiled expression.
-pub(super) struct Expression {
-    law: FlatEx<f64, Operators>,
-    /// For each name in the law, in its order: the place among variables and parameters.
-    places: Vec<usize>,
-}
-
-impl Expression {
-    fn new(text: &str, params: &[&str]) -> Result<Self, FormulaError> {
-        let syntax = |e: exmex::ExError| FormulaError::Syntax(e.msg().to_owned());
-        let law = FlatEx::<f64, Operators>::parse(text).map_err(syntax)?;
-        let known: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
-        let place = |name: &String| known.iter().position(|known| known == name).ok_or_else(|| name.clone());
-        let places: Result<Vec<usize>, String> = law.var_names().iter().map(place).collect();
-        let places = places.map_err(|name| {
-            let known = known.iter().map(|&known| known.to_owned()).collect();
-            FormulaError::Unknown { name, known }
-        })?;
-        if let Some(unused) = (VARIABLES.len()..known.len()).find(|place| !places.contains(place)) {
-            return Err(FormulaError::Unused(known[unused].to_owned()));
-        }
-        if places.len() > MOST_NAMES {
-            return Err(FormulaError::TooMany);
-        }
-        Ok(Expression { law, places })
-    }
-
-    fn at(&self, p: &[f64], scene: &Scene) -> f64 {
-        let mut values = [0.0; MOST_NAMES];
-        for (value, &place) in values.iter_mut().zip(&self.places) {
-            *value = if place < scene.len() { scene[place] } else { p[place - scene.len()] };
-        }
-        self.law.eval(&values[..self.places.len()]).unwrap_or(f64::NAN)
+/// An expression in what every law knows and these parameters, each of which it must have.
+fn expression(text: &str, params: &[&str]) -> Result<Expression, FormulaError> {
+    let names: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
+    let expression = Expression::new(text, &names)?;
+    match params.iter().zip(VARIABLES.len()..).find(|(_, place)| !expression.has(*place)) {
+        Some((&unused, _)) => Err(FormulaError::Unused(unused.to_owned())),
+        None => Ok(expression),
     }
 }

@@ -148,6 +148,7 @@ impl fmt::Debug for dyn Effect {
     }
 }
 
+mod expression;
 mod formula;
 mod law;
 mod rotor;

@@ -1,11 +1,11 @@
 //! A family whose residuals are worked out elsewhere, or here, as long as nobody stops it.
 
 use super::folder::Folder;
-use super::message::{Batch, Content, Derived, Parcel, Points, Residuals, Sparse, proof_of};
+use super::message::{Asked, Batch, Content, Derived, Parcel, Residuals, Rollouts, Sparse, proof_of};
 use super::{MOST_AT_ONCE, Way};
 use crate::experiment::{self, LogSource};
 use crate::verbs::Problem;
-use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Step};
+use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::ops::Range;
@@ -45,21 +45,14 @@ impl Served {
         Box::new(Served { local: Arc::from(local), base, derived, way, parcel, proof })
     }
 
-    /// What workers make of some points; `None` where there is nobody to ask.
-    fn ask(
-        &self,
-        points: &[&[f64]],
-        log: usize,
-        halvings: u8,
-        nudged: Option<&[usize]>,
-    ) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
+    /// What workers make of some rollouts; `None` where there is nobody to ask.
+    fn ask(&self, rollouts: &[Rollout], step: Step) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
         let parcel = self.parcel.as_ref()?;
-        let many = points.len();
-        let points = points.iter().map(|u| Sparse::of(u)).collect();
-        let (derived, nudged) = (self.derived.clone(), nudged.map(<[usize]>::to_vec));
-        let batch = Batch::Points(Points { derived, log, halvings, points, nudged });
+        let asked = |one: &Rollout| Asked { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
+        let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.divides_by().trailing_zeros() as u8);
+        let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
         let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
-        let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, many, proof)?;
+        let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;
         Some(residuals.into_iter().map(|r| r.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
@@ -67,7 +60,7 @@ impl Served {
 /// What a family computes for the model as it stands.
 pub(super) fn proof(family: &dyn Family) -> u64 {
     let origin = vec![0.0; family.knobs().len()];
-    let of_log = |log: usize| family.residual(&origin, log, Step::USUAL).unwrap_or_default();
+    let of_log = |log: usize| family.residual(Rollout::of(&origin, log), Step::USUAL).unwrap_or_default();
     let residuals: Vec<Vec<f64>> = (0..family.logs().len()).map(of_log).collect();
     let sizes: Vec<f64> = family.knobs().iter().flat_map(|knob| [knob.origin, knob.size, knob.reach]).collect();
     proof_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
@@ -111,18 +104,17 @@ impl Family for Served {
         self.local.logs()
     }
 
-    fn residual(&self, u: &[f64], log: usize, step: Step) -> Result<Vec<f64>, WorldError> {
-        self.residuals(&[u], log, step).pop().unwrap_or_else(|| self.local.residual(u, log, step))
+    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+        self.residuals(&[rollout], step).pop().unwrap_or_else(|| self.local.residual(rollout, step))
     }
 
     fn side_by_side(&self) -> usize {
         if self.parcel.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
     }
 
-    fn residuals(&self, points: &[&[f64]], log: usize, step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
         self.way.heed();
-        let halvings = step.divides_by().trailing_zeros() as u8;
-        self.ask(points, log, halvings, None).unwrap_or_else(|| self.local.residuals(points, log, step))
+        self.ask(rollouts, step).unwrap_or_else(|| self.local.residuals(rollouts, step))
     }
 
     fn order(&self) -> i32 {
@@ -150,6 +142,10 @@ impl Family for Served {
         Some(self.derived(self.local.seen_from(u)?, Derived::SeenFrom(u.to_vec())))
     }
 
+    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
+        Some(self.derived(self.local.begun(moved)?, Derived::Begun(moved.to_vec())))
+    }
+
     fn beginnings(&self) -> Option<Box<dyn Family>> {
         Some(self.derived(self.local.beginnings()?, Derived::Beginnings))
     }
@@ -166,9 +162,11 @@ impl Family for Served {
         self.local.start_spread()
     }
 
-    fn residual_from(&self, u: &[f64], log: usize, nudged: &[usize]) -> Result<Vec<f64>, WorldError> {
-        self.way.heed();
-        let asked = self.ask(&[u], log, 0, Some(nudged)).and_then(|mut all| all.pop());
-        asked.unwrap_or_else(|| self.local.residual_from(u, log, nudged))
+    fn start_open(&self, log: usize) -> Vec<f64> {
+        self.local.start_open(log)
+    }
+
+    fn begins_with(&self, log: usize) -> usize {
+        self.local.begins_with(log)
     }
 }

@@ -57,6 +57,8 @@ pub(super) enum Derived {
     Beginnings,
     /// As it is seen from a point.
     SeenFrom(Vec<f64>),
+    /// Where some logs begin elsewhere.
+    Begun(Vec<(usize, Vec<f64>)>),
 }
 
 /// A point of a family, most of whose coordinates are 0: those that are not.
@@ -83,15 +85,20 @@ impl Sparse {
     }
 }
 
-/// Points of a family.
+/// A rollout of a family.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Points {
-    pub(super) derived: Vec<Derived>,
+pub(super) struct Asked {
+    pub(super) u: Sparse,
     pub(super) log: usize,
+    pub(super) moved: Sparse,
+}
+
+/// Rollouts of a family.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Rollouts {
+    pub(super) derived: Vec<Derived>,
     pub(super) halvings: u8,
-    pub(super) points: Vec<Sparse>,
-    /// Which numbers of the log's start are moved, if any: then there is one point.
-    pub(super) nudged: Option<Vec<usize>>,
+    pub(super) asked: Vec<Asked>,
 }
 
 /// Residuals, or why there are none.
@@ -124,7 +131,7 @@ pub(super) type Rated = Result<Made, String>;
 /// A batch of either kind.
 #[derive(Serialize, Deserialize)]
 pub(super) enum Batch {
-    Points(Points),
+    Rollouts(Rollouts),
     Population(Vec<Candidate>),
 }
 

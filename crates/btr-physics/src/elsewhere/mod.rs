@@ -24,7 +24,7 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How many points or candidates go out in one message at most; fewer where else some workers would have nothing to do.
+/// How many rollouts or candidates go out in one message at most; fewer where else some workers would have nothing to do.
 const MOST_AT_ONCE: usize = 64;
 
 /// Hands out batches.

@@ -3,15 +3,13 @@
 use super::cache::Cache;
 use super::family::proof;
 use super::folder::Functions;
-use super::message::{
-    Answer, Batch, Candidate, Content, Derived, Order, Parcel, Points, Rated, Residuals, Sparse, name_of,
-};
+use super::message::{Answer, Batch, Candidate, Content, Derived, Order, Parcel, Rated, Residuals, Rollouts, name_of};
 use super::simulator;
 use crate::experiment::{self, LogSource};
 use crate::model::Model;
 use crate::verbs::Problem;
 use btr_core::distance::{Distance, DistanceSpec};
-use btr_core::family::{Family, Step};
+use btr_core::family::{Family, Rollout, Step};
 use btr_core::world::{Against, Behaviour, Compared, Job, Simulator, Wanted};
 use std::hash::{DefaultHasher, Hasher};
 
@@ -38,8 +36,8 @@ pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Re
     let (batch, asked) = (name_of(batch), postcard::from_bytes(batch).map_err(|e| e.to_string())?);
     let known = PROBLEMS.get(*key, || open(Parcel::content(content)?, functions))?;
     let answer = match (&*known, asked) {
-        (Known::Family { family, proof }, Batch::Points(points)) => {
-            let results = residuals(family.as_ref(), *key, &points)?;
+        (Known::Family { family, proof }, Batch::Rollouts(rollouts)) => {
+            let results = residuals(family.as_ref(), *key, &rollouts)?;
             postcard::to_allocvec(&Answer { proof: *proof, batch, results })
         }
         (Known::Simulations { model, distance, proof }, Batch::Population(candidates)) => {
@@ -78,20 +76,21 @@ fn open(content: Content, functions: Functions) -> Result<Known, String> {
     }
 }
 
-fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Vec<Residuals>, String> {
-    if points.derived.is_empty() {
-        return Ok(at(base, points));
+fn residuals(base: &dyn Family, key: u64, rollouts: &Rollouts) -> Result<Vec<Residuals>, String> {
+    if rollouts.derived.is_empty() {
+        return Ok(made_of(base, rollouts));
     }
     let mut hasher = DefaultHasher::new();
     hasher.write_u64(key);
-    hasher.write(&postcard::to_allocvec(&points.derived).map_err(|e| e.to_string())?);
+    hasher.write(&postcard::to_allocvec(&rollouts.derived).map_err(|e| e.to_string())?);
     let derive = || {
         let mut family: Option<Box<dyn Family>> = None;
-        for how in &points.derived {
+        for how in &rollouts.derived {
             let from = family.as_deref().unwrap_or(base);
             let next = match how {
                 Derived::Beginnings => from.beginnings(),
                 Derived::SeenFrom(u) => from.seen_from(u),
+                Derived::Begun(moved) => from.begun(moved),
             };
             family = Some(next.ok_or("this family cannot be derived here")?);
         }
@@ -99,24 +98,18 @@ fn residuals(base: &dyn Family, key: u64, points: &Points) -> Result<Vec<Residua
         Ok(Known::Family { family, proof: 0 })
     };
     match &*PROBLEMS.get(hasher.finish(), derive)? {
-        Known::Family { family, .. } => Ok(at(family.as_ref(), points)),
+        Known::Family { family, .. } => Ok(made_of(family.as_ref(), rollouts)),
         _ => Err("the batch does not fit its parcel".to_owned()),
     }
 }
 
-fn at(family: &dyn Family, points: &Points) -> Vec<Residuals> {
-    let dense: Vec<Vec<f64>> = points.points.iter().map(Sparse::dense).collect();
-    let (log, mut step) = (points.log, Step::USUAL);
-    (0..points.halvings).for_each(|_| step = step.halved());
-    let results = match &points.nudged {
-        Some(nudged) => dense.iter().map(|u| family.residual_from(u, log, nudged)).collect(),
-        None => {
-            let few = dense.chunks(family.side_by_side().max(1));
-            let few = few.map(|few| family.residuals(&few.iter().map(Vec::as_slice).collect::<Vec<_>>(), log, step));
-            few.collect::<Vec<_>>().concat()
-        }
-    };
-    results.into_iter().map(|result| result.map_err(|e| e.to_string())).collect()
+fn made_of(family: &dyn Family, rollouts: &Rollouts) -> Vec<Residuals> {
+    let mut step = Step::USUAL;
+    (0..rollouts.halvings).for_each(|_| step = step.halved());
+    let dense: Vec<_> = rollouts.asked.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
+    let asked: Vec<Rollout> = dense.iter().map(|(u, log, moved)| Rollout { u, log: *log, moved }).collect();
+    let results = asked.chunks(family.side_by_side().max(1)).flat_map(|few| family.residuals(few, step));
+    results.map(|result| result.map_err(|e| e.to_string())).collect()
 }
 
 fn population(

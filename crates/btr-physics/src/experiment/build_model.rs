@@ -188,7 +188,7 @@ impl Builder<'_> {
                     "a function lives in the program that made the model: give it along with the file \
                                             (in Python load_model(..., laws={...})), or write the law as an expression"
                 }
-                _ => "`btr effects formula` tells what a law can say; numbers are written 0.001, powers dq^2",
+                _ => "`btr effects formula` tells what a law can say",
             };
             self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
         })?;

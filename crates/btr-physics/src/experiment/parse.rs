@@ -145,7 +145,7 @@ fn line_and_column(text: &str, at: usize) -> (usize, usize) {
 
 fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
     let (key, value) = setting.split_once('=').ok_or_else(|| format!("--set {setting}: expected key=value"))?;
-    let keys = toml_edit::Key::parse(key.trim()).map_err(|e| format!("--set {setting}: {e}"))?;
+    let keys = keys_of(key.trim()).ok_or_else(|| format!("--set {setting}: `{key}` is no name of a value"))?;
     let value = value.trim().parse::<toml_edit::Value>().unwrap_or_else(|_| value.trim().into());
     let mut item = document.as_item_mut();
     for key in &keys[..keys.len().saturating_sub(1)] {
@@ -157,6 +157,18 @@ fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result
     let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: the key runs into a value"))?;
     table.insert(last.get(), toml_edit::value(value));
     Ok(())
+}
+
+/// The parts of a dotted key. Those that TOML wants in quotes do without them here, where no dot is in them: shells take
+/// quotes away, and `parameters.mass@bob.value` says what it means.
+fn keys_of(dotted: &str) -> Option<Vec<toml_edit::Key>> {
+    let is_bare = |part: &str| part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    let quoted = |part: &str| match part {
+        part if is_bare(part) || part.contains(['"', '\'']) => part.to_owned(),
+        part => format!("\"{part}\""),
+    };
+    let spelt_out = || dotted.split('.').map(quoted).collect::<Vec<_>>().join(".");
+    toml_edit::Key::parse(dotted).or_else(|_| toml_edit::Key::parse(&spelt_out())).ok()
 }
 
 /// serde names Rust's types; people write numbers.

@@ -82,7 +82,8 @@ where
         return Err(source.error(&[], &message, None));
     }
     if learn.is_empty() {
-        return Err(source.error(&[], "no log to learn from", None));
+        let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".to_owned();
+        return Err(source.error(&[], "no log to learn from", Some(help)));
     }
     let known = Known::of(&file, source)?;
     let reader = Reader { file: &file, source, robot: &robot };
@@ -94,6 +95,13 @@ where
         let settings = known.settings(path, &robot, source)?;
         floor = all.add(path, &log, k < learn.len(), &settings, &reader)?.into_iter().fold(floor, f64::max);
         wholes.push((path.display().to_string(), log));
+    }
+    let (learnt, judged) = wholes.split_at(learn.len());
+    let mut pairs = learnt.iter().flat_map(|learnt| judged.iter().map(move |judged| (learnt, judged)));
+    if let Some(((learnt, _), (judged, _))) = pairs.find(|((_, a), (_, b))| a.is_same(b)) {
+        let message = format!("{learnt} and {judged} hold the same measurements: learnt from and held out at once");
+        let help = "hold out another recording; without any, the last part of each log is held out".to_owned();
+        return Err(source.error(&[], &message, Some(help)));
     }
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
     let mut model = builder.model(all)?;

@@ -16,6 +16,8 @@ use btr_core::world::WorldError;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
+pub(crate) use rollouts::Point;
+
 /// One situation in which the robot is tried.
 #[derive(Clone, Debug, Default)]
 pub struct Scenario {

@@ -94,16 +94,11 @@ impl Model {
         self.run_once((s, &self.drive.space().nominal()), situation, further, Step::USUAL, None, lead)
     }
 
-    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many in
-    /// one situation.
-    pub(crate) fn rollouts_in(
-        &self,
-        points: &[(Vec<f64>, Vec<Placed>)],
-        situation: &Scenario,
-        step: Step,
-    ) -> Vec<Result<Log, WorldError>> {
+    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many that
+    /// last as long.
+    pub(crate) fn rollouts_in<'a>(&self, points: &[Point<'a>], step: Step) -> Vec<Result<Log, WorldError>> {
         let own = self.drive.space().nominal();
-        let job = |(s, further): &'_ (Vec<f64>, Vec<Placed>)| self.prepare(s, &own, situation, further, step);
+        let job = |point: &Point<'a>| self.prepare(point.s, &own, point.situation, point.further, step);
         self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
     }
 
@@ -226,6 +221,13 @@ impl Simulator for Model {
         let fitness = self.fitness.of(&log)?;
         Ok(Behaviour { log, fitness })
     }
+}
+
+/// What a run is to be of.
+pub(crate) struct Point<'a> {
+    pub s: &'a [f64],
+    pub further: &'a [Placed],
+    pub situation: &'a Scenario,
 }
 
 /// A run of a model, before anything is allocated for it.

@@ -21,7 +21,8 @@ pub use replay::Judged;
 
 use crate::beside::Beside;
 use crate::experiment::{Checked, FileError, LogSource, Replays, Source, replays};
-use btr_core::check::Finding;
+use btr_core::check::{FEWEST_SAMPLES, Finding};
+use btr_core::log::Log;
 use btr_core::world::WorldError;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -72,6 +73,9 @@ pub enum ProblemError {
     /// Logs in which nothing happens.
     #[error("nothing moves in the logs to learn from: they tell nothing about the model")]
     Still,
+    /// Logs that end before they tell anything.
+    #[error("the longest log to learn from has {0} samples: too few to tell anything")]
+    Short(usize),
     /// Logs that say nothing of what the robot did.
     #[error("no joint's position is measured in the logs to learn from")]
     Blind,
@@ -86,6 +90,9 @@ impl ProblemError {
         match self {
             ProblemError::Still => {
                 Some("record the joints while they are driven; `btr check` tells what is in a log".to_owned())
+            }
+            ProblemError::Short(_) => {
+                Some(format!("record some seconds of motion, {FEWEST_SAMPLES} samples at the very least"))
             }
             ProblemError::Nothing => Some(
                 "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names".to_owned(),
@@ -120,6 +127,10 @@ impl Problem {
         }
         if !replays.is_moving() {
             return Err(ProblemError::Still);
+        }
+        let longest = replays.logs.iter().take(replays.model.learn).map(Log::len).max().unwrap_or(0);
+        if longest < FEWEST_SAMPLES {
+            return Err(ProblemError::Short(longest));
         }
         let beside = Beside::new(Arc::new(replays.model), replays.logs, &[])?;
         Ok(Problem { source, beside, doubts, not_judged })

@@ -38,8 +38,9 @@ class Controller:
 
 Reality = Callable[[Controller], LogLike]
 """Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
-frame, or a path. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be
-resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost."""
+frame, a mapping of arrays, or a path; what is bad about it is a `UserWarning`, and under `doubts` in the result. Raises
+`btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be resumed. Called on another
+thread; Ctrl-C waits for it, so that no real test is lost."""
 
 
 class Iteration(dict[str, Any]):

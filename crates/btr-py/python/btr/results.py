@@ -36,7 +36,7 @@ class Result:
         return self.document[key]
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self.document]
+        return sorted({*super().__dir__(), *self.document})
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and self.document == other.document
@@ -237,13 +237,14 @@ class CoevolveResult(Result):
         return _names(cause["effects"]) if cause and cause["verdict"] == "effect_missing" else []
 
     def _headline(self) -> str:
+        odd = "".join(f"\n{doubt['severity']}: real test {doubt['test']}: {doubt['sentence']}" for doubt in self.doubts)
         if self.waiting_for:
-            return f"waiting for a real test: {self.waiting_for}"
+            return f"waiting for a real test: {self.waiting_for}{odd}"
         simulated = f"{self.real_tests} real tests, {self.simulated_evaluations} simulated"
         failed = [test["verdict"]["failed"]["why"] for test in self.tests if "failed" in test["verdict"]]
         why = f"\n{len(failed)} real tests failed, the last one: {failed[-1]}" if failed else ""
         lacks = f"\nmissing: {', '.join(self.missing)}" if self.missing else ""
-        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}{lacks}"
+        return f"stopped: {self.stop_reason}; {simulated}; everything is in {self.folder}{why}{lacks}{odd}"
 
     def _table(self) -> Rows:
         columns = {"i": "iteration", "real_tests": "tests", "phi": "phi"}
@@ -295,13 +296,26 @@ class FitResult(Reported):
     def _headline(self) -> str:
         ladder = "; ".join(f"{s['step']}: {cell(s['train'])}, {cell(s['held_out'])} held out" for s in self.error_ladder)
         why = f"\nno intervals: {self.withheld}" if self.withheld else ""
-        return f"error in noise floors: {ladder}{why}"
+        bounded = any(p["by_bounds"] and not p["at_bound"] for p in self.parameters)
+        by = "\nby its bounds: that is what the bounds leave; the logs tell less" if bounded else ""
+        return f"error in noise floors: {ladder}{why}{by}"
 
     def _table(self) -> Rows:
         return [
             {"parameter": p["name"], "value": p["value"], "unit": p["unit"], "95 % interval": interval(p)}
             for p in self.parameters
         ]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The numbers as a pandas frame: `parameter`, `value`, `unit`, the ends of the 95 % interval (`low`, `high`: NaN where
+        there is none), and whether the value is `at_bound` and the interval `by_bounds`. Raises `ImportError` without
+        pandas."""
+        def row(p: dict[str, Any]) -> dict[str, Any]:
+            low, high = p["ci95"] or (np.nan, np.nan)
+            known = {"parameter": p["name"], "value": p["value"], "unit": p["unit"], "low": low, "high": high}
+            return {**known, "at_bound": p["at_bound"], "by_bounds": p["by_bounds"]}
+
+        return _tables.frame([row(p) for p in self.parameters])
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
         """Draws every value with its 95 % interval between its bounds, and how the error fell, on a pair of Matplotlib's axes

@@ -23,8 +23,8 @@ from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or a
-pandas or polars frame with a column `t` in seconds."""
+"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or columns
+by name with `t` in seconds: a pandas or polars frame, or a mapping of arrays."""
 Points = Union[ArrayLike, Mapping[str, ArrayLike], Any]
 """Points of a space, a row for each; or columns by name, in a mapping or a frame."""
 Tell = Callable[[str, float, Union[float, None]], None]
@@ -140,11 +140,12 @@ class Model:
         fit looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
 
         A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them
-        on one core, unless `executor=` of a verb hands the work to several processes. 4 s of a desk arm in steps of 1 ms take 8 ms, and 2.7 ms with the expression. Its answer may depend on
-        nothing but its arguments: it is asked more than once in a step, for velocities nearby too, and on a thread of its
-        own. What it raises ends the verb and arrives; an answer that is not finite is a `BtrError`. It stays in memory once
-        it was used. The text has its name only: whoever reads a saved file gives the function along (`load_model(...,
-        laws=...)`), and pickles hold it as they hold functions, with cloudpickle's help where it has no module.
+        on one core, unless `executor=` of a verb hands the work to several processes. 4 s of a desk arm in steps of 1 ms take
+        8 ms, and 2.7 ms with the expression. Its answer may depend on nothing but its arguments: it is asked more than once in
+        a step, for velocities nearby too, and on a thread of its own. What it raises ends the verb and arrives; an answer that
+        is not finite is a `BtrError`. It stays in memory once it was used. The text has its name only: whoever reads a saved
+        file gives the function along (`load_model(..., laws=...)`), and pickles hold it as they hold functions, with
+        cloudpickle's help where it has no module.
 
         Raises `BtrError` for a law or a joint that makes no sense and for names that are taken, `TypeError` for wrong kinds
         and for a function that does not take the parameters."""
@@ -241,8 +242,9 @@ def _filled(
 def load_model(
     path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None, *, laws: Mapping[str, Law] | None = None
 ) -> Model:
-    """The model of a file; `settings` change values of it by their dotted keys, as `--set` does; `laws` are the functions
-    that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no sense."""
+    """The model of a file; `settings` change values of it by their dotted keys (`{"simulation.duration_s": 2.0}`), as `--set`
+    does; `laws` are the functions that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no
+    sense."""
     texts = [f"{key}={_toml(value)}" for key, value in (settings or {}).items()]
     model = _btr.Model.read(Path(path), texts, own.by_text(laws or {}))
     return Model(model.text, path, laws)
@@ -262,9 +264,9 @@ def load_log(
     source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
 ) -> Log:
     """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's
-    folder or an open reader of the package rosbags, or of a frame with a column `t` in seconds. A frame's other columns are
-    called as in a CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign
-    names in a file or bag mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError`
+    folder or an open reader of the package rosbags, or of columns with a `t` in seconds: a frame, or a mapping of arrays. The
+    others are called as in a CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees.
+    Foreign names in a file or bag mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError`
     for what is no log."""
     if isinstance(source, (str, os.PathLike, Log)) and name is not None:
         raise TypeError("a file or a Log has a name of its own")
@@ -281,11 +283,11 @@ def load_log(
         raise TypeError(f"an episode is one of a data set's folder, not of a {type(source).__name__}")
     if rosbag.is_reader(source):
         return rosbag.read(source, name, model)
-    columns = getattr(source, "columns", None)
+    columns = source.keys() if isinstance(source, Mapping) else getattr(source, "columns", None)
     if columns is not None and "t" not in columns:
-        raise TypeError(f"a frame needs a column `t`, the time in s; this one has {', '.join(map(str, columns))}")
+        raise TypeError(f"a log needs a column `t`, the time in s; this one has {', '.join(map(str, columns))}")
     if columns is None:
-        wanted = "a path, a Log, a reader of rosbags, or a frame with a column `t`"
+        wanted = "a path, a Log, a reader of rosbags, or columns with a `t`"
         raise TypeError(f"a log is {wanted}, not {type(source).__name__}")
     channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
     return Log(_floats(source["t"]), channels, name)
@@ -300,7 +302,7 @@ def _given(log: LogLike) -> Log | Path:
 
 
 def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
-    if isinstance(logs, (str, os.PathLike, Log)) or hasattr(logs, "columns"):
+    if isinstance(logs, (str, os.PathLike, Log, Mapping)) or hasattr(logs, "columns"):
         return _each_of(logs)
     all_of_them = [given for log in logs for given in _each_of(log)]
     # A file counts once, however many patterns it fits.
