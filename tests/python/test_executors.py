@@ -1,6 +1,7 @@
 """Whoever does the work, the answer is the same, bit by bit; also when a machine is lost."""
 
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -136,6 +137,28 @@ def test_a_fork_works_with_threads_of_its_own(arm: btr.Model) -> None:
     chi = [channel["chi"] for channel in btr.compare(arm, LEARN).channels]
     with ProcessPoolExecutor(1, mp_context=get_context("fork")) as executor:
         assert executor.submit(compared, arm).result(timeout=120) == chi
+
+
+FORKS_IN_A_ROW = """
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+import btr
+
+model = btr.load_model(sys.argv[1])
+for _ in range(4):
+    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
+        print(btr.fit(model, [sys.argv[2]], executor=pool).rollouts)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
+def test_pools_of_forks_one_after_the_other() -> None:
+    # Whoever asks first in a pool forks: a thread that had work of its own to do, which its fork must not do.
+    command = [sys.executable, "-W", "ignore", "-c", FORKS_IN_A_ROW, ROBOTS / "arm.toml", LEARN[0]]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert len(ended.stdout.split()) == 4 and len(set(ended.stdout.split())) == 1, ended.stdout
 
 
 def compared(arm: btr.Model) -> list[float]:

@@ -7,11 +7,12 @@ use btr_physics::elsewhere::{self, Executor, Stopped, Way};
 use btr_physics::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// How often Ctrl-C is looked for.
@@ -86,22 +87,36 @@ impl Executor for Elsewhere {
     }
 }
 
-/// Whether this process is a fork of one that had threads at work: they are not in it.
-static FORKED: AtomicBool = AtomicBool::new(false);
+/// How many forks lie between this process and the one that imported btr. A fork has none of its parent's threads.
+static FORKS: AtomicUsize = AtomicUsize::new(0);
+/// The threads of a fork, of a fork's fork, and so on: what a fork inherits here are its parent's, which are not in it.
+static OWN: [OnceLock<ThreadPool>; 8] = [const { OnceLock::new() }; 8];
 
 /// To be called in the child after a fork.
 #[pyfunction]
 pub(crate) fn forked() {
-    FORKED.store(true, Ordering::Relaxed);
+    FORKS.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Does work where it finds threads: in a fork, whose parent's are not there, in a pool of its own.
+/// Does work where it finds threads: in a fork, in a pool of its own.
 fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    if !FORKED.load(Ordering::Relaxed) {
-        return Ok(work());
+    let Some(fork) = FORKS.load(Ordering::Relaxed).checked_sub(1) else { return Ok(work()) };
+    let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
+    // Python knows the pool's thread from the first call of a law to the last, as in `laws::heeding`.
+    let in_pool = || pool.install(|| Python::attach(|py| py.detach(work)));
+    // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would wait
+    // by doing what that one had to do.
+    let done = std::thread::scope(|scope| scope.spawn(in_pool).join());
+    Ok(done.unwrap_or_else(|cause| resume_unwind(cause)))
+}
+
+fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
+    let own = OWN.get(fork).ok_or("there are too many forks within each other")?;
+    if own.get().is_none() {
+        // Whoever comes second finds the first one's.
+        _ = own.set(ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?);
     }
-    let pool = rayon::ThreadPoolBuilder::new().build().map_err(|e| raised(&e.to_string(), None))?;
-    Ok(pool.install(work))
+    own.get().ok_or_else(|| "a fork found no threads".to_owned())
 }
 
 /// Answers a batch, wherever work is done: `parcels` are keys and contents. What a law's function raises is raised here.
