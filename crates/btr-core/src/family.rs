@@ -7,6 +7,9 @@
 use crate::world::WorldError;
 use std::ops::Range;
 
+/// The most by which a number is multiplied (as a logarithm) rather than added to.
+const MULTIPLIED: f64 = 0.5;
+
 /// How a knob's coordinate becomes its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
@@ -69,11 +72,29 @@ impl Knob {
         }
     }
 
+    /// d ln(value) / d u: infinite, or not a number, where the value is 0 or off.
+    pub fn growth(&self, u: f64) -> f64 {
+        self.slope(u) / self.value(u)
+    }
+
+    /// Whether it is measured in units of mass, as forces, stiffnesses and inertias are.
+    pub fn scales_with_mass(&self) -> bool {
+        self.unit.contains("kg") || self.unit.starts_with('N')
+    }
+
     /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves
-    /// exponentially is: so a common scale of masses, gains and limits is a straight line.
+    /// exponentially is.
     pub fn along(&self, u: f64, by: f64) -> f64 {
         let on = self.law == Law::Inverse && u > 0.0;
         self.clamp(if on { u * (by / u).exp() } else { u + by })
+    }
+
+    /// The same where what moves linearly is multiplied as well, if that is a small part of it: so a common factor of
+    /// masses, gains, limits and friction is a straight line.
+    pub fn in_proportion(&self, u: f64, by: f64) -> f64 {
+        let growth = self.growth(u);
+        let multiplied = self.law == Law::Linear && (by * growth).abs() <= MULTIPLIED;
+        if multiplied && growth != 0.0 { self.clamp(u + (by * growth).exp_m1() / growth) } else { self.along(u, by) }
     }
 
     /// A coordinate within the bounds.
@@ -299,9 +320,8 @@ pub trait Family: Send + Sync {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_limit_keeps_its_proportion_to_a_mass() {
-        let knob = |law, origin, size| Knob {
+    fn knob(law: Law, origin: f64, size: f64) -> Knob {
+        Knob {
             name: String::new(),
             unit: String::new(),
             origin,
@@ -311,12 +331,29 @@ mod tests {
             spread: 1.0,
             reach: 0.1,
             amplitude: false,
-        };
+        }
+    }
+
+    #[test]
+    fn a_limit_keeps_its_proportion_to_a_mass() {
         let (mass, limit) = (knob(Law::Exponential, 2.0, 0.1), knob(Law::Inverse, f64::INFINITY, 3.0));
         // To first order, a tenth more of the mass is a tenth less of the limit's coordinate.
         let proportion = |by: f64| mass.value(mass.along(0.0, by)) / limit.value(limit.along(0.6, -0.06 * by));
         assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
         assert!(limit.along(0.6, -5.0) > 0.0, "a limit does not go past infinity");
         assert!(limit.along(0.0, 0.5) > 0.4, "a limit that is off can come on");
+    }
+
+    #[test]
+    fn a_friction_keeps_its_proportion_to_a_mass() {
+        for friction in [knob(Law::Linear, 0.0, 0.3), knob(Law::Linear, -0.1, 0.3), knob(Law::Linear, 0.0, -0.3)] {
+            let mass = knob(Law::Exponential, 2.0, 0.1);
+            let along = |by: f64| friction.in_proportion(1.4, by * mass.growth(0.0) / friction.growth(1.4));
+            let proportion = |by: f64| mass.value(mass.in_proportion(0.0, by)) / friction.value(along(by));
+            assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
+            // What is hardly there, or not at all, is not multiplied.
+            assert!((friction.in_proportion(1.4, -1.6) - (1.4 - 1.6)).abs() < 1e-12);
+        }
+        assert!((knob(Law::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);
     }
 }

@@ -381,7 +381,7 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
         state.settle(bench);
     }
     let inflation = Measure::of(bench, &state.fit).inflation();
-    let all = estimates(bench.family, &state.fit, inflation, trusted);
+    let all = estimates(bench, &state.fit, inflation, trusted);
     for found in &mut state.chosen {
         let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();
         found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();

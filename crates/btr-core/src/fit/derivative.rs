@@ -20,14 +20,37 @@ const SHORT: f64 = 0.005;
 const GROWTH: f64 = 1.5;
 /// ... but no more often than this: each look sees less of the errors of short steps.
 const LOOKS: usize = 4;
+/// The step along the common factor of all that is measured in units of mass, in standard deviations of the prior, ...
+const COMMON: f64 = 0.3;
+/// ... and the share of what finer differences say of it below which it is believed.
+const LESS: f64 = 0.5;
 /// A step shortened by bounds to less than this share of it says too little.
 const CRAMPED: f64 = 0.2;
 
-/// A direction to look along: in units of the priors, in coordinates, and with two steps and the weights of what changes there.
+/// A direction to look along.
 struct Look {
+    /// What a step is multiplied with to get how far it goes along the direction, ...
     along: DVector<f64>,
+    /// ... which is this one.
     scaled: DVector<f64>,
+    /// Two steps and the weights of what changes there.
     stencil: [(f64, f64); 2],
+}
+
+/// What was seen along a direction.
+struct Seen {
+    /// As in [`Look`].
+    along: DVector<f64>,
+    /// As in [`Look`].
+    scaled: DVector<f64>,
+    /// How the residual changes along it.
+    change: DVector<f64>,
+}
+
+/// Has a Jacobian say along a direction what was seen.
+fn replace(jacobian: &mut DMatrix<f64>, along: &DVector<f64>, scaled: &DVector<f64>, change: &DVector<f64>) {
+    let surprise = change - &*jacobian * scaled;
+    jacobian.ger(1.0, &surprise, along, 1.0);
 }
 
 /// How the residual changes with a knob, and by how much it misses a straight line as a share of its change.
@@ -98,7 +121,7 @@ impl Fit {
         };
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
         let there = bench.residuals(&points, Logs::Learn);
-        let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
+        let here = self.bare();
         let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<Residual>])| match there {
             [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
@@ -112,6 +135,7 @@ impl Fit {
     /// would be too narrow just where they matter.
     pub fn differentiate_widely(&mut self, bench: &Bench) {
         self.differentiate_finely(bench);
+        self.look_along_the_common_factor(bench);
         let mut steps = vec![SHORT; self.active.len()];
         for _ in 0..LOOKS {
             let Some(told) = told(bench.family.knobs(), self).filter(|told| !told.is_empty()) else { return };
@@ -132,36 +156,69 @@ impl Fit {
         }
     }
 
-    /// Replaces what the Jacobian says along directions (in units of the priors) by differences of second order with steps as
-    /// given, or as far as the bounds allow. Directions that blow up or have no room on either side stay as they are.
+    /// A change of the unit of mass moves nothing. Where nothing that is measured or fixed has to do with mass, logs do
+    /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
+    /// seem to tell. So it is looked along by itself, and believed where that shows less.
+    fn look_along_the_common_factor(&mut self, bench: &Bench) {
+        let knobs = bench.family.knobs();
+        let Some(along) = self.common_factor(knobs) else { return };
+        let Some(Seen { along, scaled, change }) = self.look(bench, vec![(along, COMMON)]).pop() else { return };
+        let Some(jacobian) = self.jacobian.as_mut() else { return };
+        if change.norm() < LESS * (&*jacobian * &scaled).norm() {
+            replace(jacobian, &along, &scaled, &change);
+        }
+    }
+
+    /// The direction, in units of the priors, in which all that is measured in units of mass grows alike.
+    fn common_factor(&self, knobs: &[Knob]) -> Option<DVector<f64>> {
+        let part = |&k: &usize| {
+            let growth = knobs[k].growth(self.u[k]);
+            let grows = knobs[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
+            if grows { 1.0 / (growth * knobs[k].spread) } else { 0.0 }
+        };
+        DVector::from_iterator(self.active.len(), self.active.iter().map(part)).try_normalize(0.0)
+    }
+
+    /// Replaces what the Jacobian says along directions (in units of the priors) by what is seen along them in steps as
+    /// given.
     fn look_along(&mut self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) {
+        let seen = self.look(bench, directions);
+        let Some(jacobian) = self.jacobian.as_mut() else { return };
+        seen.iter().for_each(|Seen { along, scaled, change }| replace(jacobian, along, scaled, change));
+    }
+
+    /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
+    /// as the bounds allow. Directions that blow up or have no room on either side are left out.
+    fn look(&self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) -> Vec<Seen> {
         let knobs = bench.family.knobs();
         let spreads = DVector::from_fn(self.active.len(), |k, _| knobs[self.active[k]].spread);
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
             let stencil = self.stencil_along(knobs, &scaled, step)?;
-            Some(Look { along, scaled, stencil })
+            Some(Look { along: along.component_div(&spreads), scaled, stencil })
         };
         let looks: Vec<Look> = directions.into_iter().filter_map(placed).collect();
-        let moved = |look: &Look| {
-            look.stencil.map(|(step, _)| {
-                let mut point = self.u.clone();
-                let along = self.active.iter().zip(look.scaled.iter());
-                along.for_each(|(&knob, x)| point[knob] = knobs[knob].along(point[knob], step * x));
-                point
-            })
-        };
+        let moved = |look: &Look| look.stencil.map(|(step, _)| self.point_along(knobs, &(&look.scaled * step)));
         let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
         let there = bench.residuals(&points, Logs::Learn);
-        let here: Residual = self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect();
-        let Some(jacobian) = self.jacobian.as_mut() else { return };
-        for (Look { along, scaled, stencil }, there) in looks.iter().zip(there.chunks(2)) {
-            let [Some(near), Some(far)] = there else { continue };
-            let said = &*jacobian * scaled;
-            let seen = |row: usize| stencil[0].1 * (near[row] - here[row]) + stencil[1].1 * (far[row] - here[row]);
-            let surprise = DVector::from_fn(here.len(), |row, _| seen(row) - said[row]);
-            jacobian.ger(1.0, &surprise, &along.component_div(&spreads), 1.0);
-        }
+        let here = self.bare();
+        let seen = |(look, there): (Look, &[Option<Residual>])| {
+            let ([Some(near), Some(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
+                return None;
+            };
+            let at = |row: usize| near_weight * (near[row] - here[row]) + far_weight * (far[row] - here[row]);
+            let change = DVector::from_fn(here.len(), |row, _| at(row));
+            Some(Seen { along: look.along, scaled: look.scaled, change })
+        };
+        looks.into_iter().zip(there.chunks(2)).filter_map(seen).collect()
+    }
+
+    /// The point that a step of the free knobs leads to, in proportion.
+    pub(super) fn point_along(&self, knobs: &[Knob], step: &DVector<f64>) -> Vec<f64> {
+        let mut point = self.u.clone();
+        let moves = self.active.iter().zip(step.iter());
+        moves.for_each(|(&k, by)| point[k] = knobs[k].in_proportion(point[k], *by));
+        point
     }
 
     /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.

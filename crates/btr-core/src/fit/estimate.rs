@@ -1,6 +1,6 @@
 //! What a fit says about each number: its value, how sure it is, and what nothing can be said about.
 
-use super::bench::channels;
+use super::bench::{Bench, Logs, channels};
 use super::solve::Fit;
 use crate::family::{Family, Knob};
 use nalgebra::{DMatrix, DVector};
@@ -39,13 +39,14 @@ pub struct Estimate {
 }
 
 /// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
-/// memory widen the intervals; `trusted` whether there are to be any. With contact they are at least as wide as channels differ
-/// in what they say.
-pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
-    let knobs = family.knobs();
+/// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
+/// too; with contact they are at least as wide as channels differ in what they say.
+pub fn estimates(bench: &Bench, fit: &Fit, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
+    let (family, knobs) = (bench.family, bench.family.knobs());
     let deviations_within = deviations(knobs, fit, inflation, 1.0);
     let by_logs = deviations(knobs, fit, inflation, LOOSE);
     let by_channels = if family.has_contact() { by_channels(family, fit) } else { None };
+    let by_step = if trusted { by_step(bench, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (knob, u) = (&knobs[index], fit.u[index]);
         let near = 1e-6 * (knob.bounds.1 - knob.bounds.0);
@@ -54,6 +55,7 @@ pub fn estimates(family: &dyn Family, fit: &Fit, inflation: f64, trusted: bool) 
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
         let deviation = deviation.map(|d| by_channels.as_ref().map_or(d, |by_channels| d.max(by_channels[k])));
+        let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
         let (name, unit) = (knob.name.clone(), knob.unit.clone());
@@ -110,6 +112,15 @@ fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
     said *= channels.len() as f64 / (channels.len() - numbers) as f64;
     let inverse = information(family.knobs(), fit, 1.0, 1.0)?.try_inverse()?;
     Some(roots(&(&inverse * said * &inverse)))
+}
+
+/// By how much the integrator's error moves each free coordinate; nothing is known of it where motion is chaotic.
+fn by_step(bench: &Bench, fit: &Fit) -> Option<Vec<f64>> {
+    let jacobian = fit.jacobian.as_ref().filter(|_| !bench.family.is_chaotic())?;
+    let error = bench.step_error(&fit.u, &fit.bare(), Logs::Learn);
+    let says = jacobian.tr_mul(&DVector::from_vec(error));
+    let moved = information(bench.family.knobs(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
+    Some(moved.iter().map(|by| by.abs()).collect())
 }
 
 /// A combination of numbers that the logs do not tell: its parts with their shares, largest first.

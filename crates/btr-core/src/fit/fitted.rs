@@ -169,7 +169,7 @@ fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder)
     let (train, held_out) =
         ladder.rungs.last().map_or((f64::INFINITY, None), |(_, train, held_out)| (*train, *held_out));
     Fitted {
-        parameters: estimates(bench.family, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
+        parameters: estimates(bench, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(bench.family, &fit),
         integrator_error: integrator_error.max(fit.step_error_to_judge_on(bench)),
         fit,

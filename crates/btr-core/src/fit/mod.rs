@@ -7,6 +7,7 @@ mod fitted;
 mod identifiable;
 pub(crate) mod judge;
 mod nearest;
+mod settle;
 mod solve;
 mod start;
 mod together;

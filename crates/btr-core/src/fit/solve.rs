@@ -43,14 +43,6 @@ const STALL: (f64, f64) = (1e-4, 0.02);
 /// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
-/// Steps to the middle of what is left open, as long as each lowers the cost by this much, and which shares of each are tried.
-const SETTLING: usize = 12;
-const WORTH_A_STEP: f64 = 0.1;
-const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
-/// The share of a step after which its bend is looked at, and the most that it may bend.
-const AHEAD: f64 = 0.1;
-const BENT: f64 = 0.75;
-
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -126,7 +118,7 @@ impl Fit {
     }
 
     /// The residual as simulated.
-    fn bare(&self) -> Residual {
+    pub(super) fn bare(&self) -> Residual {
         self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect()
     }
 
@@ -172,52 +164,6 @@ impl Fit {
         self.solve(bench, Effort { jacobians: 0, steps: 8 });
     }
 
-    /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops
-    /// anywhere along a direction that hardly matters to it, an estimate must not. The way there is curved (a common
-    /// scale of masses, gains and limits), so steps follow the curve: M. K. Transtrum and J. P. Sethna, "Improvements
-    /// to the Levenberg-Marquardt algorithm for nonlinear least-squares minimization", arXiv:1201.5885.
-    pub fn settle(&mut self, bench: &Bench) {
-        self.differentiate_widely(bench);
-        let knobs = bench.family.knobs();
-        let Some(jacobian) = self.jacobian.clone() else { return };
-        for _ in 0..SETTLING {
-            let Some(direction) = self.direction(knobs, &jacobian, 0.0) else { return };
-            let bend = self.bend(bench, &jacobian, &direction);
-            let there = SHARES.iter().filter_map(|share| {
-                let step =
-                    bend.as_ref().map_or_else(|| &direction * *share, |b| &direction * *share + b * share.powi(2));
-                self.moved(bench, &step)
-            });
-            let best = there.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(best) = best.filter(|best| best.cost < self.cost) else { return };
-            let fall = self.cost - best.cost;
-            *self = Fit { jacobian: Some(jacobian.clone()), ..best };
-            if fall < WORTH_A_STEP {
-                return;
-            }
-        }
-    }
-
-    /// The fit as it is a step away.
-    fn moved(&self, bench: &Bench, step: &DVector<f64>) -> Option<Fit> {
-        let (knobs, mut u) = (bench.family.knobs(), self.u.clone());
-        let moves = self.active.iter().zip(step.iter());
-        moves.for_each(|(&knob, x)| u[knob] = knobs[knob].along(u[knob], *x));
-        Fit::at(bench, self.active.clone(), u, &self.step_error)
-    }
-
-    /// By how much a step leaves the way on which the residual changes as the Jacobian says; none where it bends too
-    /// much for that.
-    fn bend(&self, bench: &Bench, jacobian: &DMatrix<f64>, direction: &DVector<f64>) -> Option<DVector<f64>> {
-        let there = self.moved(bench, &(direction * AHEAD))?;
-        let change = there.residual.iter().zip(&self.residual).map(|(there, here)| there - here);
-        let second =
-            (DVector::from_iterator(self.residual.len(), change) - jacobian * direction * AHEAD) / AHEAD.powi(2);
-        let held: Vec<bool> = direction.iter().map(|x| *x == 0.0).collect();
-        let bend = self.solved(bench.family.knobs(), jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
-        (bend.norm() < BENT * direction.norm()).then_some(bend)
-    }
-
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
     /// simulated.
     fn step(&self, bench: &Bench, damping: f64) -> Option<Fit> {
@@ -251,43 +197,53 @@ impl Fit {
     /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
     /// carry over it; a gradient alone does not tell, where knobs move together.
     fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
-        for (k, &knob) in self.active.iter().enumerate() {
-            gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
-        }
-        let mut held = vec![false; self.active.len()];
+        let mut held = vec![None; self.active.len()];
         loop {
-            let step = self.solved(knobs, jacobian, damping, &held, gradient.clone())?;
+            let step = self.solved(knobs, jacobian, damping, &held, self.gradient(knobs, jacobian))?;
             let leaves = |k: usize| {
                 let (u, (least, most)) = (self.u[self.active[k]], knobs[self.active[k]].bounds);
                 (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
             };
-            let more: Vec<usize> = (0..held.len()).filter(|&k| !held[k] && leaves(k)).collect();
+            let more: Vec<usize> = (0..held.len()).filter(|&k| held[k].is_none() && leaves(k)).collect();
             if more.is_empty() {
                 return Some(step);
             }
-            more.into_iter().for_each(|k| held[k] = true);
+            more.into_iter().for_each(|k| held[k] = Some(0.0));
         }
     }
 
-    /// What takes such a gradient away, where the residual changes as the Jacobian says; what is held stays.
-    fn solved(
+    /// Half the cost's gradient.
+    pub(super) fn gradient(&self, knobs: &[Knob], jacobian: &DMatrix<f64>) -> DVector<f64> {
+        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
+        for (k, &knob) in self.active.iter().enumerate() {
+            gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
+        }
+        gradient
+    }
+
+    /// What takes such a gradient away, where the residual changes as the Jacobian says; those that are held move by so
+    /// much.
+    pub(super) fn solved(
         &self,
         knobs: &[Knob],
         jacobian: &DMatrix<f64>,
         damping: f64,
-        held: &[bool],
+        held: &[Option<f64>],
         mut gradient: DVector<f64>,
     ) -> Option<DVector<f64>> {
         let mut normal = jacobian.tr_mul(jacobian);
         for (k, &knob) in self.active.iter().enumerate() {
             normal[(k, k)] = (normal[(k, k)] + knobs[knob].spread.powi(-2)) * (1.0 + damping);
-            if held[k] {
-                gradient[k] = 0.0;
-                normal.row_mut(k).fill(0.0);
-                normal.column_mut(k).fill(0.0);
-                normal[(k, k)] = 1.0;
-            }
+        }
+        let held = || held.iter().enumerate().filter_map(|(k, by)| Some((k, (*by)?)));
+        for (k, by) in held() {
+            gradient.axpy(by, &normal.column(k), 1.0);
+            normal.row_mut(k).fill(0.0);
+            normal.column_mut(k).fill(0.0);
+            normal[(k, k)] = 1.0;
+        }
+        for (k, by) in held() {
+            gradient[k] = -by;
         }
         let step = normal.cholesky()?.solve(&gradient);
         step.iter().all(|x| x.is_finite()).then(|| -step)
