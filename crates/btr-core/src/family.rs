@@ -72,6 +72,11 @@ impl Knob {
         }
     }
 
+    /// Whether a factor of e more or less is to be expected of it.
+    pub fn is_of_any_magnitude(&self) -> bool {
+        self.law == Law::Exponential && self.size * self.spread > 1.0
+    }
+
     /// d ln(value) / d u: infinite, or not a number, where the value is 0 or off.
     pub fn growth(&self, u: f64) -> f64 {
         self.slope(u) / self.value(u)

@@ -230,6 +230,18 @@ pub fn interpolate(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
     })
 }
 
+/// Interpolation of `(x, y)` at increasing `at` by the cubics that have these slopes at the samples (C. Hermite); held beyond
+/// the ends.
+pub fn interpolate_smoothly(x: &[f64], y: &[f64], slopes: &[f64], at: &[f64]) -> Vec<f64> {
+    sweep(x, y, at, |i, t| {
+        let long = x[i + 1] - x[i];
+        let (share, rise) = ((t - x[i]) / long, y[i + 1] - y[i]);
+        let (before, after) = (slopes[i] * long - rise, slopes[i + 1] * long - rise);
+        let rest = 1.0 - share;
+        y[i] + share * (rise + rest * (rest * before - share * after))
+    })
+}
+
 /// Zero-order hold of `(x, y)` at increasing `at`: the last value at or before each tick.
 pub fn hold(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
     sweep(x, y, at, |i, _| y[i])
@@ -253,6 +265,17 @@ fn sweep(x: &[f64], y: &[f64], at: &[f64], between: impl Fn(usize, f64) -> f64) 
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn cubics_with_their_slopes_are_met_between_samples() {
+        let (y, slope) = (|x: f64| x.powi(3) - 2.0 * x * x + 0.5, |x: f64| 3.0 * x * x - 4.0 * x);
+        let x = [0.0, 0.7, 1.0, 2.5];
+        let at = [-1.0, 0.0, 0.2, 0.69, 0.7, 1.3, 2.2, 2.5, 4.0];
+        let found = interpolate_smoothly(&x, &x.map(y), &x.map(slope), &at);
+        for (at, found) in at.iter().zip(found) {
+            assert!((found - y(at.clamp(0.0, 2.5))).abs() < 1e-12, "{found} at {at}");
+        }
+    }
 
     #[test]
     fn the_usual_step_is_free_of_jitter_and_gaps() {

@@ -6,8 +6,11 @@ use super::judge::{Measure, NOISE, chi, held_out_squares};
 use super::solve::{Effort, Ended, Fit};
 use crate::family::Step;
 
-/// Where amplitudes that are off are started from, beside off: some effects have no slope there.
-const STARTS: [f64; 2] = [0.4, 1.5];
+/// Where amplitudes that are off are started from: at off, where some effects have no slope, and beside it.
+const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
+/// Numbers that may be of any magnitude are multiplied with these, too, while something is left to explain: a limit that is
+/// far too low or too high has a valley of its own.
+const MAGNITUDES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
 /// What each start may spend before the best goes on.
 const TRIAL: Effort = Effort { jacobians: 1, steps: 6 };
 
@@ -122,7 +125,7 @@ fn is_better(again: &Bench, fit: &Fit, bench: &Bench, before: &Fit) -> bool {
     learnt < share * learnt_before || judged < share * judged_before
 }
 
-/// The best of several starts; some effects have no slope where they are off.
+/// The best of several starts.
 fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
     let knobs = bench.family.knobs();
     let doubtful = bench.family.doubtful().to_vec();
@@ -130,18 +133,30 @@ fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
     fit.renew_step_error(bench);
     ladder.climb(bench, "model as it stands", &fit);
     let off: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].amplitude).collect();
-    let mut starts = vec![fit.clone()];
-    for size in STARTS.iter().filter(|_| !off.is_empty()) {
+    let open: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].is_of_any_magnitude()).collect();
+    if off.is_empty() && open.is_empty() {
+        return Some(fit);
+    }
+    let start = |(size, factor): (f64, f64)| {
         let mut u = fit.u.clone();
-        off.iter().for_each(|&k| u[k] = knobs[k].clamp(*size));
-        starts.extend(Fit::at(bench, doubtful.clone(), u, &fit.step_error));
+        off.iter().for_each(|&k| u[k] = knobs[k].clamp(size));
+        open.iter().for_each(|&k| u[k] = knobs[k].clamp(knobs[k].coordinate(factor * knobs[k].origin)));
+        let mut fit = Fit::at(bench, doubtful.clone(), u, &fit.step_error)?;
+        fit.solve(bench, TRIAL);
+        Some(fit)
+    };
+    let best_of = |sizes: &[f64], factors: &[f64]| {
+        let starts = factors.iter().flat_map(|factor| sizes.iter().map(move |size| (*size, *factor)));
+        starts.filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    };
+    let (at_off, beside_it) = STARTS.split_at(1);
+    let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0])?;
+    if !open.is_empty() && chi(best.squares(), bench.samples(Logs::Learn)) > NOISE {
+        let other = best_of(if off.is_empty() { at_off } else { beside_it }, &MAGNITUDES);
+        best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
-    if starts.len() > 1 {
-        starts.iter_mut().for_each(|start| _ = start.solve(bench, TRIAL));
-        fit = starts.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        ladder.climb(bench, "best of several starts", &fit);
-    }
-    Some(fit)
+    ladder.climb(bench, "best of several starts", &best);
+    Some(best)
 }
 
 /// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
@@ -180,5 +195,64 @@ fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder)
         withheld,
         step: bench.step(),
         rollouts: bench.rollouts(),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::family::{Candidate, Family, Knob, Law, Measured, Recorded, Rollout};
+    use crate::world::WorldError;
+
+    const ROWS: usize = 120;
+
+    /// A swing whose rate is known to an order of magnitude, which has a valley of its own at many of them.
+    struct Swing {
+        knobs: Vec<Knob>,
+        logs: Vec<Recorded>,
+    }
+
+    impl Family for Swing {
+        fn knobs(&self) -> &[Knob] {
+            &self.knobs
+        }
+
+        fn doubtful(&self) -> &[usize] {
+            &[0]
+        }
+
+        fn candidates(&self) -> &[Candidate] {
+            &[]
+        }
+
+        fn logs(&self) -> &[Recorded] {
+            &self.logs
+        }
+
+        fn residual(&self, Rollout { u, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
+            let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
+            Ok((0..ROWS).map(|row| swing(3.7, row) - swing(self.knobs[0].value(u[0]), row)).collect())
+        }
+    }
+
+    #[test]
+    fn what_may_be_of_any_magnitude_is_looked_for_at_several() {
+        let rate = Knob {
+            name: "rate".to_owned(),
+            unit: "rad/s".to_owned(),
+            origin: 1.0,
+            size: std::f64::consts::LN_2,
+            law: Law::Exponential,
+            bounds: (-6.0, 6.0),
+            spread: 3.0,
+            reach: 0.01,
+            amplitude: false,
+        };
+        let channel = Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..ROWS };
+        let log = Recorded { name: "log".to_owned(), held_out: false, channels: vec![channel], present: ROWS };
+        let swing = Swing { knobs: vec![rate], logs: vec![log] };
+        let found = fitted(&Bench::new(&swing), &|_, _, _| {}).unwrap();
+        assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

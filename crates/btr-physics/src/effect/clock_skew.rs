@@ -2,8 +2,9 @@
 //!
 //! Beyond the end of a run (a clock that runs slow) the last readings are held.
 
+use super::readings::taken_at;
 use super::{Card, Effect, Param, SiteKind};
-use btr_core::log::{Log, Role, interpolate};
+use btr_core::log::{Log, Role};
 
 pub(super) struct ClockSkew;
 
@@ -25,15 +26,11 @@ impl Effect for ClockSkew {
     }
 
     fn sense(&self, p: &[f64], _site: &str, log: &mut Log) {
-        let clock = log.clock_s().to_vec();
-        let taken: Vec<f64> = clock.iter().map(|t| t / (1.0 + p[0])).collect();
+        let taken: Vec<f64> = log.clock_s().iter().map(|t| t / (1.0 + p[0])).collect();
         let measured = log.channels().filter(|(_, channel)| channel.role == Role::Measured);
         let names: Vec<String> = measured.map(|(name, _)| name.to_owned()).collect();
-        for name in names {
-            if let Some(values) = log.values_mut(&name) {
-                let skewed = interpolate(&clock, values, &taken);
-                values.copy_from_slice(&skewed);
-            }
-        }
+        // Positions before velocities, which say how they go on between samples.
+        let (positions, others): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| name.starts_with("q_"));
+        positions.into_iter().chain(others).for_each(|name| taken_at(log, name, &taken));
     }
 }

@@ -1,7 +1,8 @@
 //! Readings that reach the log late; the servo has its own.
 
+use super::readings::taken_at;
 use super::{Card, Effect, Param, SiteKind};
-use btr_core::log::{Log, interpolate};
+use btr_core::log::Log;
 
 pub(super) struct EncoderDelay;
 
@@ -23,13 +24,9 @@ impl Effect for EncoderDelay {
     }
 
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
-        let clock = log.clock_s().to_vec();
-        let taken: Vec<f64> = clock.iter().map(|t| t - p[0]).collect();
+        let taken: Vec<f64> = log.clock_s().iter().map(|t| t - p[0]).collect();
         for channel in ["q", "dq"] {
-            if let Some(values) = log.values_mut(&format!("{channel}_{joint}")) {
-                let late = interpolate(&clock, values, &taken);
-                values.copy_from_slice(&late);
-            }
+            taken_at(log, &format!("{channel}_{joint}"), &taken);
         }
     }
 }

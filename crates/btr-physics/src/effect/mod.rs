@@ -151,6 +151,7 @@ impl fmt::Debug for dyn Effect {
 mod expression;
 mod formula;
 mod law;
+mod readings;
 mod rotor;
 
 pub use formula::{FORMULA, On, formula, formula_or_function};

@@ -74,6 +74,22 @@ fn a_late_encoder_shifts_the_log_and_nothing_else() {
 }
 
 #[test]
+fn a_log_of_few_samples_shows_a_late_encoder_as_one_of_many_does() {
+    let swing = |sample_s: f64, effects: &[Placed]| {
+        let setup = Setup { sample_s: Some(sample_s), start_velocities: vec![3.0], ..fast(0.001, 1.0) };
+        run_with(&pendulum(1.3, 0.7, Actuator::Passive), effects, &setup, &hold(0.0))
+    };
+    for effect in [placed("encoder_delay", "hinge", &[0.013]), placed("clock_skew", "*", &[0.03])] {
+        let (few, many) = (swing(0.01, std::slice::from_ref(&effect)), swing(0.001, &[effect]));
+        // The first readings are held: what would have been before is not known.
+        for (i, q) in few.values("q_hinge").unwrap().iter().enumerate().skip(2) {
+            let expected = many.values("q_hinge").unwrap()[10 * i];
+            assert!((q - expected).abs() < 1e-6, "{q} and {expected} at {i}");
+        }
+    }
+}
+
+#[test]
 fn a_fast_clock_stretches_what_was_measured() {
     let robot = pendulum(1.3, 0.7, Actuator::Passive);
     let coast = Setup { start_velocities: vec![2.0], ..fast_weightless(0.001, 1.0) };
