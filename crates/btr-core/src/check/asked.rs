@@ -6,6 +6,10 @@ use crate::stats::std;
 
 /// How far commands are looked for, in s, and as a share of what was asked.
 const MOST_SHIFT: (f64, f64) = (0.5, 0.4);
+/// Shifts are told to this share of the time between two references, ...
+const FINEST: f64 = 0.25;
+/// ... from so many rows of a log at most, spread over all of it.
+const MOST_ROWS: usize = 3000;
 /// A shift of less than this share of the log's step is none.
 const TELLING: f64 = 0.75;
 /// A shift that leaves more than this share of the difference explains nothing.
@@ -34,7 +38,8 @@ enum Between {
 /// or later, or are others. Nothing where they are the same, and where the log has none that change.
 pub fn asked(asked: &Log, log: &Log) -> Option<Finding> {
     let both: Vec<Both> = asked.channels().filter_map(|(name, channel)| both(name, &channel.values, log)).collect();
-    let step_s = log.usual_step_s()?.min(asked.usual_step_s()?);
+    let of_asked_s = asked.usual_step_s()?;
+    let step_s = log.usual_step_s()?.clamp(FINEST * of_asked_s, of_asked_s);
     if both.is_empty() {
         return None;
     }
@@ -81,14 +86,20 @@ impl Both<'_> {
     fn square(&self, asked: &Log, log: &Log, shift_s: f64, between: Between) -> Option<f64> {
         // Stamps may be rounded.
         let slack_s = 1e-6 * asked.usual_step_s().unwrap_or(0.0);
-        let at: Vec<f64> = log.clock_s().iter().map(|t| t - shift_s + slack_s).collect();
+        let every = log.len().div_ceil(MOST_ROWS).max(1);
+        let at: Vec<f64> = log.clock_s().iter().step_by(every).map(|t| t - shift_s + slack_s).collect();
         let wanted = match between {
             Between::Held => hold(asked.clock_s(), self.asked, &at),
             Between::Led => interpolate(asked.clock_s(), self.asked, &at),
         };
         let (first, last) = (asked.clock_s().first()?, asked.clock_s().last()?);
         let within = at.iter().map(|t| (first..=last).contains(&t));
-        let errors = wanted.iter().zip(self.told).zip(within).filter(|(_, within)| *within).map(|((a, b), _)| a - b);
+        let errors = wanted
+            .iter()
+            .zip(self.told.iter().step_by(every))
+            .zip(within)
+            .filter(|(_, within)| *within)
+            .map(|((a, b), _)| a - b);
         let (sum, n) = errors.filter(|e| e.is_finite()).fold((0.0, 0.0), |(sum, n), e| (sum + e * e, n + 1.0));
         (n > 1.0).then(|| sum / n / (self.spread * self.spread))
     }

@@ -120,7 +120,9 @@ def log_of_messages(
 
 _Given = Log | str | PathLike[str]
 _Laws = Sequence[tuple[str, Callable[..., float]]]
-_Begins = tuple[list[tuple[str, float]], list[float] | None, float]
+_Start = list[tuple[str, float]]
+_Begins = tuple[_Start, list[float] | None, float]
+_Robot = Callable[[int, int, int, list[str], list[float], Log, _Start, list[float] | None, float], Log]
 _Tell = Callable[[str, float, float | None], None]
 
 def check(model: Model, logs: Sequence[_Given]) -> str: ...
@@ -142,7 +144,7 @@ def coevolve(
     folder: str | PathLike[str],
     seed: int | None,
     resume: bool,
-    robot: Callable[[int, int, int, list[str], list[float], Log, list[tuple[str, float]]], Log] | None,
+    robot: _Robot | None,
     tell: Callable[[str], None],
     hands: int | _Hands | None,
 ) -> str | None: ...
