@@ -106,11 +106,11 @@ fn failed_real_tests_are_spent_and_do_not_stop_the_loop() {
 }
 
 #[test]
-fn a_reality_that_always_fails_ends_the_run_after_one_round() {
+fn a_reality_that_always_fails_ends_the_run_after_three_tests() {
     let mut reality = honest().failing(|_| true);
     let world = Oscillator::new().unwrap();
     let (run, reason) = run("", 1, &world, &mut reality);
-    assert_eq!((reason, run.ledger().spent()), (StopReason::NoRealData, 12));
+    assert_eq!((reason, run.ledger().spent()), (StopReason::NoRealData, 3));
 }
 
 #[test]

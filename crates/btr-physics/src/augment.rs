@@ -59,13 +59,15 @@ impl Cause {
         let fixed = experiment.model.robot.base == Base::Fixed;
         let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
         let learn = tests.len() - tests.len() / HELD_OUT;
-        let asked: Vec<(&Trial, &Log)> =
-            tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log))).collect();
-        if asked.is_empty() {
+        let known = tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log)));
+        let known: Vec<(&Trial, &Log)> = known.collect();
+        if known.is_empty() {
             return Err("no real test gave a log".to_owned());
         }
+        let whole = known.iter().map(|(trial, log)| experiment.from_the_beginning(trial, log));
+        let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+        let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
         let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
-        let logs = asked.iter().map(|(_, log)| (*log).clone()).collect();
         let beside = Beside::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
         let question = Question { max_rollouts: allowance(experiment), ..Question::default() };
         let family = Served::here(Arc::new(beside), experiment.way.clone());

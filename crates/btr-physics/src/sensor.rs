@@ -27,16 +27,16 @@ impl Noise {
     /// The noise floor of a channel of these readings: what the model says of such sensors, or else what the readings
     /// themselves show. `None` for channels with too few readings to tell.
     pub fn floor(&self, channel: &str, readings: &[f64]) -> Option<f64> {
-        self.given(channel).or_else(|| noise::Noise::of(readings).map(|estimate| estimate.floor()))
+        self.stated(channel).or_else(|| noise::Noise::of(readings).map(|estimate| estimate.floor()))
     }
 
     /// Whether nobody knows that floor: the model does not say, and the readings show no noise.
     pub fn is_assumed(&self, channel: &str, readings: &[f64]) -> bool {
-        self.given(channel).is_none() && noise::Noise::of(readings).is_some_and(|estimate| estimate.is_negligible())
+        self.stated(channel).is_none() && noise::Noise::of(readings).is_some_and(|estimate| estimate.is_negligible())
     }
 
-    /// What the model says of a channel's sensor.
-    fn given(&self, channel: &str) -> Option<f64> {
+    /// What the model says of a channel's sensor, quantisation included; `None` where it says nothing.
+    pub fn stated(&self, channel: &str) -> Option<f64> {
         let (white, quantum) = match () {
             () if channel.starts_with("q_") => (self.position, self.position_quantum),
             () if channel.starts_with("dq_") => (self.velocity, 0.0),

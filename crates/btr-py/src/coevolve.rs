@@ -68,6 +68,8 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
                 &trial.controller,
                 references,
                 &asked.start,
+                asked.base,
+                asked.duration_s,
             );
             let log = function.call1(py, asked).and_then(|log| Ok(log.extract::<Py<Log>>(py)?.get().log.clone()));
             log.map_err(|error| match error.is_instance_of::<TestFailed>(py) {

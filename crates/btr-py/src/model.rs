@@ -7,7 +7,7 @@ use crate::work::{at_once, way, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_physics::adapt::{at, moved};
-use btr_physics::experiment::{self, Source};
+use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::io::{IoError, write_whole};
 use btr_physics::model;
 use btr_physics::verbs::{self, Addition, OwnLaw, OwnNumber};
@@ -106,16 +106,15 @@ impl Model {
         written.map_err(|source| IoError::File { path, source }.raise())
     }
 
-    /// One rollout: of the model's own drive, or told what a log says the robot was told.
-    #[pyo3(signature = (log = None, seed = None))]
-    fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>) -> PyResult<Log> {
+    /// One rollout: of the model's own drive, or told what a log says the robot was told, from where it or `begins` says.
+    #[pyo3(signature = (log = None, seed = None, begins = None))]
+    fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>, begins: Option<Begins>) -> PyResult<Log> {
         let log = log.map(Given::source);
         let simulated = at_once(py, &self.source, || {
             let model = match log {
-                Some(log) => experiment::model_replaying(&self.source, log),
-                None => experiment::model(&self.source),
+                Some(log) => self.replaying(log, begins)?,
+                None => experiment::model(&self.source).map_err(Raise::raise)?,
             };
-            let model = model.map_err(Raise::raise)?;
             let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
             model.simulate(&s, &c, 0, seed).map_err(Raise::raise)
         })?;
@@ -124,19 +123,19 @@ impl Model {
 
     /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing where a
     /// simulation blew up.
-    #[pyo3(signature = (parameters, controllers, log = None))]
+    #[pyo3(signature = (parameters, controllers, log = None, begins = None))]
     fn simulate_all(
         &self,
         py: Python<'_>,
         parameters: Option<Vec<Vec<f64>>>,
         controllers: Option<Vec<Vec<f64>>>,
         log: Option<Given>,
+        begins: Option<Begins>,
     ) -> PyResult<Vec<Option<Log>>> {
         let log = log.map(Given::source);
         let way = way(py, None, self)?;
         let simulated = working(py, &way, || {
-            let replaying = log.map(|log| experiment::model_replaying(&self.source, log)).transpose();
-            let replaying = replaying.map_err(Raise::raise)?;
+            let replaying = log.map(|log| self.replaying(log, begins)).transpose()?;
             let model = replaying.as_ref().unwrap_or(&self.built);
             let rollouts = parameters.as_ref().or(controllers.as_ref()).map_or(0, Vec::len);
             let rows =
@@ -165,6 +164,20 @@ impl Model {
     fn with_law(&self, law: String, site: String, on: String, numbers: Vec<(String, Number)>) -> PyResult<String> {
         let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();
         verbs::add_law(&self.source, &OwnLaw { law, site, on, numbers }).map_err(Raise::raise)
+    }
+}
+
+/// How a controller of the loop begins: joints by name, the base of a floating robot, and how long it lasts in s.
+type Begins = (Vec<(String, f64)>, Option<[f64; 7]>, f64);
+
+impl Model {
+    /// The model, told what a log says, from where the log begins or as `begins` has it.
+    fn replaying(&self, log: LogSource, begins: Option<Begins>) -> PyResult<model::Model> {
+        let replaying = experiment::model_replaying(&self.source, log).map_err(Raise::raise)?;
+        Ok(match begins {
+            Some((joints, base, duration_s)) => replaying.begun(&joints, base, duration_s),
+            None => replaying,
+        })
     }
 }
 

@@ -59,8 +59,8 @@ fn sentence(found: &DiagnoseReport) -> String {
     let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
     let alike = if alike.is_empty() { String::new() } else { format!(" or its like ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
-    let where_judged =
-        found.shows_where_judged().map_or_else(String::new, |sentence| format!(" Note that {sentence}."));
+    let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
+    let where_judged: String = notes.map(|sentence| format!(" Note that {sentence}.")).collect();
     match (found.verdict, found.effects.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(

@@ -1,11 +1,15 @@
 //! What a log is worth before anything is fitted to it: clock, sensors, and how the joints follow their commands.
 
+mod asked;
 mod channel;
 mod clock;
+mod frozen;
 mod joint;
+mod pull;
 #[cfg(test)]
 mod tests;
 
+pub use asked::asked;
 pub use clock::FEWEST_SAMPLES;
 
 use crate::lag::Lag;
@@ -52,6 +56,8 @@ pub enum Topic {
     CommandLag,
     /// A command that tells little.
     Excitation,
+    /// A log that begins elsewhere than it should.
+    Start,
 }
 
 /// One thing that was found.

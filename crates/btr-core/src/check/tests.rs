@@ -83,3 +83,65 @@ fn clocks_with_holes_and_commands_from_the_future_are_told() {
     assert_eq!(severity(&quality, Topic::CommandLag, "knee"), Some(Severity::Bad));
     assert_eq!(check(&Log::default()).worst(), Severity::Bad);
 }
+
+/// A mass of 0.1 kg·m² on a servo of 10 N·m/rad, told a wave beyond its resonance.
+fn swinging() -> Log {
+    let clock: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
+    let told: Vec<f64> = clock.iter().map(|t| 0.6 * (14.0 * t).sin()).collect();
+    let (mut q, mut dq, mut moved) = (0.0, 0.0, Vec::new());
+    for command in &told {
+        moved.push(q);
+        for _ in 0..10 {
+            dq += 1e-3 * (10.0 * (command - q) - 0.1 * dq) / 0.1;
+            q += 1e-3 * dq;
+        }
+    }
+    let mut log = Log::new(clock).unwrap();
+    log.insert("cmd_hip", "rad", Role::Command, told).unwrap();
+    log.insert("q_hip", "rad", Role::Measured, moved).unwrap();
+    log
+}
+
+#[test]
+fn a_swing_beyond_resonance_is_not_upside_down_unless_it_is() {
+    let mut log = swinging();
+    assert_eq!(severity(&check(&log), Topic::Sign, "hip"), None, "{:?}", check(&log).findings);
+    log.values_mut("q_hip").unwrap().iter_mut().for_each(|q| *q = -*q);
+    assert_eq!(severity(&check(&log), Topic::Sign, "hip"), Some(Severity::Bad), "{:?}", check(&log).findings);
+}
+
+#[test]
+fn readings_that_freeze_are_told_and_those_that_rest_are_not() {
+    let frozen = |log: &Log| severity(&check(log), Topic::Dead, "q_hip");
+    let mut log = healthy();
+    assert_eq!(frozen(&log), None);
+    let held = log.channel("q_hip").unwrap().values[700];
+    log.values_mut("q_hip").unwrap()[700..].fill(held);
+    assert_eq!(frozen(&log), Some(Severity::Bad));
+    // What it is told does not move either.
+    let told = log.channel("cmd_hip").unwrap().values[650];
+    log.values_mut("cmd_hip").unwrap()[650..].fill(told);
+    assert_eq!(frozen(&log), None, "{:?}", check(&log).findings);
+    log.values_mut("q_hip").unwrap().fill(0.3);
+    assert_eq!(frozen(&log), Some(Severity::Bad));
+}
+
+#[test]
+fn commands_are_looked_for_where_they_were_asked() {
+    let asked_for = swinging();
+    let shifted = |by: f64| {
+        let clock: Vec<f64> = (0..1500).map(|i| 0.002 * f64::from(i)).collect();
+        let earlier: Vec<f64> = clock.iter().map(|t| t - by).collect();
+        let told = crate::log::hold(asked_for.clock_s(), &asked_for.channel("cmd_hip").unwrap().values, &earlier);
+        let mut log = Log::new(clock).unwrap();
+        log.insert("cmd_hip", "rad", Role::Command, told).unwrap();
+        log
+    };
+    let say = |log: &Log| asked(&asked_for, log).map(|found| found.sentence).unwrap_or_default();
+    assert_eq!(say(&shifted(0.0)), "");
+    assert!(say(&shifted(-0.02)).starts_with("its commands come 20 ms before"), "{}", say(&shifted(-0.02)));
+    assert!(say(&shifted(0.1)).starts_with("its commands come 100 ms after"), "{}", say(&shifted(0.1)));
+    let mut other = shifted(0.0);
+    other.values_mut("cmd_hip").unwrap().iter_mut().enumerate().for_each(|(k, c)| *c = (0.01 * k as f64).sin());
+    assert!(say(&other).starts_with("its cmd_hip is not what was asked for"), "{}", say(&other));
+}

@@ -142,6 +142,17 @@ impl Experiment {
         Ok(model)
     }
 
+    /// A real test's log from the test's beginning on, where it lost rows before its first one.
+    ///
+    /// # Errors
+    /// A controller that does not fit.
+    pub fn from_the_beginning(&self, trial: &Trial, log: &Log) -> Result<Log, WorldError> {
+        match self.model.scenarios[trial.scenario].replay {
+            Some(_) => Ok(log.clone()),
+            None => Ok(whole(log, &self.model.references(&trial.controller, trial.scenario)?)),
+        }
+    }
+
     /// What a real test asked and where it began.
     fn scenario(&self, trial: &Trial, log: &Log) -> Result<Scenario, WorldError> {
         let known = &self.model.scenarios[trial.scenario];
@@ -171,13 +182,35 @@ impl Experiment {
     }
 }
 
+/// A log that has lost the beginning of its test, with rows for it: what the robot was told, and no readings.
+fn whole(log: &Log, references: &Log) -> Log {
+    let (Some(&first_s), Some(step_s)) = (log.clock_s().first(), log.usual_step_s()) else { return log.clone() };
+    let rows = (first_s / step_s - 0.5).ceil().max(0.0) as usize;
+    let lost_s: Vec<f64> = (0..rows).map(|k| first_s * k as f64 / rows as f64).collect();
+    let Ok(mut whole) = Log::new(lost_s.iter().chain(log.clock_s()).copied().collect()) else { return log.clone() };
+    for (name, channel) in log.channels() {
+        let asked = references.channel(name).filter(|_| channel.role == Role::Command);
+        let lost = asked.map_or_else(
+            || vec![f64::NAN; rows],
+            |asked| lost_s.iter().map(|t| asked.values[held(references, *t)]).collect(),
+        );
+        // The length is the clock's own.
+        let _ = whole.insert(name, &channel.unit, channel.role, [lost, channel.values.clone()].concat());
+    }
+    whole
+}
+
+/// Which row of `references` is held at a time.
+fn held(references: &Log, time_s: f64) -> usize {
+    references.clock_s().partition_point(|r| *r <= time_s + 1e-9).saturating_sub(1)
+}
+
 /// A log with what the robot was told, by the controller's references where the log does not say it.
 pub(crate) fn told(log: &Log, references: &Log) -> Log {
     let mut told = log.clone();
     for (name, channel) in references.channels().filter(|(name, _)| log.channel(name).is_none()) {
         // Each reference holds until the next one.
-        let at = |t: &f64| references.clock_s().partition_point(|r| *r <= t + 1e-9).saturating_sub(1);
-        let values = log.clock_s().iter().map(|t| channel.values[at(t)]).collect();
+        let values = log.clock_s().iter().map(|t| channel.values[held(references, *t)]).collect();
         // The length is the clock's own.
         let _ = told.insert(name, &channel.unit, Role::Command, values);
     }

@@ -50,7 +50,9 @@ impl Builder<'_> {
     /// Where the real tests of a run are kept.
     pub(super) fn store(&self, model: &Model, folder: &Path) -> Store {
         let controllers = model.drive.space().clone();
-        Store::new(folder.join("transfers"), controllers, model.fitness.clone(), self.file.channels.clone())
+        let (fitness, mapping) = (model.fitness.clone(), self.file.channels.clone());
+        let test_s = model.scenarios.iter().map(|scenario| scenario.duration_s).fold(0.0, f64::max);
+        Store::new(folder.join("transfers"), controllers, fitness, mapping, test_s)
     }
 
     fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {

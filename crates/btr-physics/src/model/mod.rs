@@ -13,6 +13,7 @@ use crate::task::Fitness;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::WorldError;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
@@ -100,7 +101,8 @@ impl Model {
     pub fn references(&self, c: &[f64], scenario: usize) -> Result<Log, WorldError> {
         self.drive.space().check(c)?;
         let drive = self.drive_at(c, &self.scenarios[scenario])?;
-        let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s).round() as usize;
+        // Up to the one that the end of the test is led to.
+        let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s - 1e-6).ceil().max(0.0) as usize;
         let clock: Vec<f64> = (0..=ticks).map(|k| k as f64 * self.setup.control_s).collect();
         let joints: Vec<&Joint> = self.robot.movable().map(|(_, link)| &link.joint).collect();
         let mut rows = vec![Vec::with_capacity(clock.len()); joints.len()];
@@ -127,6 +129,28 @@ impl Model {
             None => self.drive_at(c, situation)?.place(&mut robot),
         }
         Ok(robot)
+    }
+
+    /// The same model, with its first situation begun as a controller of the loop begins: joints by name in rad (m), at rest;
+    /// the base at x, y, z in m and the quaternion w, x, y, z; for so long, in s.
+    #[must_use]
+    pub fn begun(mut self, joints: &[(String, f64)], base: Option<[f64; 7]>, duration_s: f64) -> Self {
+        for link in self.robot.links.iter_mut().skip(1) {
+            if let Some((_, start)) = joints.iter().find(|(name, _)| *name == link.joint.name) {
+                link.joint.start = *start;
+            }
+        }
+        if let Some([x, y, z, w, i, j, k]) = base {
+            // What was a unit quaternion comes back bit by bit.
+            let turned = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
+            self.robot.start = Isometry3::from_parts(Translation3::new(x, y, z), turned);
+        }
+        if let Some(situation) = self.scenarios.first_mut() {
+            // The joints' own starts are no readings.
+            situation.start.clear();
+            situation.duration_s = duration_s;
+        }
+        self
     }
 
     /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.

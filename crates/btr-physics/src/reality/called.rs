@@ -4,8 +4,10 @@ use super::store::{Store, StoreError, or_pending};
 use crate::experiment::{Robotic, timely, told};
 use crate::io::Meta;
 use crate::model::Model;
+use crate::robot::Base;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
+use nalgebra::Isometry3;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,6 +22,16 @@ pub struct Asked<'a> {
     pub references: &'a Log,
     /// Where each joint is when the test begins, at rest, in rad (m): by joint in the order of the robot's.
     pub start: Vec<(&'a str, f64)>,
+    /// Where a floating robot's base is when the test begins: x, y, z in m and the quaternion w, x, y, z.
+    pub base: Option<[f64; 7]>,
+    /// How long the test lasts, in s.
+    pub duration_s: f64,
+}
+
+/// A pose in numbers: x, y, z in m and the quaternion w, x, y, z.
+fn pose_of(pose: &Isometry3<f64>) -> [f64; 7] {
+    let (at, turned) = (pose.translation, pose.rotation);
+    [at.x, at.y, at.z, turned.w, turned.i, turned.j, turned.k]
 }
 
 /// Why a robot gave no log.
@@ -53,11 +65,16 @@ impl Called {
         let begins = self.model.beginning(&trial.controller, trial.scenario);
         let begins = begins.unwrap_or_else(|_| self.model.robot.clone());
         let start = begins.movable().map(|(_, link)| (link.joint.name.as_str(), link.joint.start)).collect();
-        match (self.robot)(&Asked { trial, names, references: &references, start }) {
+        let base = (begins.base == Base::Floating).then(|| pose_of(&begins.start));
+        let duration_s = self.model.scenarios[trial.scenario].duration_s;
+        match (self.robot)(&Asked { trial, names, references: &references, start, base, duration_s }) {
             Ok(log) => match self.useless(trial, &log) {
                 Some(what) => Ok(Outcome::Pending { what }),
                 // What the robot was told is known, whether its log says it or not.
-                None => self.store.keep(trial, &told(&log, &references), &Meta::default()),
+                None => {
+                    let log = self.store.on_the_tests_clock(log);
+                    self.store.keep(trial, &told(&log, &references), &Meta::default())
+                }
             },
             Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),
             Err(Unanswered::Broken(what)) => Ok(Outcome::Pending { what }),

@@ -2,6 +2,7 @@
 //! uses it.
 
 mod called;
+mod clock;
 mod command;
 mod logs;
 mod manual;

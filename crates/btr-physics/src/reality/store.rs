@@ -1,6 +1,7 @@
 //! The folder of real tests: `transfers/0007/` holds what was asked (`trial.toml`, `references.csv`) and what came of it
 //! (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
 
+use super::clock::of_test;
 use crate::io::{self, Mapping, Meta};
 use crate::model::Model;
 use crate::task::Fitness;
@@ -52,12 +53,14 @@ pub struct Store {
     controllers: Space,
     fitness: Fitness,
     mapping: Mapping,
+    test_s: f64,
 }
 
 impl Store {
-    /// Keeps tests under `folder`; their controllers live in `controllers`, their logs are judged by `fitness`.
-    pub fn new(folder: PathBuf, controllers: Space, fitness: Fitness, mapping: Mapping) -> Self {
-        Store { folder, controllers, fitness, mapping }
+    /// Keeps tests of `test_s` seconds under `folder`; their controllers live in `controllers`, their logs are judged by
+    /// `fitness`.
+    pub fn new(folder: PathBuf, controllers: Space, fitness: Fitness, mapping: Mapping, test_s: f64) -> Self {
+        Store { folder, controllers, fitness, mapping, test_s }
     }
 
     /// Where a trial and its results are kept.
@@ -109,7 +112,8 @@ impl Store {
     /// # Errors
     /// A log that cannot be read, or only half of one.
     pub fn judge(&self, path: &Path) -> Result<Outcome, StoreError> {
-        let (log, warnings) = io::read_recorded(path, &self.mapping)?;
+        let (log, warnings) = io::read_log(path, &self.mapping)?;
+        let log = of_test(log, self.test_s);
         if let Some(why) = warnings.iter().find(|warning| warning.is_half()) {
             return Err(StoreError::Half { path: path.to_owned(), why: why.to_string() });
         }
@@ -130,6 +134,11 @@ impl Store {
         let path = self.folder_of(trial).join("log.mcap");
         io::write_log(&path, log, meta)?;
         self.judge(&path)
+    }
+
+    /// A log on the tests' clock.
+    pub(super) fn on_the_tests_clock(&self, log: Log) -> Log {
+        of_test(log, self.test_s)
     }
 
     /// Writes down that a test failed.

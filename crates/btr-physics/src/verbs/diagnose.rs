@@ -5,6 +5,8 @@ use crate::effect::On;
 use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
 use btr_core::family::Family;
 use btr_core::fit::{Bench, Estimate, NOISE};
+use btr_core::noise::Noise;
+use btr_core::stats;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -61,6 +63,19 @@ pub struct LawReport {
     pub toml: String,
 }
 
+/// A channel whose readings are rougher than the model says.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatedLow {
+    /// The channel.
+    pub channel: String,
+    /// Its unit.
+    pub unit: String,
+    /// Standard deviation of its readings' errors as the model has it.
+    pub stated: f64,
+    /// The same as the readings show it.
+    pub shown: f64,
+}
+
 /// The answer, with the keys of `--json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct DiagnoseReport {
@@ -78,6 +93,9 @@ pub struct DiagnoseReport {
     pub noise_floor: Vec<Floor>,
     /// The share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
+    /// Where nothing explains the error and it may be the sensors' own: channels whose noise is stated too low, it seems.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub noise_stated_low: Vec<StatedLow>,
     /// What the error looks like where nothing known explains it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_law: Option<LawReport>,
@@ -119,6 +137,10 @@ pub fn diagnose(
         error_ladder: diagnosis.ladder.iter().map(LadderStep::from).collect(),
         noise_floor: problem.floors(),
         unexplained_share: diagnosis.unexplained_share,
+        noise_stated_low: match diagnosis.verdict {
+            Verdict::Unexplained => stated_low(problem, &diagnosis),
+            Verdict::EffectMissing | Verdict::NothingMissing => Vec::new(),
+        },
         residual_law: residual_law(problem, &diagnosis),
         next_experiment: problem.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
@@ -133,6 +155,21 @@ pub fn diagnose(
 }
 
 impl DiagnoseReport {
+    /// Where what is left may be the sensors' own noise: to say so.
+    pub fn shows_noise(&self) -> Option<String> {
+        let told = |low: &StatedLow| {
+            format!("{} shows {:.2e} {}, {:.2e} is stated", low.channel, low.shown, low.unit, low.stated)
+        };
+        let all: Vec<String> = self.noise_stated_low.iter().map(told).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "what is left is white, as noise is, and above what [noise] states: {}; is that too low? Raise it, or leave it \
+                 out and it is taken from the logs",
+                all.join("; ")
+            )
+        })
+    }
+
     /// Where the logs to learn from are explained and those to judge on are not: what to make of that.
     pub fn shows_where_judged(&self) -> Option<String> {
         let last = self.error_ladder.last()?;
@@ -145,6 +182,40 @@ impl DiagnoseReport {
             )
         })
     }
+}
+
+/// What is left of a channel is as large as its own readings' noise within this factor.
+const AS_LARGE: f64 = 1.15;
+/// Samples that tell as much as one, where an error is noise.
+const NEARLY_WHITE: f64 = 2.0;
+
+/// Channels in which what is left is white, above the noise that the model states, and what their readings show of noise.
+fn stated_low(problem: &Problem, diagnosis: &Diagnosis) -> Vec<StatedLow> {
+    let model = problem.beside.model();
+    let (mut found, mut start) = (Vec::<StatedLow>::new(), 0);
+    for (log, readings) in problem.beside.logs().iter().zip(problem.beside.recorded()).filter(|(log, _)| !log.held_out)
+    {
+        for channel in &log.channels {
+            let rows = start + channel.samples.start..start + channel.samples.end;
+            let left = diagnosis.fit.residual.get(rows).unwrap_or_default();
+            let stated = model.setup.noise.stated(&channel.name);
+            let shown = readings.channel(&channel.name).and_then(|c| Noise::of(&c.values)).map(|noise| noise.sigma());
+            let (Some(stated), Some(shown)) = (stated, shown) else { continue };
+            // Floors that are not the sensors' alone hold what nobody states.
+            let is_the_floor = (channel.sigma / stated - 1.0).abs() < 0.01;
+            let times = stats::std(left);
+            let as_large = times > AS_LARGE && shown > AS_LARGE * stated && times * stated < AS_LARGE * shown;
+            if is_the_floor && as_large && stats::autocorrelation_time(left) < NEARLY_WHITE {
+                let (name, unit) = (channel.name.clone(), channel.unit.clone());
+                match found.iter_mut().find(|known| known.channel == name) {
+                    Some(known) => known.shown = known.shown.max(shown),
+                    None => found.push(StatedLow { channel: name, unit, stated, shown }),
+                }
+            }
+        }
+        start += log.rows();
+    }
+    found
 }
 
 fn residual_law(problem: &Problem, diagnosis: &Diagnosis) -> Option<LawReport> {

@@ -75,7 +75,9 @@ class Model:
     def name(self) -> str: ...
     @property
     def joints(self) -> list[str]: ...
-    def simulate(self, log: Log | str | PathLike[str] | None = ..., seed: int | None = ...) -> Log: ...
+    def simulate(
+        self, log: Log | str | PathLike[str] | None = ..., seed: int | None = ..., begins: _Begins | None = ...
+    ) -> Log: ...
     @property
     def spaces(self) -> tuple[str, str]: ...
     @property
@@ -87,6 +89,7 @@ class Model:
         parameters: Sequence[Sequence[float]] | None,
         controllers: Sequence[Sequence[float]] | None,
         log: Log | str | PathLike[str] | None = ...,
+        begins: _Begins | None = ...,
     ) -> list[Log | None]: ...
     def add(self, effects: Sequence[str]) -> str: ...
     def with_law(self, law: str, site: str, on: str, numbers: Sequence[tuple[str, float | tuple[float, float]]]) -> str: ...
@@ -117,6 +120,9 @@ def log_of_messages(
 
 _Given = Log | str | PathLike[str]
 _Laws = Sequence[tuple[str, Callable[..., float]]]
+_Start = list[tuple[str, float]]
+_Begins = tuple[_Start, list[float] | None, float]
+_Robot = Callable[[int, int, int, list[str], list[float], Log, _Start, list[float] | None, float], Log]
 _Tell = Callable[[str, float, float | None], None]
 
 def check(model: Model, logs: Sequence[_Given]) -> str: ...
@@ -138,7 +144,7 @@ def coevolve(
     folder: str | PathLike[str],
     seed: int | None,
     resume: bool,
-    robot: Callable[[int, int, int, list[str], list[float], Log, list[tuple[str, float]]], Log] | None,
+    robot: _Robot | None,
     tell: Callable[[str], None],
     hands: int | _Hands | None,
 ) -> str | None: ...

@@ -34,13 +34,21 @@ class Controller:
     """The commands that it stands for: `cmd_<joint>` on the control clock, each held until the next."""
     start: dict[str, float]
     """Where each joint is when the test begins, at rest, in rad (m): simulations begin there, and so should the robot."""
+    base: list[float] | None
+    """Where a floating robot's base is then: x, y, z in m and its quaternion w, x, y, z; None for a robot on a fixed base."""
+    duration_s: float
+    """How long the test lasts, in s; the last reference may stand a little later."""
 
 
 Reality = Callable[[Controller], LogLike]
 """Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
 frame, a mapping of arrays, or a path; what is bad about it is a `UserWarning`, and under `doubts` in the result. Raises
 `btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be resumed. Called on another
-thread; Ctrl-C waits for it, so that no real test is lost."""
+thread; Ctrl-C waits for it, so that no real test is lost. A log whose times can be the test's is taken at its word (one that
+begins at 0.02 s lost what came before); any other clock has its first row at the test's beginning. Where it brings commands
+(`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for the robot must take finer steps than the
+model, or its own error is what is found. Where another model is to stand for the robot, `model.simulate` takes
+the controller itself: its `references` alone do not say where a floating robot begins."""
 
 
 class Iteration(dict[str, Any]):
@@ -86,8 +94,11 @@ def coevolve(
         values: list[float],
         references: Log,
         start: list[tuple[str, float]],
+        base: list[float] | None,
+        duration_s: float,
     ) -> Log:
-        controller = Controller(number, iteration, scenario, dict(zip(names, values)), references, dict(start))
+        parameters = dict(zip(names, values))
+        controller = Controller(number, iteration, scenario, parameters, references, dict(start), base, duration_s)
         return load_log(asked(controller))
 
     def heard(iteration: str) -> None:

@@ -150,6 +150,13 @@ class DiagnoseResult(Reported):
         motor is off; None where there are none."""
 
     @property
+    def noise_stated_low(self) -> list[dict[str, Any]]:
+        """Where nothing explains the error and it is white: channels whose readings show more noise (`shown`) than the model
+        says (`stated`), both as standard deviations in `unit`."""
+        rough: list[dict[str, Any]] = self.document.get("noise_stated_low", [])
+        return rough
+
+    @property
     def residual_law(self) -> dict[str, Any] | None:
         """What the error looks like where no effect explains it, as a formula: `law`, `site` and `on` are what
         `Model.add_law` takes, of a model that has the effects in `beside`. None where there is nothing to tell."""
@@ -180,10 +187,12 @@ class DiagnoseResult(Reported):
         """What is known beyond the verdict, a line each."""
         unsure = [effect for effect in self.effects if effect["alike"]]
         alike = [f"\nthese logs cannot tell {', '.join(_names([e]))} from {', '.join(e['alike'])}" for e in unsure]
-        law, following = self.residual_law, self.next_experiment
+        law, following, rough = self.residual_law, self.next_experiment, self.noise_stated_low
         like = f"\nthe error looks like {law['law']} on the {law['on']} of {law['site']}" if law else ""
         beside = f", beside {', '.join(law['beside'])}" if law and law["beside"] else ""
-        return "".join(alike) + like + beside + (f"\nnext experiment: {following['sentence']}" if following else "")
+        low = ", ".join(f"{one['channel']} shows {one['shown']:.2g} {one['unit']} of {one['stated']:.2g}" for one in rough)
+        noise = f"\nwhat is left is white: is [noise] stated too low? {low}" if low else ""
+        return noise + "".join(alike) + like + beside + (f"\nnext experiment: {following['sentence']}" if following else "")
 
     def _table(self) -> Rows:
         return _ladder(self.error_ladder)

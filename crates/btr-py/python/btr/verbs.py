@@ -9,7 +9,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,9 @@ from btr._inputs import wrong
 from btr._laws import Law, Number
 from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
+
+if TYPE_CHECKING:
+    from btr.coevolution import Controller
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
 """A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or columns
@@ -66,12 +69,17 @@ class Model:
         """The joints that can move, in order."""
         return self._model.joints
 
-    def simulate(self, log: LogLike | None = None, *, seed: int | None = None) -> Log:
+    def simulate(self, log: LogLike | Controller | None = None, *, seed: int | None = None) -> Log:
         """One rollout: of the model's own drive, or told what `log` says the robot was told. Sampled on the model's clock
         from 0 s on, a row per `sample_every` steps of its `[simulation]`, not at the log's stamps. With noise of the model's
         sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up
-        or the log does not fit the model."""
-        return self._model.simulate(None if log is None else _given(log), seed)
+        or the log does not fit the model.
+
+        It begins where the log's first positions are, and where the model's robot stands if it has none. Commands alone do not
+        say where the loop begins (its drive may put a robot down elsewhere) nor when it ends: a `btr.Controller` of `coevolve`
+        does, and what is simulated of it is what the loop simulates."""
+        told, begins = _told(log)
+        return self._model.simulate(told, seed, begins)
 
     @property
     def parameters(self) -> list[dict[str, Any]]:
@@ -105,7 +113,11 @@ class Model:
         return space
 
     def simulate_all(
-        self, parameters: Points | None = None, controllers: Points | None = None, *, log: LogLike | None = None
+        self,
+        parameters: Points | None = None,
+        controllers: Points | None = None,
+        *,
+        log: LogLike | Controller | None = None,
     ) -> list[Log | None]:
         """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in
         their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; or only some of either by name, as
@@ -120,7 +132,7 @@ class Model:
         if log is not None and c is not None:
             raise ValueError("a log says what joints are told: controllers have no say then")
         rows_s, rows_c = _rows(s, self._model, "parameters", rollouts), _rows(c, self._model, "controllers", rollouts)
-        return self._model.simulate_all(rows_s, rows_c, None if log is None else _given(log))
+        return self._model.simulate_all(rows_s, rows_c, *_told(log))
 
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
@@ -295,6 +307,15 @@ def load_log(
 
 def _floats(column: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(np.asarray(column, dtype=np.float64))
+
+
+def _told(log: LogLike | Controller | None) -> tuple[Log | Path | None, _btr._Begins | None]:
+    """What joints are told, and where they begin if it is not the log that says so."""
+    from btr.coevolution import Controller
+
+    if isinstance(log, Controller):
+        return log.references, (list(log.start.items()), log.base, log.duration_s)
+    return None if log is None else _given(log), None
 
 
 def _given(log: LogLike) -> Log | Path:

@@ -4,10 +4,14 @@ use super::{Coevolution, On, Phase, Step};
 use crate::coevolve::correction::LinearCorrection;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
+use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
 use crate::coevolve::transfer::Scored;
 use crate::search::{AnySearch, Unit};
 use crate::world::Trial;
+
+/// Tests wear a robot out: where so many gave nothing, and none anything, somebody has to look before there are more.
+const VAIN: usize = 3;
 
 impl Coevolution {
     pub(super) fn transfer(
@@ -17,6 +21,10 @@ impl Coevolution {
         next: usize,
         testing: Option<AnySearch>,
     ) -> Step {
+        let explores = testing.is_none();
+        if self.state.ledger.spent() >= VAIN && self.in_vain(on, explores) {
+            return self.stop(StopReason::NoRealData);
+        }
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
         let promised = queue[next / on.simulator.scenarios()].fitness;
@@ -29,6 +37,18 @@ impl Coevolution {
             Ok(()) => Step::Tested,
             Err(what) => Step::Waiting(what),
         }
+    }
+
+    /// Whether no real test gave anything that could be used: to find a simulation with, or a fitness alone.
+    fn in_vain(&self, on: &On<'_>, explores: bool) -> bool {
+        let compares = explores && self.plan.method != Method::LinearCorrection;
+        let is_of_use = |entry: &Entry| match entry.behaviour() {
+            // What cannot be compared with itself cannot be compared with anything.
+            Some(real) if compares => on.distance.distance(real, real).is_finite(),
+            Some(real) => real.fitness.is_finite(),
+            None => false,
+        };
+        !self.state.ledger.entries().iter().any(is_of_use)
     }
 
     /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
@@ -49,7 +69,7 @@ impl Coevolution {
         if let Some(search) = testing {
             return self.told(on, queue, search);
         }
-        if self.state.ledger.entries().iter().all(|e| e.fitness().is_none()) {
+        if self.in_vain(on, true) {
             return self.stop(StopReason::NoRealData);
         }
         match (&self.plan.simulators, self.plan.method) {
