@@ -133,7 +133,7 @@ fn remember(memory: &mut [f64], value: f64, scene: &Scene) {
 fn scene(memory: &mut [f64], state: &JointState) -> Scene {
     let command = if state.command.is_nan() { state.q } else { state.command };
     let mut ddq = 0.0;
-    if let Some([started, before]) = memory.get_disjoint_mut([STARTED, BEFORE]).ok() {
+    if let Ok([started, before]) = memory.get_disjoint_mut([STARTED, BEFORE]) {
         if *started > 0.0 {
             ddq = (state.dq - *before) / state.dt_s;
         }

@@ -151,8 +151,8 @@ def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLik
         raise TypeError("both sides are logs, or none is: a log has a clock of its own")
     if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
         raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
-    for name in one.keys() & other.keys():
-        if len(one[name]) != len(other[name]):
+    for name in one:
+        if name in other and len(one[name]) != len(other[name]):
             what = f"{len(one[name])} real samples beside {len(other[name])} simulated ones"
             raise wrong(f"{what}{_of(name, real)}", "give both sides as many samples, or as logs with clocks of their own")
     apart = sorted(one.keys() ^ other.keys())
