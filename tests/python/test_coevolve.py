@@ -144,8 +144,55 @@ def test_a_test_that_was_recorded_badly_is_warned_about(experiment: btr.Model, t
         found = btr.coevolve(experiment, robot, out=tmp_path)
     told = [str(warning.message) for warning in heard]
     assert "real test 0: its log has nothing that rmse could compare with a simulation" in told, told
+    assert {warning.filename for warning in heard} == {__file__}
     assert len(told) == len(set(told)) and not any("real test 1" in line for line in told), told
     assert found.doubts[0]["test"] == 0 and "bad: real test 0: its log has nothing" in repr(found)
+
+
+FOREIGN = """
+[channels.channels]
+q_hinge = { column = "encoder", factor = 2.0 }
+"cmd_{joint}" = { column = "cmd_{joint}", factor = 1.0 }
+"dq_{joint}" = { column = "dq_{joint}", factor = 0.5 }
+"""
+
+
+@pytest.mark.parametrize("kind", ["mapping", "frame", "Log", "path"])
+def test_a_robot_may_have_names_of_its_own(experiment: btr.Model, undisturbed: dict, tmp_path: Path, kind: str) -> None:
+    twin, foreign = Twin(experiment), btr.Model(f"{experiment.text}{FOREIGN}", experiment.path)
+
+    def robot(controller: btr.Controller) -> object:
+        log = twin(controller)
+        columns = {name: values for name, values in log.items() if name != "q_hinge"}
+        columns["encoder"] = 0.5 * log["q_hinge"]
+        if kind == "Log":
+            return btr.Log(log.clock_s, columns)
+        columns["dq_hinge"] = 2.0 * log["dq_hinge"]
+        if kind == "path":
+            btr.Log(log.clock_s, columns).write(tmp_path / f"{controller.number}.csv")
+            return tmp_path / f"{controller.number}.csv"
+        columns = {"t": log.clock_s, **columns}
+        return columns if kind == "mapping" else pytest.importorskip("pandas").DataFrame(columns)
+
+    found = btr.coevolve(foreign, robot, out=tmp_path / "run")
+    assert [iteration["phi"] for iteration in found.iterations] == [iteration["phi"] for iteration in undisturbed["iterations"]]
+    assert found.iterations[-1]["parameters"] == undisturbed["iterations"][-1]["parameters"]
+    again = btr.coevolve(foreign, robot, out=tmp_path / "run", resume=True)
+    assert again.iterations == found.iterations
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"reality": 5}, "reality is a function of a Controller that gives back a log, not 5"),
+        ({"tell": 3}, "tell is a function that hears every iteration, not 3"),
+        ({"seed": "a"}, "seed is a whole number, not 'a'"),
+        ({"experiment": 3}, "a model is a Model or the path of its file, not 3"),
+    ],
+)
+def test_wrong_kinds_are_told(experiment: btr.Model, tmp_path: Path, wrong: dict, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        btr.coevolve(**{"experiment": experiment, "out": tmp_path, **wrong})
 
 
 class Unplugged(Exception):
@@ -306,6 +353,6 @@ def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -
     text = experiment.text.replace('kind = "twin"', 'kind = "manual"')
     text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))
     found = btr.coevolve(btr.Model(text, experiment.path), out=tmp_path)
-    assert found.stop_reason is None and "references.csv" in found.waiting_for and "waiting for a real test" in repr(found)
+    assert found.stop_reason is None and "references.csv" in found.waiting_for and "resume=True" in found.waiting_for and "waiting for a real test" in repr(found)
     assert found.missing == [] and "<img" not in found._repr_html_()
     assert json.loads((tmp_path / "history.json").read_text())["real_tests"] == 0

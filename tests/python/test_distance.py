@@ -185,7 +185,10 @@ T, X, _ = waves()
 @pytest.mark.parametrize(
     ("mistake", "message"),
     [
-        (lambda: distance.rmse(X, X[1:]), "channel `0` has 999 values where the clock has 1000"),
+        (lambda: distance.rmse(X, X[1:]), "^1000 real samples beside 999 simulated ones\nhelp: give both sides as many"),
+        (lambda: distance.rmse(np.c_[X, X], np.c_[X, X][1:]), "1000 real samples beside 999 simulated ones of channel 0"),
+        (lambda: distance.dtw({"a": X[1:]}, {"a": X}), "999 real samples beside 1000 simulated ones of channel a"),
+        (lambda: distance.rmse({"a": X, "b": X[1:]}, {"a": X, "b": X[1:]}), "^a has 1000 samples, b has 999"),
         (lambda: distance.rmse(np.c_[X, X], X), "2 real channels beside 1"),
         (lambda: distance.rmse(np.ones((2, 2, 2)), X), r"series of shape \(2, 2, 2\)"),
         (lambda: distance.rmse(3.0, 4.0), r"series of shape \(\)"),
@@ -198,7 +201,7 @@ T, X, _ = waves()
         (lambda: distance.rmse(X, X, dt_s=np.nan), "dt_s = nan"),
         (lambda: distance.rmse(X, X, dt_s=0.1, clock_s=T), "both dt_s and clock_s"),
         (lambda: distance.rmse(X, X, clock_s=T[::-1]), "the clock does not increase"),
-        (lambda: distance.rmse(X, X, clock_s=T[1:]), "the clock has 999"),
+        (lambda: distance.rmse(X, X, clock_s=T[1:]), "clock_s has 999 times for 1000 samples"),
         (lambda: distance.rmse(btr.Log(T, {"q_a": X}), btr.Log(T, {"q_a": X}), dt_s=0.1), "clocks of their own"),
         (lambda: distance.dtw(X, X, band=2.0), "band: .*up to 1, not 2.0"),
         (lambda: distance.dtw(X, X, band=np.nan), "band: "),
@@ -218,6 +221,8 @@ def test_mistakes_are_told(mistake, message: str) -> None:
         (lambda: distance.rmse(object(), X), "series are arrays of numbers"),
         (lambda: distance.rmse({"a": "text"}, {"a": X}), "channel a is an array of numbers"),
         (lambda: distance.rmse(X, X, bandwidth=3), "bandwidth"),
+        (lambda: distance.rmse(X, X, dt_s="a"), "dt_s is a number, the time between samples in s, not 'a'"),
+        (lambda: distance.rmse(X, X, channels=3), "channels are names, not 3"),
         (lambda: distance.fitness("good", 1.0), "real"),
     ],
 )

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -190,6 +191,18 @@ def test_what_is_no_number_is_told(swing: btr.Model, answer, kind: type, message
             model.simulate()
 
 
+@pytest.mark.parametrize(
+    ("law", "on", "gave"),
+    [("a/(t - t)", "torque", "inf"), ("a*sqrt(0.5 - t)", "command", "NaN"), ("q + a*log(0.5 - t)", "reading", "(-inf|NaN)")],
+)
+def test_an_expression_that_gives_no_number_is_named(swing: btr.Model, logs: list, law: str, on: str, gave: str) -> None:
+    model = swing.add_law(law, site="hinge", on=on, a=(1.0, 4.0))
+    message = rf"the law `{re.escape(law)}` on the {on} of `hinge` gave {gave} at q=.*, t=.* with a=2\nhelp: a law gives a finite"
+    for verb in (model.simulate, lambda: btr.compare(model, logs), lambda: btr.fit(model, logs[0])):
+        with pytest.raises(btr.BtrError, match=message):
+            verb()
+
+
 def test_what_a_function_raises_while_a_report_is_drawn_arrives(swing: btr.Model, logs: list, tmp_path: Path) -> None:
     tired = False
 
@@ -266,6 +279,8 @@ def test_a_saved_text_names_its_function(doubted: btr.Model, tmp_path: Path) -> 
     with pytest.raises(btr.BtrError, match=r"saved.toml:\d+:\d+: the law `python:drag` is a function.*\n.*laws="):
         btr.load_model(saved)
     assert btr.load_model(saved, laws={"drag": drag}).simulate() == doubted.simulate()
+    with pytest.raises(TypeError, match=r"the law drag is called with \(q, dq, ddq, cmd, tau, t, a\), but this one has"):
+        btr.load_model(saved, laws={"drag": without_a})
     command = [sys.executable, "-m", "btr", "simulate", saved, "-q", "-o", tmp_path / "log.csv"]
     refused = subprocess.run(command, capture_output=True, text=True)
     assert refused.returncode == 2 and "the law `python:drag` is a function" in refused.stderr

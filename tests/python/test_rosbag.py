@@ -118,6 +118,11 @@ def test_a_model_says_what_topics_and_names_mean(tmp_path: Path) -> None:
     model = btr.Model(f"{arm.text}\n{channels}", arm.path)
     log = btr.load_log(folder, model=model)
     assert "q_yaw" in log and "q_knee" in log and "q_hip" not in log
+    pendulum = btr.load_model(arm.path.parent / "disengage.toml")
+    of_hinge = channels.replace("q_yaw =", 'cmd_hinge = "cmd_hip", q_hinge =')
+    swing = btr.Model(f"{pendulum.text}\n{of_hinge}", pendulum.path)
+    with highlevel.AnyReader([folder]) as reader:
+        assert [entry["log"] for given in (folder, reader) for entry in btr.check(swing, given).logs] == [str(folder)] * 2
 
 
 def test_what_is_no_whole_bag_ends_in_messages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

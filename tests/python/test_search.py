@@ -4,6 +4,7 @@ import inspect
 import json
 import multiprocessing
 import pickle
+import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 
@@ -214,6 +215,14 @@ def wrong_population(change) -> None:
         (lambda: GA(SQUARE, bits=40), "bits: .*between 1 and 32"),
         (lambda: GA(SQUARE, mutation=2), "mutation: .*between 0 and 1, not 2"),
         (lambda: RealGA(SQUARE, elite=-1), "elite: "),
+        (lambda: RealGA(SQUARE, elite=-1), "elite: .*expected a whole number, 0 or more"),
+        (lambda: GA(SQUARE, popsize=2.5), "popsize: .*expected a whole number"),
+        (lambda: GA(SQUARE, popsize=10, elite=10), "elite = 10 of popsize = 10\nhelp: keep fewer"),
+        (lambda: RealGA(SQUARE, elite=30), "elite = 30 of popsize = 20"),
+        (lambda: GA(SQUARE, tournament=0), "tournament = 0: nobody competes"),
+        (lambda: CMAES(SQUARE, maxiter=-1), "maxiter = -1"),
+        (lambda: GA(SQUARE, maxfevals=-5), "maxfevals = -5"),
+        (lambda: GA(SQUARE).optimize(ellipsoid, -1), "iterations = -1"),
         (lambda: CMAES(SQUARE, seed=-1), "seed -1"),
         (lambda: CMAES(SQUARE, ftarget=np.nan), "ftarget is NaN"),
         (lambda: minimize(ellipsoid, SQUARE, "cmaes"), "there are ga, real_ga, cma_es"),
@@ -241,7 +250,9 @@ def test_mistakes_are_told(mistake, message: str) -> None:
         (lambda: CMAES(SQUARE, popsize="7"), "popsize cannot be '7'"),
         (lambda: CMAES(SQUARE).optimize(lambda x: None), "a cost is one number, not NoneType"),
         (lambda: CMAES(SQUARE).optimize(lambda x: x), "a cost is one number, not ndarray"),
-        (lambda: CMAES(SQUARE).optimize(ellipsoid, executor=3), "an executor has a method `submit`"),
+        (lambda: CMAES(SQUARE).optimize(ellipsoid, executor="ray"), "is a number of threads, or has a method `submit`.*'ray'"),
+        (lambda: CMAES(SQUARE).optimize(ellipsoid, "two"), "iterations is a whole number, not 'two'"),
+        (lambda: CMAES(SQUARE).optimize(3), "what is minimised is a function .*, not 3"),
         (lambda: CMAES(SQUARE, scale=3), 'give "linear" or "log"'),
         (lambda: wrong_population(lambda es, x, f: es.tell(x, "costs")), "costs are one number"),
         (lambda: minimize(ellipsoid, SQUARE, "ga", sigma0=1), "sigma0"),
@@ -250,6 +261,21 @@ def test_mistakes_are_told(mistake, message: str) -> None:
 def test_wrong_kinds_are_type_errors(mistake, message: str) -> None:
     with pytest.raises(TypeError, match=message):
         mistake()
+
+
+def test_threads_evaluate_where_a_number_of_them_is_given() -> None:
+    seen: set[str] = set()
+
+    def cost(x: np.ndarray) -> float:
+        seen.add(threading.current_thread().name)
+        return ellipsoid(x)
+
+    alone = minimize(ellipsoid, SQUARE, maxiter=3)
+    assert minimize(cost, SQUARE, maxiter=3, executor=2).fbest == alone.fbest and threading.current_thread().name not in seen
+    assert minimize(cost, SQUARE, maxiter=3, executor="threads").fbest == alone.fbest
+    for nobody in (0, -1, 2.5, True):
+        with pytest.raises(ValueError, match=f"executor={nobody}"):
+            minimize(ellipsoid, SQUARE, executor=nobody)
 
 
 def test_a_mistake_in_telling_changes_nothing() -> None:

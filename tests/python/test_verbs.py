@@ -95,7 +95,7 @@ def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> Non
 def test_a_model_is_a_text(arm: btr.Model) -> None:
     assert pickle.loads(pickle.dumps(arm)) == arm and "yaw" in arm.joints
     one, other = arm.simulate(LEARN[0], seed=1), arm.simulate(LEARN[0], seed=1)
-    assert one == other and one != arm.simulate(LEARN[0]) and one.name != other.name
+    assert one == other and one != arm.simulate(LEARN[0])
     more = arm.add("backlash@yaw")
     assert "backlash.gap@yaw" in more.text and "backlash" not in arm.text
 
@@ -218,6 +218,8 @@ def test_points_that_are_none_are_told(arm: btr.Model, wrong, error: type, messa
 
 def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:
     checked = btr.check(arm, LEARN)
+    with pytest.raises(AttributeError, match="CheckResult has no report: compare, diagnose and fit have one"):
+        checked.report("check.html")
     assert len(checked.logs) == len(LEARN) and checked.rank > 0 and "fine" in repr(checked)
 
 
@@ -245,9 +247,55 @@ def test_mistakes_are_told_with_what_to_do(arm: btr.Model, mistake, message: str
         mistake(arm)
 
 
+@pytest.mark.parametrize(
+    ("mistake", "message"),
+    [
+        (lambda arm: btr.compare(arm, [3]), "a log is a path"),
+        (lambda arm: btr.compare(arm, 3), "a log is a path, .*, not 3"),
+        (lambda arm: btr.compare(3, LEARN), "a model is a Model or the path of its file, not 3"),
+        (lambda arm: btr.diagnose(arm, LEARN, tell=3), "tell is a function that hears every step, not 3"),
+        (lambda arm: btr.diagnose(arm, LEARN, max_effects=1.5), "max_effects is a whole number, not 1.5"),
+        (lambda arm: arm.simulate(seed="a"), "seed is a whole number, not 'a'"),
+        (lambda arm: arm.at({"mass@upper": "heavy"}), "mass@upper is a number, not str"),
+        (lambda arm: btr.load_model(3), "a model is the path of a file, not 3"),
+        (lambda arm: btr.load_model(ARM, ["name=x"]), "settings are values by dotted keys"),
+        (lambda arm: btr.load_model(ARM, laws=[len]), "laws are functions by name"),
+        (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": ["x", "y"]}), "channel q_yaw is an array of numbers"),
+        (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": np.zeros((2, 2))}), "channel q_yaw is an array of numbers"),
+    ],
+)
+def test_wrong_kinds_say_what_was_wanted(arm: btr.Model, mistake, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        mistake(arm)
+
+
+def test_none_is_nothing(arm: btr.Model) -> None:
+    fitted = btr.fit(arm, LEARN[:1], held_out=None, add=None, tell=None)
+    assert {**fitted.document, "seconds": 0} == {**btr.fit(arm, LEARN[:1]).document, "seconds": 0}
+
+
+def test_messages_speak_of_python(arm: btr.Model, tmp_path: Path) -> None:
+    def said(mistake) -> str:
+        with pytest.raises(btr.BtrError) as raised:
+            mistake()
+        return str(raised.value)
+
+    log = btr.load_log(LEARN[0])
+    log.write(tmp_path / "log.csv")
+    assert said(lambda: log.write(tmp_path / "log.csv")).endswith("or write with overwrite=True what may be lost")
+    assert "setting parameters..x=1.0: `parameters..x` is no name" in said(lambda: btr.load_model(ARM, {"parameters..x": 1.0}))
+    told = [said(mistake) for mistake in (
+        lambda: btr.load_log("robots/arm.toml"),
+        lambda: arm.add("coulomb"),
+        lambda: arm.add("nothing_like_it_at_all"),
+        lambda: btr.Model(f'{arm.text}\n[[effects]]\neffect = "formula"\nsite = "yaw"\non = "torque"\nlaw = "q +"\n', arm.path),
+        lambda: btr.fit(arm, btr.Log(np.arange(0, 1, 0.01), {name: np.zeros(100) for name in log.keys()})),
+    )]
+    assert 'btr.effects("formula")' in told[3] and "`btr.check` tells" in told[4] and "for load_model" in told[0]
+    assert not [line for line in told if "--" in line or "`btr " in line], told
+
+
 def test_wrong_kinds_are_type_errors(arm: btr.Model) -> None:
-    with pytest.raises(TypeError, match="a log is a path"):
-        btr.compare(arm, [3])
     with pytest.raises(KeyError, match="no channel q_nose"):
         btr.load_log(LEARN[0])["q_nose"]
 
@@ -266,7 +314,7 @@ def test_a_mapping_of_arrays_is_a_log(arm: btr.Model) -> None:
     columns = {"t": log.clock_s, **log.to_dict()}
     assert btr.load_log(columns)["q_yaw"].tobytes() == log["q_yaw"].tobytes()
     assert btr.compare(arm, columns).channels == btr.compare(arm, btr.load_log(columns)).channels
-    with pytest.raises(TypeError, match="needs a column `t`"):
+    with pytest.raises(TypeError, match=r"needs a column `t`.*\nhelp: .*\[channels\]"):
         btr.load_log({"q_yaw": log["q_yaw"]})
     with pytest.raises(btr.BtrError, match="no log to learn from\nhelp: "):
         btr.compare(arm, [])

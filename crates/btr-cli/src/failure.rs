@@ -2,7 +2,7 @@
 
 use btr_core::check::Topic;
 use btr_core::world::WorldError;
-use btr_physics::verbs::{Doubt, ProblemError};
+use btr_physics::verbs::{Doubt, Problem, ProblemError};
 
 /// Exit code of a run that was done.
 pub(crate) const DONE: u8 = 0;
@@ -62,9 +62,22 @@ impl Failure {
             (WorldError::BlewUp { .. }, _) => {
                 Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
             }
+            (WorldError::Law { .. }, _) => Some("a law gives a finite number wherever a search may look".to_owned()),
             _ => None,
         };
         Failure::new("simulation", error.to_string(), help)
+    }
+
+    /// A model that blows up on the logs of a question.
+    pub fn blown(problem: &Problem) -> Self {
+        let message = "the model blows up on these logs as it stands";
+        match problem.trouble() {
+            Some(error) => {
+                let why = Failure::simulation(&error, &problem.doubts);
+                Failure { message: format!("{message}: {}", why.message), ..why }
+            }
+            None => Failure::new("simulation", message, Some("simulate it with the same logs to see where".to_owned())),
+        }
     }
 
     /// Says it on stderr, or as a JSON document on stdout.

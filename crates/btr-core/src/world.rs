@@ -24,6 +24,12 @@ pub enum WorldError {
         /// Which quantity, on which body.
         what: String,
     },
+    /// A user's own law that gave no finite number.
+    #[error("{what}")]
+    Law {
+        /// Which law, what it gave, and of what.
+        what: String,
+    },
     /// A set-up that cannot be simulated: a site that does not exist, a time step that does not fit.
     #[error("cannot simulate this: {what}")]
     Setup {

@@ -131,7 +131,7 @@ impl<'a> Run<'a> {
     fn observe(&mut self, step: usize, engine: &mut dyn Dynamics) {
         let time_s = step as f64 * self.setup.dt_s;
         if step > 0 {
-            self.failed = check(engine, time_s).err();
+            self.check(engine, time_s);
             if self.failed.is_some() {
                 return;
             }
@@ -149,8 +149,14 @@ impl<'a> Run<'a> {
         (self.lead)(time_s, engine);
     }
 
+    /// A law that gave no number is to blame for what came after it.
+    fn check(&mut self, engine: &dyn Dynamics, time_s: f64) {
+        self.failed = check(engine, time_s).err().map(|error| self.control.trouble(&self.robot).unwrap_or(error));
+    }
+
     fn finish(mut self, engine: &mut dyn Dynamics) -> Result<Log, WorldError> {
-        if let Some(error) = self.failed {
+        // A motor that is not driven, or does not ask its sensor, hides what a law gave.
+        if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
             return Err(error);
         }
         if self.control.tells() {
@@ -199,7 +205,7 @@ fn rest(engine: &mut dyn Dynamics, runs: &mut [Run]) {
             run.control.act(time_s, engine);
         });
         engine.step();
-        each(engine, runs, &mut |run, engine| run.failed = check(engine, -(left as f64) * run.setup.dt_s).err());
+        each(engine, runs, &mut |run, engine| run.check(engine, -(left as f64) * run.setup.dt_s));
     }
 }
 

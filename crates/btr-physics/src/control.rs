@@ -5,7 +5,7 @@ use crate::drive::Drive;
 use crate::effect::{Effect, Placed, SiteKind};
 use crate::engine::{Affine, Course, Dof, Dynamics};
 use crate::motor::{JointState, Motor};
-use crate::robot::{Joint, Robot};
+use crate::robot::{Joint, Link, Robot};
 use crate::sim::Setup;
 use btr_core::world::WorldError;
 
@@ -160,6 +160,15 @@ impl<'a> Control<'a> {
             joint.acting = Affine::constant(torque);
             joint.told = Some(torque);
         }
+    }
+
+    /// What an effect could not do.
+    pub(crate) fn trouble(&self, robot: &Robot) -> Option<WorldError> {
+        let of = |(joint, (_, link)): (&JointControl, (usize, &Link))| {
+            let mut stations = joint.stations.iter();
+            stations.find_map(|s| s.effect.trouble(&s.values, &s.memory, &link.joint.name))
+        };
+        self.joints.iter().zip(robot.movable()).find_map(of)
     }
 
     /// Whether any joint's motion is prescribed.

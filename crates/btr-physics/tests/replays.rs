@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use btr_core::family::Step;
+use btr_core::log::{Log, Role};
 use btr_core::world::Simulator;
-use btr_physics::experiment::{self, Source};
+use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::io::{self, Meta};
 use std::path::{Path, PathBuf};
 
@@ -80,6 +81,26 @@ fn the_index_sets_what_it_knows_of_a_log() {
     assert!(error.line > 0 && error.help.as_deref() == Some("did you mean `grams`?"), "{error} {:?}", error.help);
     let twice = experiment::replays(&source(folder.path(), MODEL), &logs, &logs[..1]).err().unwrap();
     assert!(twice.to_string().contains("held out"), "{twice}");
+}
+
+#[test]
+fn a_log_in_memory_is_read_under_the_names_of_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = recorded(folder.path());
+    let (log, _) = io::read_log(&paths[0], &io::Mapping::default()).unwrap();
+    let mut foreign = Log::new(log.clock_s().to_vec()).unwrap();
+    for (ours, theirs) in [("cmd_hinge", "goal"), ("q_hinge", "encoder")] {
+        let halves = log.values(ours).unwrap().iter().map(|value| 0.5 * value).collect();
+        foreign.insert(theirs, "1", Role::Truth, halves).unwrap();
+    }
+    let mapped = "[channels.channels]\ncmd_hinge = { column = \"goal\", factor = 2.0 }\n\
+                  q_hinge = { column = \"encoder\", factor = 2.0 }\n";
+    let source = source(folder.path(), &format!("{MODEL}{mapped}"));
+    let read = |log: Log| experiment::recorded(&source, &LogSource::Made { name: "log 1".into(), log }).unwrap();
+    let once = read(foreign);
+    assert_eq!(once.values("q_hinge").unwrap(), log.values("q_hinge").unwrap());
+    assert_eq!(once.channel("cmd_hinge").unwrap().role, Role::Command);
+    assert!(read(once.clone()).is_same(&once) && read(log.clone()).is_same(&log.from_zero()));
 }
 
 #[test]

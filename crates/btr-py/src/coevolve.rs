@@ -1,7 +1,7 @@
 //! The loop from Python, with a Python function for a robot if there is one.
 
-use crate::error::{Raise, TestFailed, raised};
-use crate::log::{Log, numbered, warn};
+use crate::error::{Raise, TestFailed, in_python, raised};
+use crate::log::{Log, warn};
 use crate::model::Model;
 use crate::work::{Hands, way, working};
 use btr_cli::Watch;
@@ -19,7 +19,7 @@ type Raised = Arc<Mutex<Option<PyErr>>>;
 
 /// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is
 /// asked for every real test (number, iteration, scenario, names and values of the controller, its commands, where joints
-/// begin) and gives back a log; `tell` hears every closed iteration, as JSON.
+/// begin) and gives back a log; `tell` hears every closed iteration, as JSON, and `warned` what is bad about a real test.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn coevolve(
@@ -30,6 +30,7 @@ pub(crate) fn coevolve(
     resume: bool,
     robot: Option<Py<PyAny>>,
     tell: Py<PyAny>,
+    warned: Py<PyAny>,
     hands: Option<Hands>,
 ) -> PyResult<Option<String>> {
     let (way, raised_there) = (way(py, hands, model)?, Raised::default());
@@ -40,11 +41,15 @@ pub(crate) fn coevolve(
     let mut experiment = working(py, &way, begin)?;
     warn(py, &experiment.warnings)?;
     let (document, waiting) = working(py, &way, || {
-        let mut watcher = Watcher { way: way.clone(), tell, told: 0 };
+        let mut watcher = Watcher { way: way.clone(), tell, warned, told: 0 };
         let ended = btr_cli::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
         let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
-        let waiting = ended.and_then(|ended| ended.waiting);
-        Ok((document.map(|document| document.to_string()), waiting))
+        let waiting = ended.and_then(|ended| ended.waiting).map(|what| in_python(&what));
+        let said = document.map(|mut document| {
+            document["waiting_for"] = waiting.clone().into();
+            document.to_string()
+        });
+        Ok((said, waiting))
     })?;
     match (raised_there.lock().unwrap_or_else(PoisonError::into_inner).take(), waiting) {
         (Some(error), _) => Err(error),
@@ -58,7 +63,7 @@ pub(crate) fn coevolve(
 fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
     Arc::new(move |asked: &Asked| {
         Python::attach(|py| {
-            let references = Log::new(numbered("references"), asked.references.clone());
+            let references = Log::made_here("references", asked.references.clone());
             let trial = asked.trial;
             let asked = (
                 trial.number,
@@ -88,6 +93,7 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
 struct Watcher {
     way: Arc<Way>,
     tell: Py<PyAny>,
+    warned: Py<PyAny>,
     told: usize,
 }
 
@@ -114,7 +120,7 @@ impl Watch for Watcher {
     fn rung(&self, _: &Rung) {}
 
     fn warn(&mut self, line: &str) {
-        if let Err(error) = Python::attach(|py| warn(py, &[line])) {
+        if let Err(error) = Python::attach(|py| self.warned.call1(py, (line,))) {
             std::panic::resume_unwind(Box::new(error));
         }
     }
@@ -128,9 +134,6 @@ impl Watch for Watcher {
 
 impl Raise for btr_cli::Failure {
     fn raise(self) -> PyErr {
-        // The command line's options are called like that here.
-        let ours =
-            |help: String| help.replace("--resume", "resume=True").replace("--out", "out=").replace("--seed", "seed=");
-        raised(&self.message, self.help.map(ours))
+        raised(&self.message, self.help)
     }
 }

@@ -24,11 +24,41 @@ create_exception!(
     "To be raised by a robot's function that could not do what it was asked (it fell off the table): the test counts as spent."
 );
 
+/// What the command line calls things, and what they are called here.
+const IN_PYTHON: &[(&str, &str)] = &[
+    ("or use --set logs.index=PATH", "or give load_model(..., {\"logs.index\": PATH})"),
+    ("or use --set reality.index=PATH", "or give load_model(..., {\"reality.index\": PATH})"),
+    ("--set and --seed", "settings and seed="),
+    (" --set ", " setting "),
+    ("run again with --resume", "go on with resume=True"),
+    (" --resume", " resume=True"),
+    (" --out", " out="),
+    (" --seed", " seed="),
+    ("`btr effects`", "`btr.effects()`"),
+    ("`btr add`", "`btr.add`"),
+    ("`btr check`", "`btr.check`"),
+    ("`btr diagnose`", "`btr.diagnose`"),
+    ("`btr fit`", "`btr.fit`"),
+    ("a .toml is run by `btr coevolve` or `btr simulate`", "a .toml is for load_model"),
+    ("; or read it in Python: btr.load_log", "; or give what btr.load_log makes of it"),
+    ("give the output another name", "give it another name, or write with overwrite=True what may be lost"),
+];
+
+/// A sentence of the command line as somebody needs it who calls from Python.
+pub(crate) fn in_python(text: &str) -> String {
+    let text = IN_PYTHON.iter().fold(text.to_owned(), |text, (theirs, ours)| text.replace(theirs, ours));
+    let of_an_effect = text.split_once("`btr effects ").and_then(|(before, rest)| {
+        let (effect, after) = rest.split_once('`')?;
+        Some(format!("{before}`btr.effects(\"{effect}\")`{after}"))
+    });
+    of_an_effect.unwrap_or(text)
+}
+
 /// An exception with a message and what to do about it.
 pub(crate) fn raised(message: &str, help: Option<String>) -> PyErr {
     BtrError::new_err(match help {
-        Some(help) => format!("{message}\nhelp: {help}"),
-        None => message.to_owned(),
+        Some(help) => format!("{}\nhelp: {}", in_python(message), in_python(&help)),
+        None => in_python(message),
     })
 }
 
@@ -57,7 +87,7 @@ impl Raise for AddError {
 
 impl Raise for WorldError {
     fn raise(self) -> PyErr {
-        raised(&self.to_string(), None)
+        btr_cli::Failure::from(self).raise()
     }
 }
 

@@ -33,7 +33,10 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(distance::distances, module)?)?;
     module.add_function(wrap_pyfunction!(distance::fitness_distance, module)?)?;
     module.add_function(wrap_pyfunction!(distance::measured, module)?)?;
+    module.add_function(wrap_pyfunction!(log::log_of_columns, module)?)?;
     module.add_function(wrap_pyfunction!(log::log_of_messages, module)?)?;
+    module.add_function(wrap_pyfunction!(log::renamed, module)?)?;
+    module.add_function(wrap_pyfunction!(log::time_of, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::check, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;

@@ -4,35 +4,61 @@ use crate::error::{Raise, raised};
 use crate::model::Model;
 use btr_core::log;
 use btr_physics::experiment::LogSource;
-use btr_physics::io::{self, Mapping, Meta, Recording};
+use btr_physics::io::{self, Mapping, Meta, Recording, Warning};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
-use pyo3::exceptions::{PyKeyError, PyUserWarning};
+use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyIterator, PyList, PyTuple};
 use std::collections::BTreeMap;
-use std::ffi::CString;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What a robot was told and what its sensors said, on one clock.
-#[pyclass(frozen, module = "btr", name = "Log")]
+/// What a robot was told and what its sensors said, on one clock. As a mapping has, it has its channels by name, but its length
+/// is the number of samples.
+#[pyclass(frozen, mapping, module = "btr", name = "Log")]
 pub(crate) struct Log {
     name: PathBuf,
+    /// Whether somebody gave it this name. Else it only says what kind of log it is, and verbs number what they are given.
+    is_named: bool,
     pub(crate) log: log::Log,
-}
-
-/// No two logs may be called the same.
-pub(crate) fn numbered(name: &str) -> PathBuf {
-    static MADE: AtomicUsize = AtomicUsize::new(1);
-    PathBuf::from(format!("{name} {}", MADE.fetch_add(1, Ordering::Relaxed)))
 }
 
 pub(crate) type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 
 impl Log {
     pub(crate) fn new(name: PathBuf, log: log::Log) -> Self {
-        Log { name, log }
+        Log { name, is_named: true, log }
     }
+
+    /// One without a name of its own.
+    pub(crate) fn made_here(kind: &str, log: log::Log) -> Self {
+        Log { name: PathBuf::from(kind), is_named: false, log }
+    }
+
+    fn of(name: Option<PathBuf>, log: log::Log) -> Self {
+        match name {
+            Some(name) => Log::new(name, log),
+            None => Log::made_here(UNNAMED, log),
+        }
+    }
+}
+
+/// What a log is called that nobody gave a name.
+const UNNAMED: &str = "log";
+
+/// Numbers of an array, but not times, which NumPy would turn into numbers of whatever unit they have.
+fn numbers(values: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
+    if let Ok(dtype) = values.getattr("dtype") {
+        let kind = dtype.getattr("kind").and_then(|kind| kind.extract::<String>()).unwrap_or_default();
+        if kind == "M" || kind == "m" {
+            let help = "btr.load_log takes columns whose `t` holds times; else give seconds: \
+                        (times - times[0]) / numpy.timedelta64(1, 's')";
+            return Err(PyTypeError::new_err(format!("{what} holds times, not numbers\nhelp: {help}")));
+        }
+    }
+    let found = values.extract::<Floats<'_>>().map_err(|why| {
+        PyTypeError::new_err(format!("{what} is an array of numbers of shape (samples,): {}", why.value(values.py())))
+    })?;
+    Ok(found.as_array().to_vec())
 }
 
 #[pymethods]
@@ -42,14 +68,8 @@ impl Log {
     /// Raises `BtrError` for a clock that does not increase, and arrays of another length.
     #[new]
     #[pyo3(signature = (clock_s, channels, name = None))]
-    fn made(clock_s: Floats<'_>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
-        let name = name.unwrap_or_else(|| numbered("log"));
-        let column = |(key, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(String, Vec<f64>)> {
-            Ok((key.extract()?, values.extract::<Floats<'_>>()?.as_array().to_vec()))
-        };
-        let columns = channels.iter().map(column).collect::<PyResult<_>>()?;
-        let log = io::log_of(&name, clock_s.as_array().to_vec(), columns).map_err(Raise::raise)?;
-        Ok(Log { name, log })
+    fn made(clock_s: &Bound<'_, PyAny>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
+        Ok(of_columns(clock_s, channels, name, &Mapping::default())?.0)
     }
 
     /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` say what foreign names mean. Raises
@@ -60,7 +80,7 @@ impl Log {
         let mapping = mapping(model)?;
         let (log, warnings) = py.detach(|| io::read_log(&path, &mapping)).map_err(Raise::raise)?;
         warn(py, &warnings)?;
-        Ok(Log { name: path, log })
+        Ok(Log::new(path, log))
     }
 
     /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written, and where a
@@ -71,10 +91,17 @@ impl Log {
         py.detach(|| io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 
-    /// What it is called in reports: the file's path where it was read.
+    /// What it is called in reports: the file's path where it was read. Without a name of its own it is a `log` (or
+    /// `simulated`), and verbs count what they are given: `log 1`.
     #[getter]
     fn name(&self) -> &PathBuf {
         &self.name
+    }
+
+    /// Whether it has a name of its own.
+    #[getter]
+    fn is_named(&self) -> bool {
+        self.is_named
     }
 
     /// The clock in s, an array of `len(log)`.
@@ -86,6 +113,32 @@ impl Log {
     /// The channels' names, in order.
     fn keys(&self) -> Vec<&str> {
         self.log.channels().map(|(name, _)| name).collect()
+    }
+
+    /// The channels' values, arrays of `len(log)`, in the order of `keys`.
+    fn values<'py>(&self, py: Python<'py>) -> Vec<Bound<'py, PyArray1<f64>>> {
+        self.log.channels().map(|(_, channel)| PyArray1::from_slice(py, &channel.values)).collect()
+    }
+
+    /// The channels, pairs of name and array of `len(log)`, in the order of `keys`.
+    fn items<'py>(&self, py: Python<'py>) -> Vec<(&str, Bound<'py, PyArray1<f64>>)> {
+        self.log.channels().map(|(name, channel)| (name, PyArray1::from_slice(py, &channel.values))).collect()
+    }
+
+    /// The channel of that name, an array of `len(log)`; `default` where there is none.
+    #[pyo3(signature = (channel, default = None, /))]
+    fn get<'py>(
+        &self,
+        py: Python<'py>,
+        channel: &str,
+        default: Option<Bound<'py, PyAny>>,
+    ) -> Option<Bound<'py, PyAny>> {
+        let found = self.log.channel(channel).map(|found| PyArray1::from_slice(py, &found.values).into_any());
+        found.or(default)
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        PyList::new(py, self.keys())?.try_iter()
     }
 
     /// The unit of a channel (SI), as text. Raises `KeyError` for one that is not there.
@@ -133,7 +186,7 @@ impl Log {
 
     /// For pickles.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let parts = (self.clock_s(py), self.columns(py)?, self.name.clone());
+        let parts = (self.clock_s(py), self.columns(py)?, self.is_named.then(|| self.name.clone()));
         Ok((py.get_type::<Log>().into_any(), parts.into_pyobject(py)?))
     }
 
@@ -181,17 +234,67 @@ impl Log {
     }
 }
 
+/// A log of columns under a model's `[channels]`, with what was noticed.
+fn of_columns(
+    clock_s: &Bound<'_, PyAny>,
+    channels: &Bound<'_, PyDict>,
+    name: Option<PathBuf>,
+    mapping: &Mapping,
+) -> PyResult<(Log, Vec<Warning>)> {
+    let called = name.clone().unwrap_or_else(|| PathBuf::from(UNNAMED));
+    let column = |(key, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(String, Vec<f64>)> {
+        let key: String = key.extract()?;
+        let values = numbers(&values, &format!("channel {key}"))?;
+        Ok((key, values))
+    };
+    let columns = channels.iter().map(column).collect::<PyResult<_>>()?;
+    let (log, warnings) = io::log_of(&called, numbers(clock_s, "clock_s")?, columns, mapping).map_err(Raise::raise)?;
+    Ok((Log::of(name, log), warnings))
+}
+
+/// A log of columns in memory, whose foreign names mean what a model says.
+#[pyfunction]
+pub(crate) fn log_of_columns(
+    py: Python<'_>,
+    clock_s: &Bound<'_, PyAny>,
+    channels: &Bound<'_, PyDict>,
+    name: Option<PathBuf>,
+    model: Option<&Model>,
+) -> PyResult<Log> {
+    let (log, warnings) = of_columns(clock_s, channels, name, &mapping(model)?)?;
+    warn(py, &warnings)?;
+    Ok(log)
+}
+
+/// A log under the names that a model's `[channels]` say; itself where it has these already.
+#[pyfunction]
+pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: &Model) -> PyResult<Py<Log>> {
+    let Log { name, is_named, log: given } = log.get();
+    let (other, warnings) = io::renamed(name, given.clone(), &mapping(Some(model))?).map_err(Raise::raise)?;
+    warn(py, &warnings)?;
+    if other.is_same(given) {
+        return Ok(log);
+    }
+    Py::new(py, Log { name: name.clone(), is_named: *is_named, log: other })
+}
+
+/// Which of these columns is the time, as in a CSV, and how many seconds its unit has.
+#[pyfunction]
+pub(crate) fn time_of(columns: Vec<String>, model: Option<&Model>) -> PyResult<Option<(String, f64)>> {
+    let mapping = mapping(model)?;
+    Ok(io::time_of(&columns, &mapping).map(|(column, unit_s)| (column.to_owned(), unit_s)))
+}
+
 /// What a model says of foreign names.
 fn mapping(model: Option<&Model>) -> PyResult<Mapping> {
     let file = model.map(|model| model.source.parse().map_err(Raise::raise)).transpose()?;
     Ok(file.map_or_else(Mapping::default, |file| file.channels))
 }
 
-/// What a reader noticed, as Python's warnings.
+/// What a reader noticed, as Python's warnings at the line that called btr.
 pub(crate) fn warn(py: Python<'_>, warnings: &[impl ToString]) -> PyResult<()> {
     for warning in warnings {
-        let text = CString::new(warning.to_string().replace('\0', ""))?;
-        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        py.import("btr._warnings")?.call_method1("warn", (warning.to_string(),))?;
     }
     Ok(())
 }
@@ -217,13 +320,14 @@ pub(crate) fn log_of_messages(
     }
     let (log, warnings) = recording.into_log(&name).map_err(Raise::raise)?;
     warn(py, &warnings)?;
-    Ok(Log { name, log })
+    Ok(Log::new(name, log))
 }
 
-/// A log that somebody asks about: a path, or a log that is there.
+/// A log that somebody asks about: a path, or a log that is there, perhaps called otherwise.
 #[derive(FromPyObject)]
 pub(crate) enum Given {
     Log(Py<Log>),
+    Called((String, Py<Log>)),
     Path(PathBuf),
 }
 
@@ -231,10 +335,8 @@ impl Given {
     pub(crate) fn source(self) -> LogSource {
         match self {
             Given::Path(path) => LogSource::File(path),
-            Given::Log(log) => {
-                let log = log.get();
-                LogSource::Made { name: log.name.clone(), log: log.log.clone() }
-            }
+            Given::Log(log) => LogSource::Made { name: log.get().name.clone(), log: log.get().log.clone() },
+            Given::Called((name, log)) => LogSource::Made { name: PathBuf::from(name), log: log.get().log.clone() },
         }
     }
 }

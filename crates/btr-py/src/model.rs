@@ -2,11 +2,12 @@
 
 use crate::error::{Raise, raised};
 use crate::laws;
-use crate::log::{Given, Log, numbered};
+use crate::log::{Given, Log};
 use crate::work::{at_once, way, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_physics::adapt::{at, moved};
+use btr_physics::effect::FORMULA;
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::io::{IoError, write_whole};
 use btr_physics::model;
@@ -61,6 +62,14 @@ impl Model {
     #[getter]
     fn path(&self) -> &PathBuf {
         &self.source.path
+    }
+
+    /// Its laws: the text of each, and the names of its parameters.
+    #[getter]
+    fn laws(&self) -> Vec<(&'static str, Vec<&'static str>)> {
+        let laws =
+            self.built.effects.iter().map(|placed| placed.effect.card()).filter(|card| card.name == FORMULA.name);
+        laws.map(|card| (card.law, card.params.iter().map(|param| param.name).collect())).collect()
     }
 
     /// The joints that can move, in order.
@@ -118,7 +127,7 @@ impl Model {
             let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
             model.simulate(&s, &c, 0, seed).map_err(Raise::raise)
         })?;
-        Ok(Log::new(numbered("simulated"), simulated))
+        Ok(Log::made_here("simulated", simulated))
     }
 
     /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing where a
@@ -145,7 +154,7 @@ impl Model {
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
             Ok(model.simulate_all(&jobs, &|| way.heed()))
         })?;
-        let logs = simulated.into_iter().map(|log| Some(Log::new(numbered("simulated"), log.ok()?)));
+        let logs = simulated.into_iter().map(|log| Some(Log::made_here("simulated", log.ok()?)));
         Ok(logs.collect())
     }
 

@@ -46,6 +46,12 @@ fn value(said: &str, setting: &Bound<'_, PyAny>) -> PyResult<Value> {
     }
 }
 
+/// serde names Rust's types.
 fn refused(said: &str, why: &str) -> PyErr {
+    let whole = "expected a whole number, 0 or more";
+    let why = why
+        .replace("expected usize", whole)
+        .replace("expected u32", whole)
+        .replace("expected f64", "expected a number");
     raised(&format!("{said}: {why}"), Some("leave it out for its default".to_owned()))
 }

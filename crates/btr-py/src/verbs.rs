@@ -1,10 +1,11 @@
 //! What people ask of a model and its logs: the answers as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
-use crate::log::{Given, Log, numbered};
+use crate::log::{Given, Log};
 use crate::model::Model;
 use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
+use btr_cli::Failure;
 use btr_cli::report::{self, Subject};
 use btr_core::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
@@ -71,10 +72,11 @@ pub(crate) fn diagnose(
         let question = Question { max_effects, ..Question::default() };
         let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
-        let (found, diagnosis) = verbs::diagnose(&problem, &family, question, &heard).ok_or_else(blown)?;
+        let (found, diagnosis) =
+            verbs::diagnose(&problem, &family, question, &heard).ok_or_else(|| Failure::blown(&problem).raise())?;
         let document = json!(found).to_string();
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
-        let next = next.map(|commands| Log::new(numbered("next experiment"), commands));
+        let next = next.map(|commands| Log::made_here("next experiment", commands));
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
         let page =
             move || report::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
@@ -105,7 +107,8 @@ pub(crate) fn fit(
         }
         let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
-        let (found, fit, step) = verbs::fit(&problem, &family, &heard).ok_or_else(blown)?;
+        let (found, fit, step) =
+            verbs::fit(&problem, &family, &heard).ok_or_else(|| Failure::blown(&problem).raise())?;
         let text =
             problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
         let (document, space) =
@@ -114,11 +117,6 @@ pub(crate) fn fit(
         let page = move || report::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))
     })
-}
-
-fn blown() -> PyErr {
-    let help = "simulate it with the same log to see where".to_owned();
-    raised("the model blows up on these logs as it stands", Some(help))
 }
 
 /// Tells a listener in Python. What is raised there ends the work: it unwinds to [`working`].

@@ -21,8 +21,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
     let question = Question { max_effects: args.max_effects, ..Question::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
     let Some((report, diagnosis)) = verbs::diagnose(&problem, &problem.beside, question, &tell) else {
-        let help = "run `btr simulate` with the same log to see where".to_owned();
-        return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
+        return Err(Failure::blown(&problem));
     };
     let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
     if let Some(path) = &args.next {

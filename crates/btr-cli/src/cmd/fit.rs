@@ -22,8 +22,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
     let Some((report, fit, step)) = verbs::fit(&problem, &problem.beside, &|step| ladder::tell(step, global)) else {
-        let help = "run `btr simulate` with the same log to see where".to_owned();
-        return Err(Failure::new("simulation", "the model blows up on these logs as it stands", Some(help)));
+        return Err(Failure::blown(&problem));
     };
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);

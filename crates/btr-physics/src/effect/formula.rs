@@ -6,11 +6,12 @@
 //! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function) that a
 //! process meets, less than a kB for an expression.
 
-use super::law::{FormulaError, Law, Laws, Scene};
+use super::law::{FormulaError, Law, Laws, Scene, VARIABLES};
 use super::{Card, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
 use crate::motor::JointState;
 use btr_core::log::Log;
+use btr_core::world::WorldError;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -20,9 +21,9 @@ pub static FORMULA: Card = Card {
     law: "law = \"an expression\" on = \"torque\", \"command\" or \"reading\"; its own parameters by name: a = 0.1",
     site: SiteKind::Joint,
     cite: "the model file",
-    tell: "as its law says; it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, \
-           numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan \
-           asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
+    tell: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + ...); it knows q, \
+           dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) \
+           ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
     alike: &[],
@@ -35,11 +36,11 @@ pub static FORMULA: Card = Card {
 )]
 #[serde(rename_all = "lowercase")]
 pub enum On {
-    /// A torque beside the motor's, in N·m (N).
+    /// A torque that is added to the motor's, in N·m (N).
     Torque,
-    /// The command that reaches the servo.
+    /// The command that reaches the servo, in place of the one that was sent: `cmd + ...`.
     Command,
-    /// The position that the servo and the log read; the velocity stays the joint's.
+    /// The position that the servo and the log read, in place of the joint's: `q + ...`; the velocity stays the joint's.
     Reading,
 }
 
@@ -93,9 +94,38 @@ fn leaked(text: &str) -> &'static str {
     Box::leak(text.to_owned().into_boxed_str())
 }
 
+/// What a law remembers: whether the run has begun, the velocity of the last step, how far the reading is from the joint, and
+/// the first thing that it gave that is no finite number: whether there is one, which, and of what scene.
+const STARTED: usize = 0;
+const BEFORE: usize = 1;
+const AHEAD: usize = 2;
+const FAILED: usize = 3;
+const GIVEN: usize = 4;
+const OF: usize = 5;
+const MEMORY: usize = OF + VARIABLES.len();
+
 impl Formula {
     fn at(&self, p: &[f64], scene: &Scene) -> f64 {
         self.law.at(self.card.params, p, scene)
+    }
+
+    /// The law's value; what is no finite number is remembered.
+    fn told(&self, p: &[f64], memory: &mut [f64], scene: &Scene) -> f64 {
+        let value = self.at(p, scene);
+        if !value.is_finite() {
+            remember(memory, value, scene);
+        }
+        value
+    }
+}
+
+/// A simulation that blows up by itself is no law's mistake.
+#[cold]
+fn remember(memory: &mut [f64], value: f64, scene: &Scene) {
+    if memory.len() == MEMORY && memory[FAILED] == 0.0 && scene.iter().all(|x| x.is_finite()) {
+        memory[FAILED] = 1.0;
+        memory[GIVEN] = value;
+        memory[OF..].copy_from_slice(scene);
     }
 }
 
@@ -103,7 +133,7 @@ impl Formula {
 fn scene(memory: &mut [f64], state: &JointState) -> Scene {
     let command = if state.command.is_nan() { state.q } else { state.command };
     let mut ddq = 0.0;
-    if let [started, before, ..] = memory {
+    if let Ok([started, before]) = memory.get_disjoint_mut([STARTED, BEFORE]) {
         if *started > 0.0 {
             ddq = (state.dq - *before) / state.dt_s;
         }
@@ -112,15 +142,13 @@ fn scene(memory: &mut [f64], state: &JointState) -> Scene {
     [state.q, state.dq, ddq, command, state.torque, state.time_s]
 }
 
-/// The memory says whether the run has begun, and holds the velocity of the last step and how far the reading is from the
-/// joint.
 impl Effect for Formula {
     fn card(&self) -> &'static Card {
         self.card
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
-        3
+        MEMORY
     }
 
     /// What the law says of the step's beginning, and its slope over the velocity as damping in the step: friction that
@@ -138,22 +166,32 @@ impl Effect for Formula {
         };
         let nearby = 1e-4 * (1.0 + dq.abs());
         let damping = ((at(dq - nearby) - at(dq + nearby)) / (2.0 * nearby)).max(0.0);
-        dof.torque.add(&Affine { constant: at(dq) + damping * dq, stiffness: 0.0, damping });
+        let constant = at(dq) + damping * dq;
+        if !constant.is_finite() {
+            let at_fault = [dq, dq - nearby, dq + nearby].into_iter().find(|&dq| !at(dq).is_finite());
+            let dq = at_fault.unwrap_or(dq);
+            let mut scene = here;
+            scene[1] = dq;
+            remember(memory, at(dq), &scene);
+        }
+        dof.torque.add(&Affine { constant, stiffness: 0.0, damping });
     }
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
         if self.on != On::Command || state.command.is_nan() {
             return state.command;
         }
-        self.at(p, &scene(memory, state))
+        let scene = scene(memory, state);
+        self.told(p, memory, &scene)
     }
 
     fn encoder(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> (f64, f64) {
         if self.on != On::Reading {
             return (state.q, state.dq);
         }
-        let reading = self.at(p, &scene(memory, state));
-        if let [.., ahead] = memory {
+        let scene = scene(memory, state);
+        let reading = self.told(p, memory, &scene);
+        if let Some(ahead) = memory.get_mut(AHEAD) {
             *ahead = reading - state.q;
         }
         (reading, state.dq)
@@ -161,10 +199,27 @@ impl Effect for Formula {
 
     /// Within a step the reading moves as the joint does.
     fn transmit(&self, _p: &[f64], memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
-        match (self.on, memory) {
-            (On::Reading, [.., ahead]) => Affine { constant: motor.constant - motor.stiffness * *ahead, ..motor },
+        match (self.on, memory.get(AHEAD)) {
+            (On::Reading, Some(ahead)) => Affine { constant: motor.constant - motor.stiffness * ahead, ..motor },
             _ => motor,
         }
+    }
+
+    fn trouble(&self, p: &[f64], memory: &[f64], joint: &str) -> Option<WorldError> {
+        if memory.get(FAILED).is_none_or(|failed| *failed == 0.0) {
+            return None;
+        }
+        let on = match self.on {
+            On::Torque => "torque",
+            On::Command => "command",
+            On::Reading => "reading",
+        };
+        let of = VARIABLES.into_iter().zip(&memory[OF..]).map(|(name, value)| format!("{name}={value}"));
+        let with = self.card.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
+        let (of, with) = (of.collect::<Vec<_>>().join(", "), with.collect::<Vec<_>>().join(", "));
+        let with = if with.is_empty() { with } else { format!(" with {with}") };
+        let (law, value) = (self.card.law, memory[GIVEN]);
+        Some(WorldError::Law { what: format!("the law `{law}` on the {on} of `{joint}` gave {value} at {of}{with}") })
     }
 
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
@@ -175,7 +230,7 @@ impl Effect for Formula {
         let [q, dq, cmd, tau] = ["q", "dq", "cmd", "tau"].map(|kind| {
             log.values(&format!("{kind}_{joint}")).map_or_else(|_| vec![0.0; clock.len()], <[f64]>::to_vec)
         });
-        let mut memory = [0.0; 3];
+        let mut memory = [0.0; MEMORY];
         let Some(readings) = log.values_mut(&format!("q_{joint}")) else { return };
         for (i, reading) in readings.iter_mut().enumerate() {
             let dt_s = if i > 0 { clock[i] - clock[i - 1] } else { 1.0 };

@@ -7,7 +7,7 @@ use std::fmt;
 use std::sync::Arc;
 
 /// What every law knows of its joint, in the order of [`Scene`].
-const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
+pub(super) const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
 
 /// Values of `q`, `dq`, `ddq`, `cmd`, `tau` and `t`, in SI units.
 pub type Scene = [f64; VARIABLES.len()];

@@ -138,6 +138,10 @@ pub trait Effect: Sync {
     fn start(&self, _p: &[f64], reading: f64) -> f64 {
         reading
     }
+    /// What it could not do at this joint: a user's law that gave no number. Asked when a run ends.
+    fn trouble(&self, _p: &[f64], _memory: &[f64], _joint: &str) -> Option<WorldError> {
+        None
+    }
     /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is added.
     fn sense(&self, _p: &[f64], _joint: &str, _log: &mut Log) {}
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub enum LogSource {
     /// A file.
     File(PathBuf),
-    /// A log under btr's names and in its units, with a name of its own for reports.
+    /// A log in btr's units, with a name of its own for reports; the model's `[channels]` are heeded where it has foreign names.
     Made {
         /// What it is called; no two logs may be called the same.
         name: PathBuf,

@@ -27,7 +27,10 @@ pub(super) struct Piece {
 pub(super) fn read(source: &LogSource, file: &File) -> Result<(Log, Vec<String>), FileError> {
     let (log, warnings) = match source {
         LogSource::File(path) => io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
-        LogSource::Made { log, .. } => (log.clone().from_zero(), Vec::new()),
+        LogSource::Made { name, log } => {
+            let renamed = io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
+            (renamed.0.from_zero(), renamed.1)
+        }
     };
     timely(source.path(), &log)?;
     Ok((log, warnings.iter().map(ToString::to_string).collect()))

@@ -14,7 +14,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 /// Names of the time column that need no mapping.
-const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
+pub(super) const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
 
 /// Reads a log. `path` is only for messages.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {

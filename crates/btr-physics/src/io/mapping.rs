@@ -89,7 +89,7 @@ impl Mapping {
         let plain = Meaning::of(name);
         Some(match (said, suffix(theirs)) {
             (Theirs::Scaled { factor, .. }, _) => Meaning { factor: *factor, ..plain },
-            (Theirs::Name(_), Some((_, unit, factor))) => Meaning { unit, factor, ..plain },
+            (Theirs::Name(_), Some((_, unit, factor))) => Meaning { unit: unit.into(), factor, ..plain },
             (Theirs::Name(_), None) => plain,
         })
     }
@@ -142,7 +142,7 @@ mod tests {
         let text = r#"channels = { "q_{joint}" = { column = "{joint}_deg", factor = -2.0 }, cmd_hip = "hip_goal" }"#;
         let mapping: Mapping = toml::from_str(text).unwrap();
         let meaning = mapping.meaning("hip_deg").unwrap();
-        assert_eq!((meaning.name.as_str(), meaning.unit, meaning.factor), ("q_hip", "rad", -2.0));
+        assert_eq!((meaning.name.as_str(), &*meaning.unit, meaning.factor), ("q_hip", "rad", -2.0));
         assert_eq!(mapping.theirs("q_hip"), Some(("q_{joint}", "hip_deg".to_owned())));
         assert_eq!(toml::from_str::<Mapping>(&toml::to_string(&mapping).unwrap()).unwrap(), mapping);
     }

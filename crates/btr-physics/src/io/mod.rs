@@ -7,6 +7,7 @@ mod lerobot;
 mod mapping;
 mod mcap;
 mod names;
+mod renamed;
 mod series;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,7 @@ mod whole;
 pub use error::{IoError, Warning};
 pub use mapping::{Mapping, Theirs, Topics};
 pub use mcap::{Meta, Recording};
+pub use renamed::renamed;
 pub use whole::{can_write, write_whole};
 
 use btr_core::log::Log;
@@ -68,18 +70,30 @@ pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
 }
 
-/// A log of columns in memory. Their names mean what a CSV's headers mean: `q_knee_deg` is the knee's position in degrees.
+/// Which of these columns is the time, as in a CSV, and how many seconds its unit has.
+pub fn time_of<'a>(columns: &'a [String], mapping: &Mapping) -> Option<(&'a str, f64)> {
+    let mut names = mapping.time.as_deref().into_iter().chain(csv::TIME);
+    let found = names.find_map(|name| columns.iter().find(|column| *column == name))?;
+    Some((found, names::seconds_per_unit(found)))
+}
+
+/// A log of columns in memory, with what was noticed. Their names mean what a CSV's headers mean: `q_knee_deg` is the knee's
+/// position in degrees, and the mapping says which foreign names mean btr's.
 ///
 /// # Errors
 /// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two of one meaning.
-pub fn log_of(name: &Path, clock_s: Vec<f64>, columns: Vec<(String, Vec<f64>)>) -> Result<Log, IoError> {
+pub fn log_of(
+    name: &Path,
+    clock_s: Vec<f64>,
+    columns: Vec<(String, Vec<f64>)>,
+    mapping: &Mapping,
+) -> Result<(Log, Vec<Warning>), IoError> {
     let series = |(source, values): (String, Vec<f64>)| series::Series {
-        meaning: names::Meaning::of_header(&source),
+        meaning: mapping.meaning(&source).unwrap_or_else(|| names::Meaning::of_header(&source)),
         source,
         values,
     };
-    let columns = columns.into_iter().map(series).collect();
-    series::assemble(name, clock_s, columns, &Mapping::default()).map(|(log, _)| log)
+    series::assemble(name, clock_s, columns.into_iter().map(series).collect(), mapping)
 }
 
 /// How a column has to be called to mean this channel; `None` where no name can.

@@ -1,6 +1,7 @@
 //! What channels are called: btr's own names, and the units that hide in them.
 
 use btr_core::log::Role;
+use std::borrow::Cow;
 
 /// What a name stands for.
 #[derive(Clone, Debug, PartialEq)]
@@ -8,7 +9,7 @@ pub(crate) struct Meaning {
     /// btr's name.
     pub(crate) name: String,
     /// SI unit.
-    pub(crate) unit: &'static str,
+    pub(crate) unit: Cow<'static, str>,
     /// Command, sensor or outside knowledge.
     pub(crate) role: Role,
     /// Times this, a value is in `unit`.
@@ -39,7 +40,7 @@ impl Meaning {
     /// btr's own name, with the unit and the role that its beginning tells.
     pub(crate) fn of(name: String) -> Self {
         let (unit, role) = (usual_unit(&name), role(&name));
-        Meaning { name, unit, role, factor: 1.0 }
+        Meaning { name, unit: unit.into(), role, factor: 1.0 }
     }
 
     /// What a CSV header means without a mapping: `q_cmd_` is `cmd_`, and a unit may stand at the end.
@@ -54,7 +55,7 @@ impl Meaning {
             && units.contains(&unit)
             && stem.len() > prefix.len()
         {
-            return Meaning { name: stem.to_owned(), unit, role: role(&name), factor };
+            return Meaning { name: stem.to_owned(), unit: unit.into(), role: role(&name), factor };
         }
         Meaning::of(name)
     }
@@ -78,6 +79,12 @@ pub(super) fn suffix(name: &str) -> Option<(&str, &'static str, f64)> {
         let (stem, tail) = name.split_at_checked(at)?;
         tail.eq_ignore_ascii_case(ending).then_some((stem, unit, factor))
     })
+}
+
+/// Whether a foreign name that became this one was one of btr's own already: `q_q_knee`.
+pub(super) fn is_doubled(name: &str) -> bool {
+    let joint_of = |name: &'_ str| FAMILIES.iter().find_map(|(prefix, _)| name.strip_prefix(prefix).map(str::len));
+    joint_of(name).is_some_and(|joint| joint_of(&name[name.len() - joint..]).is_some())
 }
 
 /// Seconds per unit of a time column.
@@ -127,21 +134,21 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn read(header: &str) -> (String, &'static str) {
+    fn read(header: &str) -> (String, Cow<'static, str>) {
         let meaning = Meaning::of_header(header);
         (meaning.name, meaning.unit)
     }
 
     #[test]
     fn headers_carry_units() {
-        assert_eq!(read("q_cmd_knee_rad"), ("cmd_knee".into(), "rad"));
-        assert_eq!(read("dq_knee_rad_s"), ("dq_knee".into(), "rad/s"));
-        assert_eq!(read("q_slider_m"), ("q_slider".into(), "m"));
-        assert_eq!(read("tau_knee_Nm"), ("tau_knee".into(), "N·m"));
-        assert_eq!(read("q_left_knee"), ("q_left_knee".into(), "rad"));
+        assert_eq!(read("q_cmd_knee_rad"), ("cmd_knee".into(), "rad".into()));
+        assert_eq!(read("dq_knee_rad_s"), ("dq_knee".into(), "rad/s".into()));
+        assert_eq!(read("q_slider_m"), ("q_slider".into(), "m".into()));
+        assert_eq!(read("tau_knee_Nm"), ("tau_knee".into(), "N·m".into()));
+        assert_eq!(read("q_left_knee"), ("q_left_knee".into(), "rad".into()));
         // A joint called `rad` is a joint, and a velocity is no position.
-        assert_eq!(read("q_rad"), ("q_rad".into(), "rad"));
-        assert_eq!(read("q_knee_n"), ("q_knee_n".into(), "rad"));
+        assert_eq!(read("q_rad"), ("q_rad".into(), "rad".into()));
+        assert_eq!(read("q_knee_n"), ("q_knee_n".into(), "rad".into()));
         assert_eq!(Meaning::of_header("q_knee_deg").factor.to_bits(), DEGREE.to_bits());
     }
 

@@ -101,7 +101,8 @@ impl Called {
         (!measured).then(|| {
             let has = log.channels().map(|(channel, _)| channel).collect::<Vec<_>>().join(", ");
             format!(
-                "{name} measures nothing of this robot: it has {has}\nhelp: give back {}, ...",
+                "{name} measures nothing of this robot: it has {has}\nhelp: give back {}, ..., or say in the experiment's \
+                 [channels.channels] what it calls them",
                 of_joints.join(", ")
             )
         })

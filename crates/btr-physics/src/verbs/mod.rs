@@ -22,6 +22,7 @@ pub use replay::Judged;
 use crate::beside::Beside;
 use crate::experiment::{Checked, FileError, LogSource, Replays, Source, replays};
 use btr_core::check::{FEWEST_SAMPLES, Finding};
+use btr_core::family::{Family as _, Step};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use serde::{Deserialize, Serialize};
@@ -136,6 +137,12 @@ impl Problem {
         Ok(Problem { source, beside, doubts, not_judged })
     }
 
+    /// Why the model cannot be simulated beside its logs as it stands, where it cannot.
+    pub fn trouble(&self) -> Option<WorldError> {
+        let origin = vec![0.0; self.beside.knobs().len()];
+        (0..self.beside.recorded().len()).find_map(|log| self.beside.simulate(&origin, log, Step::USUAL).err())
+    }
+
     /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
     /// without.
     ///
@@ -187,7 +194,6 @@ pub struct Floor {
 impl Problem {
     /// The noise floors that errors are measured in: of each channel in the first log that has it.
     pub fn floors(&self) -> Vec<Floor> {
-        use btr_core::family::Family;
         let mut floors: Vec<Floor> = Vec::new();
         for channel in self.beside.logs().iter().flat_map(|log| &log.channels) {
             if floors.iter().all(|floor| floor.channel != channel.name) {

@@ -2,6 +2,7 @@
 
 use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
+use btr_core::world::WorldError;
 use btr_physics::effect::{
     Effect, FormulaError, Function, Laws, On, Param, Placed, Scene, formula, formula_or_function,
 };
@@ -117,6 +118,33 @@ fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
     assert!(std::ptr::eq(card(&one), card(&one)));
     assert!(!std::ptr::eq(card(&one), card(&other)));
     assert_eq!(function(On::Torque, "test:lore", one).unwrap_err(), FormulaError::Absent("test:lore".to_owned()));
+}
+
+#[test]
+fn a_law_that_gives_no_number_is_to_blame() {
+    let ended = |on, text: &str, params: &[(&str, f64)], duration_s| {
+        simulate(&arm(), &[law(on, text, params)], &fast(0.001, duration_s), &hold(0.2), None)
+    };
+    let cases = [
+        (
+            On::Torque,
+            "a/(t - t)",
+            "the law `a/(t - t)` on the torque of `elbow` gave inf at q=0.3, dq=0, ddq=0, cmd=0.2, ",
+        ),
+        (On::Torque, "a*sqrt(0.1 - t)", "the law `a*sqrt(0.1 - t)` on the torque of `elbow` gave NaN at q="),
+        // A motor that nobody drives, and a reading that nobody asks for, would pass for something else.
+        (On::Command, "a*ln(q - 9)", "the law `a*ln(q - 9)` on the command of `elbow` gave NaN at q=0.3, "),
+        (On::Reading, "q/(a - a)", "the law `q/(a - a)` on the reading of `elbow` gave inf at q=0.3, "),
+    ];
+    for (on, text, begins) in cases {
+        let said = ended(on, text, &[("a", 2.0)], 0.5).unwrap_err();
+        let what = said.to_string();
+        assert!(matches!(said, WorldError::Law { .. }) && what.starts_with(begins), "{what}");
+        assert!(what.ends_with(" with a=2"), "{what}");
+    }
+    assert!(ended(On::Torque, "a*sqrt(0.1 - t)", &[("a", 2.0)], 0.05).is_ok(), "not before it happens");
+    let wild = ended(On::Torque, "a*q", &[("a", 1e9)], 0.5).unwrap_err().to_string();
+    assert!(wild.contains("blew up") && wild.contains("joint `"), "what is a number is no law's mistake: {wild}");
 }
 
 #[test]

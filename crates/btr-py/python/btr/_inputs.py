@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,23 @@ from btr._btr import BtrError
 def wrong(message: str, help: str) -> BtrError:
     """An error with what to do about it, as the compiled half writes them."""
     return BtrError(f"{message}\nhelp: {help}")
+
+
+def count(number: Any, what: str) -> int:
+    """A whole number that is not below 0; raises `TypeError` for what is none, `BtrError` for others."""
+    try:
+        number = operator.index(number)
+    except TypeError:
+        raise TypeError(f"{what} is a whole number, not {number!r}") from None
+    if not 0 <= number < 2**63:
+        raise wrong(f"{what} = {number}", "give a whole number from 0 on")
+    return int(number)
+
+
+def must_be_called(function: Any, what: str) -> None:
+    """Raises `TypeError` for what is no function; `what` says what should have been there."""
+    if not callable(function):
+        raise TypeError(f"{what}, not {function!r}")
 
 
 def floats(values: Any, expected: str) -> NDArray[np.float64]:

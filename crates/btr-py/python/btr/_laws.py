@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Union
 
 from btr._btr import BtrError
@@ -25,6 +25,8 @@ def in_text(name: str) -> str:
 
 def by_text(laws: Mapping[str, Law]) -> list[tuple[str, Law]]:
     """Functions by what stands for them; raises `TypeError` for what cannot be called."""
+    if not isinstance(laws, Mapping):
+        raise TypeError(f"laws are functions by name, {{'slip': slip}}, not {type(laws).__name__}")
     for name, law in laws.items():
         if not callable(law):
             raise TypeError(f"the law {name} is to be a function, not {type(law).__name__}")
@@ -54,8 +56,17 @@ def _number(name: str, given: Number) -> float | tuple[float, float]:
         raise TypeError(f"{name} is a number or (least, most), not {given!r}") from None
 
 
-def must_take(law: Law, parameters: Mapping[str, Number]) -> None:
-    """Raises `TypeError` for a function that cannot be called with these parameters."""
+def must_fit(laws: Mapping[str, Law], of_model: Sequence[tuple[str, Sequence[str]]]) -> None:
+    """Raises `TypeError` for a function that cannot be called with the parameters that the model's text gives it."""
+    by_stand_in = {in_text(name): (name, law) for name, law in laws.items()}
+    for text, parameters in of_model:
+        if text in by_stand_in:
+            name, law = by_stand_in[text]
+            must_take(law, parameters, f"the law {name}")
+
+
+def must_take(law: Law, parameters: Iterable[str], what: str = "a law") -> None:
+    """Raises `TypeError` for a function that cannot be called with parameters of these names."""
     try:
         signature = inspect.signature(law)
     except ValueError:
@@ -64,7 +75,7 @@ def must_take(law: Law, parameters: Mapping[str, Number]) -> None:
         signature.bind(*_VARIABLES, **dict.fromkeys(parameters))
     except TypeError as error:
         wanted = ", ".join([*_VARIABLES, *parameters])
-        raise TypeError(f"a law is called with ({wanted}), but this one has {signature}: {error}") from None
+        raise TypeError(f"{what} is called with ({wanted}), but this one has {signature}: {error}") from None
 
 
 class _ByValue:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from numbers import Real
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from btr import _btr
-from btr._inputs import floats, wrong
+from btr._inputs import count, floats, must_be_called, wrong
+from btr.executors import must_be_some as some_threads
 
 Scale = Literal["linear", "log"]
 """Equal steps are equal differences, or equal ratios: for what may be small or large by orders of magnitude."""
@@ -26,6 +30,11 @@ class Executor(Protocol):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
         """Has `fn(*args)` called, and gives back its future."""
+
+
+ExecutorLike = Union[Executor, int, Literal["threads"], None]
+"""Who evaluates: an executor, so many threads of this process (for functions that wait, or that let go of Python's lock), as
+many as it has processors (`"threads"`), or the calling thread."""
 
 
 class Best(NamedTuple):
@@ -95,6 +104,7 @@ class Search:
         pairs = _pairs(bounds)
         start = None if x0 is None else floats(x0, "x0 is an array of shape (dimensions,)").ravel().tolist()
         given = [(key, value) for key, value in settings.items() if value is not None]
+        _breeding(settings)
         self._search = _btr.Search(algorithm, given, pairs, _log_scales(scale, len(pairs)), start, _seed(seed))
         for name, limit in zip(("maxiter", "maxfevals", "ftarget"), limits):
             _limit(name, limit)
@@ -148,18 +158,21 @@ class Search:
         f: Cost,
         iterations: int | None = None,
         *,
-        executor: Executor | None = None,
+        executor: ExecutorLike = None,
         callback: Callable[[S], object] | None = None,
     ) -> S:
-        """Evaluates populations until `stop`, or for so many more iterations, and gives back itself. The executor evaluates a
-        population at once; the results are the same with any or none. `callback` hears the search after each generation.
+        """Evaluates populations until `stop`, or for so many more iterations, and gives back itself. The executor, or so many
+        threads, evaluates a population at once; the results are the same with any or none. `callback` hears the search after
+        each generation.
 
         Where `f` raises, the search stays where it was before that generation: `ask` gives the same solutions again."""
-        last = None if iterations is None else self._search.iterations + iterations
-        while not self.stop() and (last is None or self._search.iterations < last):
-            self._tell(_evaluated(f, self.ask(), executor))
-            if callback is not None:
-                callback(self)
+        must_be_called(f, "what is minimised is a function of an array of shape (dimensions,)")
+        last = None if iterations is None else self._search.iterations + count(iterations, "iterations")
+        with _evaluator(executor) as evaluates:
+            while not self.stop() and (last is None or self._search.iterations < last):
+                self._tell(_evaluated(f, self.ask(), evaluates))
+                if callback is not None:
+                    callback(self)
         return self
 
     @property
@@ -224,16 +237,37 @@ def _limit(name: str, limit: float | None) -> None:
         raise TypeError(f"{name} is a number or None, not {type(limit).__name__}")
     if math.isnan(limit):
         raise wrong(f"{name} is NaN", "leave it out for no limit")
+    if name != "ftarget" and limit < 0:
+        raise wrong(f"{name} = {limit}", "give 0 or more, or leave it out for its default")
+
+
+def _breeding(settings: Mapping[str, Any]) -> None:
+    """Raises `BtrError` for parents that cannot be chosen. Whatever is wrong with a number alone is said elsewhere."""
+    elite, popsize, tournament = (settings.get(key) for key in ("elite", "population", "tournament"))
+    if isinstance(elite, int) and isinstance(popsize, int) and 2 <= popsize <= elite:
+        raise wrong(f"elite = {elite} of popsize = {popsize}", "keep fewer than there are: one at least has to be new")
+    if isinstance(tournament, int) and tournament == 0:
+        raise wrong("tournament = 0: nobody competes", "give 1 or more; with 1, parents are chosen at random")
+
+
+def _evaluator(executor: ExecutorLike) -> AbstractContextManager[Executor | None]:
+    """Who evaluates, as long as it is needed; raises `TypeError` or `ValueError` for what cannot."""
+    if isinstance(executor, str) and executor == "threads":
+        return ThreadPoolExecutor(os.cpu_count())
+    if isinstance(executor, (int, Real)):
+        return ThreadPoolExecutor(some_threads(executor, "executor"))
+    if executor is not None and not hasattr(executor, "submit"):
+        raise TypeError(
+            "an executor of a search is a number of threads, or has a method `submit`, as those of concurrent.futures; "
+            f"{executor!r} has none"
+        )
+    return nullcontext(executor)
 
 
 def _evaluated(f: Cost, solutions: list[NDArray[np.float64]], executor: Executor | None) -> NDArray[np.float64]:
     """The costs in the order of the solutions, whoever is done first."""
     if executor is None:
         return np.array([_number(f(x)) for x in solutions])
-    if not hasattr(executor, "submit"):
-        raise TypeError(
-            f"an executor has a method `submit`, as those of concurrent.futures; {type(executor).__name__} has none"
-        )
     futures = [executor.submit(f, x) for x in solutions]
     try:
         return np.array([_number(future.result()) for future in futures])

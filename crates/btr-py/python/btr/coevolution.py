@@ -10,12 +10,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Union
 
-from btr import _btr
+from btr import _btr, _warnings
 from btr._btr import BtrError, Log
+from btr._inputs import count, must_be_called
 from btr._tables import cell
 from btr.executors import ExecutorLike, hands_of
 from btr.results import CoevolveResult
-from btr.verbs import LogLike, Model, _count, load_log, load_model
+from btr.verbs import LogLike, Model, _is_columns, _loaded, load_log
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,13 @@ class Controller:
 
 Reality = Callable[[Controller], LogLike]
 """Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
-frame, a mapping of arrays, or a path; what is bad about it is a `UserWarning`, and under `doubts` in the result. Raises
-`btr.TestFailed` where the robot could not do it; whatever else it raises ends the run, which can be resumed. Called on another
-thread; Ctrl-C waits for it, so that no real test is lost. A log whose times can be the test's is taken at its word (one that
-begins at 0.02 s lost what came before); any other clock has its first row at the test's beginning. Where it brings commands
-(`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for the robot must take finer steps than the
-model, or its own error is what is found. Where another model is to stand for the robot, `model.simulate` takes
-the controller itself: its `references` alone do not say where a floating robot begins."""
+frame, a mapping of arrays, or a path, under btr's names or those of the experiment's `[channels]`; what is bad about it is a
+`UserWarning`, and under `doubts` in the result. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises
+ends the run, which can be resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost. A log whose times
+can be the test's is taken at its word (one that begins at 0.02 s lost what came before); any other clock has its first row at the
+test's beginning. Where it brings commands (`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for
+the robot must take finer steps than the model, or its own error is what is found. Where another model is to stand for the robot,
+`model.simulate` takes the controller itself: its `references` alone do not say where a floating robot begins."""
 
 
 class Iteration(dict[str, Any]):
@@ -82,7 +83,9 @@ def coevolve(
     Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell`
     raised.
     """
-    model = experiment if isinstance(experiment, Model) else load_model(experiment)
+    model = _loaded(experiment)
+    must_be_called(_nobody if reality is None else reality, "reality is a function of a Controller that gives back a log")
+    must_be_called(_nobody if tell is None else tell, "tell is a function that hears every iteration")
     folder = Path("runs") / model.name if out is None else Path(out)
     asked = _nobody if reality is None else reality
 
@@ -99,16 +102,22 @@ def coevolve(
     ) -> Log:
         parameters = dict(zip(names, values))
         controller = Controller(number, iteration, scenario, parameters, references, dict(start), base, duration_s)
-        return load_log(asked(controller))
+        log = asked(controller)
+        return load_log(log, f"the log of real test {number}" if _is_columns(log) else None, model=model)
 
     def heard(iteration: str) -> None:
         if tell is not None:
             tell(Iteration(json.loads(iteration)))
 
-    seed = None if seed is None else _count(seed, "seed")
+    caller = _warnings.place()
+
+    def warned(sentence: str) -> None:
+        _warnings.warn(sentence, caller)
+
+    seed = None if seed is None else count(seed, "seed")
     function, hands = None if reality is None else robot, hands_of(executor)
     try:
-        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, hands)
+        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, warned, hands)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"go on with btr.coevolve(..., out={str(folder)!r}, resume=True)") from interrupt
     if document is None:

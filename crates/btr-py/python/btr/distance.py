@@ -13,7 +13,8 @@ inf says that nothing was left to compare.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from typing import Any, TypeVar, Union
 
 import numpy as np
@@ -38,8 +39,10 @@ _COMMON = """
     clock_s: when the samples of arrays and dicts were taken, in s, increasing; or dt_s, the time between them. Even unless
     given.
 
-    Channels are weighed by the standard deviation of the real one, so that units mix; one that hardly moves by a tenth of the
-    liveliest of its unit. Columns of arrays, and names that say no unit, count as of one unit.
+    Channels are weighed by the standard deviation of the real one, so that units mix. One that hardly moves is weighed by a
+    tenth of the liveliest of its unit, and what has no unit counts as of one: columns of arrays, and names in dicts that say
+    none. Where these are not of one unit, say so by names (`q_` is rad, `q_<joint>_m` m, `dq_` rad/s, `tau_` N·m), or one that
+    moves by millimetres is judged as if it were degrees.
     Raises BtrError where series do not belong together, TypeError where they are none."""
 
 
@@ -132,6 +135,8 @@ def _distance(
     name: str, real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLike | None, **settings: Any
 ) -> float:
     channels = settings["channels"]
+    if not isinstance(channels, Iterable):
+        raise TypeError(f"channels are names, not {channels!r}")
     settings["channels"] = [channels] if isinstance(channels, str) else list(channels)
     return _btr.distance(name, list(settings.items()), *_logs(real, simulated, dt_s, clock_s))
 
@@ -146,12 +151,27 @@ def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLik
         raise TypeError("both sides are logs, or none is: a log has a clock of its own")
     if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
         raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
+    for name in one:
+        if name in other and len(one[name]) != len(other[name]):
+            what = f"{len(one[name])} real samples beside {len(other[name])} simulated ones"
+            raise wrong(f"{what}{_of(name, real)}", "give both sides as many samples, or as logs with clocks of their own")
     apart = sorted(one.keys() ^ other.keys())
     if apart:
         raise wrong(f"only one side has {', '.join(apart)}", "give both sides the same channels")
-    first = next(iter(one.values()), np.empty(0))
-    clock = _clock(len(first), dt_s, clock_s)
+    lengths = {len(series): name for name, series in one.items()}
+    if len(lengths) > 1:
+        (a, one_of_a), (b, one_of_b), *_ = lengths.items()
+        what = f"{one_of_a} has {a} samples, {one_of_b} has {b}"
+        raise wrong(what, "give all channels as many samples, or as logs with clocks of their own")
+    clock = _clock(max(lengths, default=0), dt_s, clock_s)
+    if len(clock) != max(lengths, default=0):
+        raise wrong(f"clock_s has {len(clock)} times for {max(lengths, default=0)} samples", "give one time per sample, in s")
     return _btr.measured("real", clock, list(one.items())), _btr.measured("simulated", clock, list(other.items()))
+
+
+def _of(name: str, series: Any) -> str:
+    """Which channel that is; nothing to say where there is but one without a name."""
+    return f" of channel {name}" if isinstance(series, Mapping) or np.ndim(series) == 2 else ""
 
 
 def _read(series: Any) -> Log | dict[str, NDArray[np.float64]]:
@@ -178,6 +198,8 @@ def _clock(samples: int, dt_s: float | None, clock_s: ArrayLike | None) -> NDArr
         if dt_s is not None:
             raise wrong("both dt_s and clock_s are given", "give one of them")
         return _one(clock_s, "clock_s")
+    if dt_s is not None and not isinstance(dt_s, Real):
+        raise TypeError(f"dt_s is a number, the time between samples in s, not {dt_s!r}")
     if dt_s is not None and not 0 < dt_s < float("inf"):
         raise wrong(f"dt_s = {dt_s}", "give the time between samples in s, a positive number")
     return np.arange(samples, dtype=np.float64) * (1.0 if dt_s is None else dt_s)

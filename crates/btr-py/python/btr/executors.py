@@ -59,7 +59,7 @@ class Futures:
             kind = type(executor).__name__
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
         self._executor = executor
-        self._workers = _must_be_some(_workers_of(executor) if workers is None else workers)
+        self._workers = must_be_some(_workers_of(executor) if workers is None else workers)
         self._shared = _Shared(self._scatter if callable(getattr(executor, "scatter", None)) else None)
 
     @property
@@ -78,7 +78,7 @@ class Futures:
         return answer
 
 
-def _must_be_some(workers: Any, what: str = "workers") -> int:
+def must_be_some(workers: Any, what: str = "workers") -> int:
     """A number of workers or threads; raises `ValueError` for what is none."""
     if not isinstance(workers, numbers.Integral) or isinstance(workers, bool) or not 1 <= int(workers) <= _MOST_THREADS:
         raise ValueError(f"{what}={workers!r}: a whole number from 1 to {_MOST_THREADS}")
@@ -105,7 +105,7 @@ class Ray:
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
         """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is how many batches
         are worked on at once: as many as the cluster has processors, unless given."""
-        given = None if workers is None else _must_be_some(workers)
+        given = None if workers is None else must_be_some(workers)
         ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})
@@ -156,7 +156,7 @@ def hands_of(executor: ExecutorLike) -> int | Hands | None:
     if executor is None or (isinstance(executor, str) and executor == "threads"):
         return None
     if isinstance(executor, numbers.Real):
-        return _must_be_some(executor, "executor")
+        return must_be_some(executor, "executor")
     if isinstance(executor, str):
         if executor == "ray":
             return Ray()

@@ -32,7 +32,8 @@ class Result:
     def __getattr__(self, key: str) -> Any:
         # `document` itself is missing while a pickle is read.
         if key == "document" or key not in self.document:
-            raise AttributeError(f"{type(self).__name__} has no {key}")
+            which = ": compare, diagnose and fit have one" if key == "report" else ""
+            raise AttributeError(f"{type(self).__name__} has no {key}{which}")
         return self.document[key]
 
     def __dir__(self) -> list[str]:

@@ -23,9 +23,21 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from btr._inputs import wrong
-from btr._search import Best, Cost, Executor, Scale, Search, SearchResult
+from btr._search import Best, Cost, Executor, ExecutorLike, Scale, Search, SearchResult
 
-__all__ = ["CMAES", "GA", "Best", "Cost", "Executor", "RealGA", "Scale", "Search", "SearchResult", "minimize"]
+__all__ = [
+    "CMAES",
+    "GA",
+    "Best",
+    "Cost",
+    "Executor",
+    "ExecutorLike",
+    "RealGA",
+    "Scale",
+    "Search",
+    "SearchResult",
+    "minimize",
+]
 
 
 class CMAES(Search):
@@ -76,8 +88,8 @@ class GA(Search):
         ftarget: float | None = None,
     ) -> None:
         """`x0`: the first generation is it and mutants of it; random unless given. `mutation`: the probability that a bit
-        flips. `crossover`: the probability that a child has two parents. `elite`: how many of the best are asked again.
-        `tournament`: how many compete to become a parent. All else as for `CMAES`. Ends only at `maxiter`, `maxfevals` or
+        flips. `crossover`: the probability that a child has two parents. `elite`: how many of the best are asked again,
+        fewer than `popsize`. `tournament`: how many compete to become a parent. All else as for `CMAES`. Ends only at `maxiter`, `maxfevals` or
         `ftarget`."""
         breeding = {"mutation": mutation, "crossover": crossover, "elite": elite, "tournament": tournament}
         settings = {"population": popsize, **breeding, "bits": bits}
@@ -125,7 +137,7 @@ def minimize(
     x0: ArrayLike | None = None,
     seed: int = 0,
     scale: Scale | Sequence[Scale] = "linear",
-    executor: Executor | None = None,
+    executor: ExecutorLike = None,
     callback: Callable[[Any], object] | None = None,
     **settings: Any,
 ) -> SearchResult:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import glob
 import json
-import operator
 import os
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
@@ -14,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from btr import _btr, rosbag
+from btr import _btr, _times, _warnings, rosbag
 from btr import _laws as own
 from btr._btr import Log
-from btr._inputs import wrong
+from btr._inputs import count, floats, must_be_called, wrong
 from btr._laws import Law, Number
 from btr.executors import ExecutorLike, hands_of
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
@@ -26,8 +24,11 @@ if TYPE_CHECKING:
     from btr.coevolution import Controller
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or columns
-by name with `t` in seconds: a pandas or polars frame, or a mapping of arrays."""
+"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or
+columns by name with `t` in seconds (or as times): a pandas or polars frame, or a mapping of arrays. The `[channels]` of the
+model it is for say what foreign names mean."""
+Given = Union[Log, Path, tuple[str, Log]]
+"""A log, or where it is, or what it is called and the log."""
 Points = Union[ArrayLike, Mapping[str, ArrayLike], Any]
 """Points of a space, a row for each; or columns by name, in a mapping or a frame."""
 Tell = Callable[[str, float, Union[float, None]], None]
@@ -41,8 +42,10 @@ class Model:
     def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
         """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the
         text names: `law = "python:slip"` needs `{"slip": slip}`."""
+        functions = own.by_text(laws or {})
         self._laws = dict(laws or {})
-        self._model = _btr.Model(text, Path(path), own.by_text(self._laws))
+        self._model = _btr.Model(text, Path(path), functions)
+        own.must_fit(self._laws, self._model.laws)
 
     @property
     def text(self) -> str:
@@ -78,7 +81,8 @@ class Model:
         It begins where the log's first positions are, and where the model's robot stands if it has none. Commands alone do not
         say where the loop begins (its drive may put a robot down elsewhere) nor when it ends: a `btr.Controller` of `coevolve`
         does, and what is simulated of it is what the loop simulates."""
-        told, begins = _told(log)
+        seed = None if seed is None else count(seed, "seed")
+        told, begins = _told(log, self)
         return self._model.simulate(told, seed, begins)
 
     @property
@@ -100,8 +104,9 @@ class Model:
         outside its bounds, `ValueError` for another shape."""
         if isinstance(values, Mapping):
             places = self._model.places(False, list(values), "parameters")
-            return self._with_text(self._model.at(list(zip(places, map(float, values.values())))))
-        point = np.asarray(values, dtype=np.float64)
+            numbers = [float(floats(value, f"{name} is a number")) for name, value in values.items()]
+            return self._with_text(self._model.at(list(zip(places, numbers))))
+        point = floats(values, "values are numbers by name, or an array of them")
         if point.shape != (len(self.parameters),):
             raise ValueError(f"a point has shape {point.shape} where ({len(self.parameters)},) is needed")
         return self._with_text(self._model.at(list(enumerate(point.tolist()))))
@@ -132,7 +137,7 @@ class Model:
         if log is not None and c is not None:
             raise ValueError("a log says what joints are told: controllers have no say then")
         rows_s, rows_c = _rows(s, self._model, "parameters", rollouts), _rows(c, self._model, "controllers", rollouts)
-        return self._model.simulate_all(rows_s, rows_c, *_told(log))
+        return self._model.simulate_all(rows_s, rows_c, *_told(log, self))
 
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
@@ -140,9 +145,10 @@ class Model:
         return self._with_text(self._model.add(list(effects)))
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
-        """The model with a physical effect of your own at the joints `site`: on their `torque` (beside the motor's, in N·m or
-        N), on the `command` that reaches the servo, or on the `reading` that servo and log have of the position (both in rad
-        or m).
+        """The model with a physical effect of your own at the joints `site`. On their `torque` a law adds: what it gives (in
+        N·m or N) acts beside the motor's. On the `command` that reaches the servo, or on the `reading` that servo and log have
+        of the position (both in rad or m), it replaces: what it gives is the new one. `"cmd + a*dq"` changes a command and
+        `"q + a*dq"` a reading, where `"a*dq"` alone would forget them.
 
             model.add_law("-a*tanh(dq/b)", site="elbow", a=(0.0, 2.0), b=0.1)
 
@@ -256,7 +262,11 @@ def load_model(
 ) -> Model:
     """The model of a file; `settings` change values of it by their dotted keys (`{"simulation.duration_s": 2.0}`), as `--set`
     does; `laws` are the functions that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no
-    sense."""
+    sense, `TypeError` for a function that does not take the parameters that it has there."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"a model is the path of a file, not {path!r}")
+    if settings is not None and not isinstance(settings, Mapping):
+        raise TypeError(f'settings are values by dotted keys, {{"simulation.duration_s": 2.0}}, not {settings!r}')
     texts = [f"{key}={_toml(value)}" for key, value in (settings or {}).items()]
     model = _btr.Model.read(Path(path), texts, own.by_text(laws or {}))
     return Model(model.text, path, laws)
@@ -276,16 +286,17 @@ def load_log(
     source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
 ) -> Log:
     """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's
-    folder or an open reader of the package rosbags, or of columns with a `t` in seconds: a frame, or a mapping of arrays. The
-    others are called as in a CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees.
-    Foreign names in a file or bag mean what the `[channels]` of a model say. Raises `BtrError` for what cannot be read, `TypeError`
-    for what is no log."""
+    folder or an open reader of the package rosbags, or of columns with a `t` in seconds: a frame, or a mapping of arrays.
+    Where `t` holds dates or durations, it counts from the first one. The others are called as in a CSV: `cmd_<joint>`,
+    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names mean what the `[channels]` of
+    a model say; what a `Log` has under btr's names stays as it is. Raises `BtrError` for what cannot be read, `TypeError` for
+    what is no log."""
     if isinstance(source, (str, os.PathLike, Log)) and name is not None:
         raise TypeError("a file or a Log has a name of its own")
     if isinstance(source, Log):
         if episode is not None:
             raise TypeError("an episode is one of a data set's folder, not of a Log")
-        return source
+        return source if model is None else _btr.renamed(source, model._model)
     if isinstance(source, (str, os.PathLike)):
         path = Path(source if episode is None else f"{os.fspath(source)}#{episode}")
         if rosbag.is_bag(path):
@@ -296,47 +307,102 @@ def load_log(
     if rosbag.is_reader(source):
         return rosbag.read(source, name, model)
     columns = source.keys() if isinstance(source, Mapping) else getattr(source, "columns", None)
-    if columns is not None and "t" not in columns:
-        raise TypeError(f"a log needs a column `t`, the time in s; this one has {', '.join(map(str, columns))}")
     if columns is None:
         wanted = "a path, a Log, a reader of rosbags, or columns with a `t`"
         raise TypeError(f"a log is {wanted}, not {type(source).__name__}")
-    channels: dict[str, ArrayLike] = {str(key): _floats(source[key]) for key in columns if key != "t"}
-    return Log(_floats(source["t"]), channels, name)
+    known = None if model is None else model._model
+    time = _btr.time_of([str(key) for key in columns], known)
+    if time is None:
+        has = ", ".join(map(str, columns))
+        how = "call it so, or name it in the model's [channels]: time = ..."
+        raise TypeError(f"a log needs a column `t`, the time in s; this one has {has}\nhelp: {how}")
+    column, unit_s = time
+    # A key may be no text.
+    (key,) = [key for key in columns if str(key) == column][:1]
+    others: dict[str, ArrayLike] = {str(other): _column(source[other], str(other)) for other in columns if other != key}
+    return _btr.log_of_columns(_times.seconds(source[key], column, unit_s), others, name, known)
 
 
-def _floats(column: Any) -> NDArray[np.float64]:
-    return np.ascontiguousarray(np.asarray(column, dtype=np.float64))
+def _column(column: Any, name: str) -> NDArray[np.float64]:
+    values = np.asarray(column)
+    if _times.are_times(values):
+        raise TypeError(f"column `{name}` holds times, not numbers\nhelp: leave it out, or give it in seconds")
+    return np.ascontiguousarray(floats(values, f"column `{name}` is an array of numbers"))
 
 
-def _told(log: LogLike | Controller | None) -> tuple[Log | Path | None, _btr._Begins | None]:
+def _told(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | None, _btr._Begins | None]:
     """What joints are told, and where they begin if it is not the log that says so."""
     from btr.coevolution import Controller
 
     if isinstance(log, Controller):
         return log.references, (list(log.start.items()), log.base, log.duration_s)
-    return None if log is None else _given(log), None
+    return None if log is None else _given(log, model), None
 
 
-def _given(log: LogLike) -> Log | Path:
-    return Path(log) if isinstance(log, (str, os.PathLike)) else load_log(log)
+def _is_columns(log: object) -> bool:
+    """Whether this has columns by name: a mapping, a frame."""
+    return isinstance(log, Mapping) or hasattr(log, "columns")
 
 
-def _all(logs: LogLike | Iterable[LogLike]) -> list[Log | Path]:
-    if isinstance(logs, (str, os.PathLike, Log, Mapping)) or hasattr(logs, "columns"):
-        return _each_of(logs)
-    all_of_them = [given for log in logs for given in _each_of(log)]
-    # A file counts once, however many patterns it fits.
-    paths = {given: None for given in all_of_them if isinstance(given, Path)}
-    return [given for given in all_of_them if not isinstance(given, Path) or paths.pop(given, 0) is None]
+def _is_one(log: object) -> bool:
+    """Whether this is a log, not several."""
+    return isinstance(log, (str, os.PathLike, Log)) or _is_columns(log) or rosbag.is_reader(log)
 
 
-def _each_of(log: LogLike) -> list[Log | Path]:
-    """A log, or those whose names are like a pattern's, sorted."""
-    pattern = os.fspath(log) if isinstance(log, (str, os.PathLike)) else ""
+def _given(log: LogLike, model: Model) -> Log | Path:
+    """A log for this model: where it is, if a file is enough."""
+    if isinstance(log, (str, os.PathLike)) and not rosbag.is_bag(Path(log)):
+        return Path(log)
+    return load_log(log, model=model)
+
+
+class _Logs:
+    """The logs of a call. Those without a name of their own are counted in it, from 1."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        # With what is counted: as long as it is there, nothing else has its id.
+        self._counted: dict[int, tuple[int, object]] = {}
+
+    def all(self, logs: LogLike | Iterable[LogLike] | None) -> list[Given]:
+        """All that were given, the files of patterns sorted and each once; none for None."""
+        if logs is None:
+            return []
+        several: Any = [logs] if _is_one(logs) else logs
+        if not isinstance(several, Iterable):
+            raise TypeError(f"a log is a path, a Log, a frame or a mapping of arrays, and there may be a list, not {logs!r}")
+        # A file counts once, however many patterns it fits.
+        paths: set[Path] = set()
+        given: list[Given] = []
+        for log in several:
+            for path in _files(log):
+                if path not in paths:
+                    paths.add(path)
+                    given.append(_given(path, self._model))
+            if not isinstance(log, (str, os.PathLike)):
+                given.append(self._in_memory(log))
+        return given
+
+    def _in_memory(self, log: Any) -> Given:
+        if isinstance(log, Log):
+            return log if log.is_named else (self._number(log, os.fspath(log.name)), log)
+        if rosbag.is_reader(log):
+            return load_log(log, model=self._model)
+        return load_log(log, self._number(log, "log"), model=self._model)
+
+    def _number(self, log: object, kind: str) -> str:
+        number, _ = self._counted.setdefault(id(log), (len(self._counted) + 1, log))
+        return f"{kind} {number}"
+
+
+def _files(log: object) -> list[Path]:
+    """A file, or those whose names are like a pattern's, sorted; none where this is none."""
+    if not isinstance(log, (str, os.PathLike)):
+        return []
+    pattern = os.fspath(log)
     # The folder of an episode (`folder#3`) may have brackets in its name.
     if not glob.has_magic(pattern) or any(map(os.path.exists, (pattern, pattern.rpartition("#")[0]))):
-        return [_given(log)]
+        return [Path(pattern)]
     found = sorted(glob.glob(pattern, recursive=True))
     if not found:
         raise wrong(f"{pattern}: no file is called like that", f"paths begin in {os.getcwd()}")
@@ -345,26 +411,27 @@ def _each_of(log: LogLike) -> list[Log | Path]:
 
 def _loaded(model: Model | str | os.PathLike[str]) -> Model:
     """A model, or that of a file."""
-    return model if isinstance(model, Model) else load_model(model)
-
-
-def _count(number: int, what: str) -> int:
-    """A whole number that is not below 0; raises `BtrError` for others."""
-    if not 0 <= operator.index(number) < 2**63:
-        raise _btr.BtrError(f"{what} = {number}\nhelp: give a whole number from 0 on")
-    return number
+    if isinstance(model, (Model, str, os.PathLike)):
+        return model if isinstance(model, Model) else load_model(model)
+    raise TypeError(f"a model is a Model or the path of its file, not {model!r}")
 
 
 def _warned(document: dict[str, Any]) -> dict[str, Any]:
     """Says what is bad about the logs: nothing that was found can be trusted then."""
     for doubt in document["doubts"]:
         if doubt["severity"] == "bad":
-            warnings.warn(f"{doubt['log']}: {doubt['sentence']}", stacklevel=3)
+            _warnings.warn(f"{doubt['log']}: {doubt['sentence']}")
     return document
 
 
 def _silent(step: str, train: float, held_out: float | None) -> None:
     """Nobody listens."""
+
+
+def _heard(tell: Tell | None) -> Tell:
+    listener = _silent if tell is None else tell
+    must_be_called(listener, "tell is a function that hears every step")
+    return listener
 
 
 def effects(name: str | None = None) -> EffectsResult:
@@ -376,13 +443,15 @@ def effects(name: str | None = None) -> EffectsResult:
 def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
     """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt. Raises `BtrError`
     for logs that cannot be read or do not fit the model."""
-    return CheckResult(json.loads(_btr.check(_loaded(model)._model, _all(logs))))
+    model = _loaded(model)
+    return CheckResult(json.loads(_btr.check(model._model, _Logs(model).all(logs))))
 
 
 def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
     """How far the model is off on every channel, in multiples of the noise floor, and where. Raises `BtrError` for logs that
     cannot be read or have no channel in common with the model."""
-    document, page = _btr.compare(_loaded(model)._model, _all(logs))
+    model = _loaded(model)
+    document, page = _btr.compare(model._model, _Logs(model).all(logs))
     return CompareResult(json.loads(document), page)
 
 
@@ -390,9 +459,9 @@ def diagnose(
     model: Model | str | os.PathLike[str],
     logs: LogLike | Iterable[LogLike],
     *,
-    held_out: LogLike | Iterable[LogLike] = (),
+    held_out: LogLike | Iterable[LogLike] | None = None,
     max_effects: int = 3,
-    tell: Tell = _silent,
+    tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that
@@ -400,8 +469,9 @@ def diagnose(
     multiples of the noise floor; `max_effects` is the most that are named, and `executor` is who does the work (see
     `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
     the work."""
-    model, most, hands = _loaded(model), _count(max_effects, "max_effects"), hands_of(executor)
-    document, page, commands = _btr.diagnose(model._model, _all(logs), _all(held_out), most, tell, hands)
+    model, most, hands, tell = _loaded(model), count(max_effects, "max_effects"), hands_of(executor), _heard(tell)
+    given = _Logs(model)
+    document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, hands)
     return DiagnoseResult(_warned(json.loads(document)), page, commands)
 
 
@@ -415,15 +485,16 @@ def fit(
     model: Model | str | os.PathLike[str],
     logs: LogLike | Iterable[LogLike],
     *,
-    held_out: LogLike | Iterable[LogLike] = (),
-    add: str | Iterable[str] = (),
-    tell: Tell = _silent,
+    held_out: LogLike | Iterable[LogLike] | None = None,
+    add: str | Iterable[str] | None = None,
+    tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> FitResult:
     """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
     first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs
     that tell nothing, or on which the model blows up; what `tell` raises ends the work."""
-    model, hands = _loaded(model), hands_of(executor)
-    added = [add] if isinstance(add, str) else list(add)
-    document, page, space, fitted = _btr.fit(model._model, _all(logs), _all(held_out), added, tell, hands)
+    model, hands, tell = _loaded(model), hands_of(executor), _heard(tell)
+    added = [add] if isinstance(add, str) else list(add or ())
+    given = _Logs(model)
+    document, page, space, fitted = _btr.fit(model._model, given.all(logs), given.all(held_out), added, tell, hands)
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))

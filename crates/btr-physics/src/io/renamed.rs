@@ -1,0 +1,101 @@
+//! Logs that are in memory already, under the names of a model's `[channels]`.
+
+use super::error::{IoError, Warning};
+use super::mapping::Mapping;
+use super::names::{Meaning, is_doubled};
+use super::series::{Series, assemble};
+use btr_core::log::{Channel, Log, Role};
+use std::path::Path;
+
+/// The log with the channels under btr's names that the mapping knows. Channels that have these already stay as they are: to do
+/// it twice is to do it once.
+///
+/// # Errors
+/// [`IoError::Twice`] for two foreign names of one meaning.
+pub fn renamed(name: &Path, log: Log, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    let meanings: Vec<Option<Meaning>> = log.channels().map(|(theirs, _)| foreign(theirs, &log, mapping)).collect();
+    let commands = log.channels().filter(|(_, channel)| channel.role == Role::Command);
+    let is_switched = |(command, _): (&str, &Channel)| {
+        mapping.torque_on_for(command).is_some_and(|switch| log.channel(&switch).is_some())
+    };
+    if meanings.iter().all(Option::is_none) && !commands.into_iter().any(is_switched) {
+        return Ok((log, Vec::new()));
+    }
+    let series = log.channels().zip(meanings).map(|((source, channel), meaning)| Series {
+        source: source.to_owned(),
+        meaning: meaning.unwrap_or_else(|| as_it_is(source, channel)),
+        values: channel.values.clone(),
+    });
+    let (renamed, mut warnings) = assemble(name, log.clock_s().to_vec(), series.collect(), mapping)?;
+    // What has its name from somewhere else is not missing.
+    warnings
+        .retain(|warning| !matches!(warning, Warning::MappingUnused { ours, .. } if renamed.channel(ours).is_some()));
+    Ok((renamed, warnings))
+}
+
+/// What a channel means that does not have btr's name yet.
+fn foreign(theirs: &str, log: &Log, mapping: &Mapping) -> Option<Meaning> {
+    let meaning = mapping.meaning(theirs)?;
+    let is_there = log.channel(&meaning.name).is_some();
+    let is_ours = is_doubled(&meaning.name) && Meaning::of(theirs.to_owned()).role != Role::Truth;
+    (!is_there && !is_ours).then_some(meaning)
+}
+
+fn as_it_is(name: &str, channel: &Channel) -> Meaning {
+    Meaning { name: name.to_owned(), unit: channel.unit.clone().into(), role: channel.role, factor: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn log(channels: &[(&str, f64)]) -> Log {
+        let columns = channels.iter().map(|(name, value)| ((*name).to_owned(), vec![*value; 2])).collect();
+        super::super::log_of(Path::new("log"), vec![0.0, 1.0], columns, &Mapping::default()).unwrap().0
+    }
+
+    fn under(mapping: &str, log: Log) -> Log {
+        renamed(Path::new("log"), log, &toml::from_str(mapping).unwrap()).unwrap().0
+    }
+
+    fn told(log: &Log) -> Vec<(&str, f64)> {
+        log.channels().map(|(name, channel)| (name, channel.values[0])).collect()
+    }
+
+    #[test]
+    fn foreign_names_become_btrs_once() {
+        let mapping = r#"channels = { q_hip = "hip_deg", "cmd_{joint}" = { column = "{joint}_goal", factor = 2.0 } }"#;
+        let once = under(mapping, log(&[("hip_deg", 180.0), ("hip_goal", 3.0), ("load", 4.0)]));
+        assert_eq!(told(&once), [("q_hip", std::f64::consts::PI), ("cmd_hip", 6.0), ("load", 4.0)]);
+        assert_eq!(once.channel("q_hip").unwrap().unit, "rad");
+        assert_eq!(under(mapping, once.clone()), once);
+    }
+
+    #[test]
+    fn what_has_btrs_names_stays_as_it_is() {
+        let mine = log(&[("cmd_hip", 1.0), ("q_hip", 2.0), ("q_knee", 3.0)]);
+        for mapping in [
+            r#"channels = { "q_{joint}" = { column = "q_{joint}", factor = 0.5 } }"#,
+            r#"channels = { "q_{joint}" = "{joint}", "cmd_{joint}" = "{joint}" }"#,
+            r#"channels = { q_hip = "q_knee", q_knee = "q_hip" }"#,
+            r#"channels = { "cmd_{joint}" = "q_cmd_{joint}", q_hip = "encoder" }"#,
+        ] {
+            assert_eq!(under(mapping, mine.clone()), mine, "{mapping}");
+        }
+    }
+
+    #[test]
+    fn a_switch_is_heeded_and_gone() {
+        let off = under(r#"torque_on = "on_{joint}""#, log(&[("cmd_hip", 1.0), ("q_hip", 2.0), ("on_hip", 0.0)]));
+        assert!(off.channel("cmd_hip").unwrap().values[0].is_nan() && off.channel("on_hip").is_none());
+    }
+
+    #[test]
+    fn what_is_named_in_vain_is_told_where_others_are_found() {
+        let mapping: Mapping =
+            toml::from_str(r#"channels = { q_hip = "hip", q_knee = "knee", q_toe = "toe" }"#).unwrap();
+        let (_, warnings) = renamed(Path::new("log"), log(&[("hip", 1.0), ("q_knee", 1.0)]), &mapping).unwrap();
+        assert_eq!(warnings, [Warning::MappingUnused { ours: "q_toe".into(), theirs: "toe".into() }]);
+    }
+}
