@@ -141,6 +141,18 @@ fn friction_hidden_on_one_joint_of_five_is_seen_named_added_and_measured() {
 }
 
 #[test]
+fn a_stiff_spring_in_a_small_swing_is_no_cogging() {
+    let lab = Lab::new();
+    for file in ["arm.toml", "arm.urdf"] {
+        lab.write(file, &std::fs::read_to_string(robots().join(file)).unwrap());
+    }
+    let spring = effect("parallel_spring", "shoulder", "stiffness = 4.0\nrest = 0.4");
+    record(&lab, "arm.toml", &["yaw", "shoulder", "elbow"], 0.3, &spring);
+    let document = diagnosis(&lab, "arm.toml");
+    assert_eq!(missing(&document), ["parallel_spring@shoulder"], "{document}");
+}
+
+#[test]
 fn ten_parameters_are_found_from_twelve_starts() {
     let lab = Lab::new();
     for file in ["arm5.toml", "arm5.urdf"] {

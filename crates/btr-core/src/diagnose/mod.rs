@@ -260,7 +260,9 @@ fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
     if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![beneath];
         let starts = screen(bench, &mut bases, &again);
-        let others = race(bench, &bases, &starts, Some(&leader.fit));
+        // Cheap steps may leave who makes do with fewer numbers far behind: the best of them is fitted whatever they say.
+        let simpler = again.iter().any(|&candidate| is_simpler_kin(bench, leader.candidate, candidate));
+        let others = race(bench, &bases, &starts, (!simpler).then_some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
     if bench.family.has_contact() {
@@ -336,16 +338,20 @@ fn worth_another_look(
     starts: &[Start],
     offered: &[usize],
 ) -> Vec<usize> {
-    let candidates = bench.family.candidates();
-    let numbers = |candidate: usize| candidates[candidate].knobs().count();
     let kin = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
-        let simpler = numbers(*candidate) < numbers(leader.candidate);
-        (!fitted || simpler) && candidates[leader.candidate].kin.contains(candidate)
+        let is_kin = bench.family.candidates()[leader.candidate].kin.contains(candidate);
+        (is_kin && !fitted) || is_simpler_kin(bench, leader.candidate, *candidate)
     };
     let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
     let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
     offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
+}
+
+/// Whether a candidate looks like another one and makes do with fewer numbers.
+fn is_simpler_kin(bench: &Bench, of: usize, candidate: usize) -> bool {
+    let candidates = bench.family.candidates();
+    candidates[of].kin.contains(&candidate) && candidates[candidate].knobs().count() < candidates[of].knobs().count()
 }
 
 /// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the

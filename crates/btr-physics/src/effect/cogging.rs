@@ -28,7 +28,7 @@ static CARD: Card = Card {
         &[11.0, 0.0], &[11.0, FRAC_PI_2],
         &[12.0, 0.0], &[12.0, FRAC_PI_2],
     ],
-    alike: &["com_offset"],
+    alike: &["com_offset", "parallel_spring"],
     contains: &[],
 };
 
