@@ -47,9 +47,10 @@ frame, a mapping of arrays, or a path, under btr's names or those of the experim
 `UserWarning`, and under `doubts` in the result. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises
 ends the run, which can be resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost. A log whose times
 can be the test's is taken at its word (one that begins at 0.02 s lost what came before); any other clock has its first row at the
-test's beginning. Where it brings commands (`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for
-the robot must take finer steps than the model, or its own error is what is found. Where another model is to stand for the robot,
-`model.simulate` takes the controller itself: its `references` alone do not say where a floating robot begins."""
+test's beginning, and what comes after the test (the last of the references may) is left out. Where it brings commands
+(`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for the robot must take finer steps than the
+model, or its own error is what is found. Where another model is to stand for the robot, `model.simulate` takes the controller
+itself: its `references` alone do not say where a floating robot begins."""
 
 
 class Iteration(dict[str, Any]):
