@@ -324,20 +324,7 @@ pub trait Family: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn knob(law: Law, origin: f64, size: f64) -> Knob {
-        Knob {
-            name: String::new(),
-            unit: String::new(),
-            origin,
-            size,
-            law,
-            bounds: (-10.0, 10.0),
-            spread: 1.0,
-            reach: 0.1,
-            amplitude: false,
-        }
-    }
+    use crate::fit::made::knob;
 
     #[test]
     fn a_limit_keeps_its_proportion_to_a_mass() {

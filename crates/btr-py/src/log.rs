@@ -165,7 +165,7 @@ impl Log {
     /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back. Raises
     /// `ImportError` without pandas.
     fn to_dataframe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("btr._logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
+        py.import("btr.logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
     }
 
     /// Draws channels in their units against the clock in s; without any, what joints were told and what they read. What
@@ -181,7 +181,7 @@ impl Log {
     }
 
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        slf.py().import("btr._logs")?.call_method1("table", (slf,))
+        slf.py().import("btr.logs")?.call_method1("table", (slf,))
     }
 
     /// For pickles.

@@ -202,57 +202,18 @@ fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder)
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::family::{Candidate, Family, Knob, Law, Measured, Recorded, Rollout};
-    use crate::world::WorldError;
-
-    const ROWS: usize = 120;
-
-    /// A swing whose rate is known to an order of magnitude, which has a valley of its own at many of them.
-    struct Swing {
-        knobs: Vec<Knob>,
-        logs: Vec<Recorded>,
-    }
-
-    impl Family for Swing {
-        fn knobs(&self) -> &[Knob] {
-            &self.knobs
-        }
-
-        fn doubtful(&self) -> &[usize] {
-            &[0]
-        }
-
-        fn candidates(&self) -> &[Candidate] {
-            &[]
-        }
-
-        fn logs(&self) -> &[Recorded] {
-            &self.logs
-        }
-
-        fn residual(&self, Rollout { u, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
-            let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
-            Ok((0..ROWS).map(|row| swing(3.7, row) - swing(self.knobs[0].value(u[0]), row)).collect())
-        }
-    }
+    use crate::family::{Knob, Law};
+    use crate::fit::made::{Made, knob};
 
     #[test]
     fn what_may_be_of_any_magnitude_is_looked_for_at_several() {
-        let rate = Knob {
-            name: "rate".to_owned(),
-            unit: "rad/s".to_owned(),
-            origin: 1.0,
-            size: std::f64::consts::LN_2,
-            law: Law::Exponential,
-            bounds: (-6.0, 6.0),
-            spread: 3.0,
-            reach: 0.01,
-            amplitude: false,
-        };
-        let channel = Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..ROWS };
-        let log = Recorded { name: "log".to_owned(), held_out: false, channels: vec![channel], present: ROWS };
-        let swing = Swing { knobs: vec![rate], logs: vec![log] };
-        let found = fitted(&Bench::new(&swing), &|_, _, _| {}).unwrap();
+        // A swing whose rate is known to an order of magnitude has a valley of its own at many rates.
+        let rate = Knob { spread: 3.0, reach: 0.01, ..knob(Law::Exponential, 1.0, std::f64::consts::LN_2) };
+        let made = Made::new(vec![rate], 120, |values| {
+            let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
+            (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
+        });
+        let found = fitted(&Bench::new(&made), &|_, _, _| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

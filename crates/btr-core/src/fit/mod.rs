@@ -6,6 +6,8 @@ mod estimate;
 mod fitted;
 mod identifiable;
 pub(crate) mod judge;
+#[cfg(test)]
+pub(crate) mod made;
 mod nearest;
 mod settle;
 mod solve;

@@ -1,6 +1,6 @@
 //! The last part of a fit: to the middle of what its logs leave open.
 
-use super::bench::{Bench, Logs, corrected};
+use super::bench::{Bench, Logs, Residual, corrected};
 use super::solve::{Fit, cost};
 use crate::family::Knob;
 use nalgebra::{DMatrix, DVector};
@@ -55,15 +55,21 @@ impl Fit {
         let bend = self.bend(bench, jacobian, &straight, &pinned);
         let curved = bend.map(|bend| SHARES.map(|share| &straight * share + &bend * share.powi(2)));
         let steps = SHARES.map(|share| &straight * share).into_iter().chain(curved.into_iter().flatten());
-        let points: Vec<Vec<f64>> = steps.map(|step| self.point_along(knobs, &step)).collect();
+        let points = steps.map(|step| self.point_along(knobs, &step)).collect();
+        let best = self.elsewhere(bench, points).into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        best.filter(|best| best.cost < self.cost).map(|best| (best, promised))
+    }
+
+    /// The same fit at other points, without slopes; those that blow up are left out.
+    fn elsewhere(&self, bench: &Bench, points: Vec<Vec<f64>>) -> Vec<Fit> {
         let there = bench.residuals(&points, Logs::Learn);
-        let fits = points.into_iter().zip(there).filter_map(|(u, residual)| {
+        let fit = |(u, residual): (Vec<f64>, Option<Residual>)| {
             let residual = corrected(residual?, &self.step_error);
-            let cost = cost(knobs, &self.active, &u, &residual);
-            Some(Fit { u, residual, cost, jacobian: None, fresh: false, ..self.like() })
-        });
-        let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < self.cost);
-        best.map(|best| (best, promised))
+            let cost = cost(bench.family.knobs(), &self.active, &u, &residual);
+            let (active, step_error) = (self.active.clone(), self.step_error.clone());
+            Some(Fit { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+        };
+        points.into_iter().zip(there).filter_map(fit).collect()
     }
 
     /// By how much the local model's cost falls with a step.
@@ -77,9 +83,10 @@ impl Fit {
     /// Gauss and Newton's step where knobs that it would carry over a bound go as far as the bound, the one that would go
     /// farthest beyond first, and the others do what is best then; with those that do.
     fn bounded_step(&self, knobs: &[Knob], jacobian: &DMatrix<f64>) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
+        let gradient = self.gradient(knobs, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
-            let step = self.solved(knobs, jacobian, 0.0, &pinned, self.gradient(knobs, jacobian))?;
+            let step = self.solved(knobs, jacobian, 0.0, &pinned, gradient.clone())?;
             let beyond = |k: usize| {
                 let (knob, u) = (&knobs[self.active[k]], self.u[self.active[k]]);
                 let bound = if step[k] < 0.0 { knob.bounds.0 } else { knob.bounds.1 };
@@ -114,13 +121,6 @@ impl Fit {
         let bend = self.solved(knobs, jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
         (bend.norm() < BENT * step.norm()).then_some(bend)
     }
-
-    /// The same knobs and step error, with nothing known.
-    fn like(&self) -> Fit {
-        let (active, step_error) = (self.active.clone(), self.step_error.clone());
-        let (u, residual) = (Vec::new(), Vec::new());
-        Fit { active, u, residual, cost: f64::INFINITY, step_error, jacobian: None, fresh: false }
-    }
 }
 
 /// Weights of a second derivative from what is seen at two distances and here.
@@ -133,77 +133,36 @@ fn second_difference([near, far]: [f64; 2]) -> (f64, f64, f64) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::family::{Candidate, Family, Law, Measured, Recorded, Rollout, Step};
+    use crate::family::Law;
+    use crate::fit::made::{Made, knob};
     use crate::fit::{Effort, estimates};
-    use crate::world::WorldError;
 
     const ROWS: usize = 200;
+    /// What its mass, its gain and its friction are.
+    const TRUTH: [f64; 3] = [2.0, 36.0, 0.4];
 
     /// A servo with friction: what is measured follows from gain over mass and from friction over mass alone.
-    struct Servo {
-        knobs: Vec<Knob>,
-        logs: Vec<Recorded>,
-    }
-
-    impl Servo {
-        fn new() -> Self {
-            let knob = |name: &str, unit: &str, law, origin, size, spread| Knob {
-                name: name.to_owned(),
-                unit: unit.to_owned(),
-                origin,
-                size,
-                law,
-                bounds: if law == Law::Linear { (0.0, 30.0) } else { (-2.0, 2.0) },
-                spread,
-                reach: 0.05,
-                amplitude: law == Law::Linear,
-            };
-            let knobs = vec![
-                knob("mass", "kg", Law::Exponential, 2.0, 0.3, 1.0),
-                knob("kp", "N.m/rad", Law::Exponential, 30.0, 0.3, 1.0),
-                knob("friction", "N.m", Law::Linear, 0.0, 0.1, 33.0),
-            ];
-            let channel = Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..ROWS };
-            let log = Recorded { name: "log".to_owned(), held_out: false, channels: vec![channel], present: ROWS };
-            Servo { knobs, logs: vec![log] }
-        }
-
-        fn simulated(&self, u: &[f64], row: usize) -> f64 {
-            let [mass, kp, friction] = [0, 1, 2].map(|k| self.knobs[k].value(u[k]));
-            let t = row as f64 * 0.02;
-            100.0 * ((kp / mass).sqrt() * t).sin() - 300.0 * (friction / mass) * (1.3 * t).cos()
-        }
-    }
-
-    impl Family for Servo {
-        fn knobs(&self) -> &[Knob] {
-            &self.knobs
-        }
-
-        fn doubtful(&self) -> &[usize] {
-            &[0, 1, 2]
-        }
-
-        fn candidates(&self) -> &[Candidate] {
-            &[]
-        }
-
-        fn logs(&self) -> &[Recorded] {
-            &self.logs
-        }
-
-        fn residual(&self, Rollout { u, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
-            let truth = [0.0, self.knobs[1].coordinate(36.0), self.knobs[2].coordinate(0.4)];
+    fn servo() -> Made {
+        let of = |unit: &str, knob: Knob| Knob { unit: unit.to_owned(), ..knob };
+        let factor = |origin| Knob { bounds: (-2.0, 2.0), ..knob(Law::Exponential, origin, 0.3) };
+        let friction = knob(Law::Linear, 0.0, 0.1);
+        let friction = Knob { bounds: (0.0, 30.0), spread: 33.0, amplitude: true, ..friction };
+        let knobs = vec![of("kg", factor(2.0)), of("N.m/rad", factor(30.0)), of("N.m", friction)];
+        Made::new(knobs, ROWS, |values| {
             let noise = |row: usize| ((row * row) as f64 * 0.7).sin() * std::f64::consts::SQRT_2;
-            Ok((0..ROWS).map(|row| self.simulated(&truth, row) + noise(row) - self.simulated(u, row)).collect())
-        }
+            (0..ROWS).map(|row| swing(&TRUTH, row) + noise(row) - swing(values, row)).collect()
+        })
+    }
+
+    fn swing(values: &[f64], row: usize) -> f64 {
+        let ([mass, kp, friction], t) = ([values[0], values[1], values[2]], row as f64 * 0.02);
+        100.0 * ((kp / mass).sqrt() * t).sin() - 300.0 * (friction / mass) * (1.3 * t).cos()
     }
 
     /// A fit that has gone downhill from somewhere along the factor.
     fn downhill(bench: &Bench, factor: f64) -> Fit {
         let knobs = bench.family.knobs();
-        let values = [2.0 * factor, 36.0 * factor, 0.4 * factor];
-        let u = knobs.iter().zip(values).map(|(knob, value)| knob.coordinate(value)).collect();
+        let u = knobs.iter().zip(TRUTH).map(|(knob, value)| knob.coordinate(factor * value)).collect();
         let mut fit = Fit::at(bench, vec![0, 1, 2], u, &[]).unwrap();
         fit.solve(bench, Effort::FULL);
         fit
@@ -211,14 +170,14 @@ mod tests {
 
     #[test]
     fn a_common_factor_that_is_not_told_is_found_in_its_middle() {
-        let servo = Servo::new();
+        let servo = servo();
         let bench = Bench::new(&servo);
         let mut ends = Vec::new();
         for factor in [0.8, 1.0, 1.3] {
             let mut fit = downhill(&bench, factor);
             fit.settle(&bench);
             let estimates = estimates(&bench, &fit, 1.0, true);
-            for ((_, estimate), truth) in estimates.iter().zip([2.0, 36.0, 0.4]) {
+            for ((_, estimate), truth) in estimates.iter().zip(TRUTH) {
                 let [least, most] = estimate.ci95.unwrap();
                 assert!(least < truth && truth < most, "{factor}: {estimate:?}");
                 assert!(most > 1.2 * least, "a factor that nothing tells leaves more open: {estimate:?}");
@@ -234,7 +193,7 @@ mod tests {
 
     #[test]
     fn knobs_go_to_their_bounds_one_by_one_and_the_others_make_the_best_of_it() {
-        let mut servo = Servo::new();
+        let mut servo = servo();
         // The middle lies beyond this bound of the gain: mass and friction follow it there.
         servo.knobs[1].bounds.1 = servo.knobs[1].coordinate(31.0);
         let bench = Bench::new(&servo);

@@ -197,9 +197,10 @@ impl Fit {
     /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
     /// carry over it; a gradient alone does not tell, where knobs move together.
     fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
+        let gradient = self.gradient(knobs, jacobian);
         let mut held = vec![None; self.active.len()];
         loop {
-            let step = self.solved(knobs, jacobian, damping, &held, self.gradient(knobs, jacobian))?;
+            let step = self.solved(knobs, jacobian, damping, &held, gradient.clone())?;
             let leaves = |k: usize| {
                 let (u, (least, most)) = (self.u[self.active[k]], knobs[self.active[k]].bounds);
                 (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
@@ -260,20 +261,11 @@ pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f6
 mod tests {
     use super::*;
     use crate::family::Law;
+    use crate::fit::made::knob;
 
     #[test]
     fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
-        let knob = |most: f64| Knob {
-            name: String::new(),
-            unit: String::new(),
-            origin: 0.0,
-            size: 1.0,
-            law: Law::Linear,
-            bounds: (-9.0, most),
-            spread: 1e6,
-            reach: 0.1,
-            amplitude: false,
-        };
+        let knob = |most: f64| Knob { bounds: (-9.0, most), spread: 1e6, reach: 0.1, ..knob(Law::Linear, 0.0, 1.0) };
         // Both would lower the error by growing, but together only as the first makes room for the second.
         let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
         let residual = vec![-0.1, -6.4];

@@ -15,9 +15,12 @@ Python's lock; with laws that are functions (`Model.add_law`) it takes several p
 
 from btr import distance, executors, search
 from btr._btr import BtrError, Log, TestFailed, __version__
-from btr.coevolution import Controller, Iteration, coevolve
+from btr.coevolution import Iteration, coevolve
+from btr.controller import Controller
+from btr.logs import load_log
+from btr.model import Model, load_model
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
-from btr.verbs import Model, add, check, compare, diagnose, effects, fit, load_log, load_model
+from btr.verbs import add, check, compare, diagnose, effects, fit
 
 __all__ = [
     "BtrError",

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, Union
@@ -14,31 +13,11 @@ from btr import _btr, _warnings
 from btr._btr import BtrError, Log
 from btr._inputs import count, must_be_called
 from btr._tables import cell
+from btr.controller import Controller
 from btr.executors import ExecutorLike, hands_of
+from btr.logs import LogLike, is_columns, load_log
+from btr.model import Model, loaded
 from btr.results import CoevolveResult
-from btr.verbs import LogLike, Model, _is_columns, _loaded, load_log
-
-
-@dataclass(frozen=True)
-class Controller:
-    """What a robot is asked to do in one real test."""
-
-    number: int
-    """Counts the real tests of a run, from 0."""
-    iteration: int
-    """The iteration that asks, from 1."""
-    scenario: int
-    """The situation to try it in, from 0."""
-    parameters: dict[str, float]
-    """The controller's parameters by name, in the units of the experiment's `[drive]`; empty where the drive is fixed."""
-    references: Log
-    """The commands that it stands for: `cmd_<joint>` on the control clock, each held until the next."""
-    start: dict[str, float]
-    """Where each joint is when the test begins, at rest, in rad (m): simulations begin there, and so should the robot."""
-    base: list[float] | None
-    """Where a floating robot's base is then: x, y, z in m and its quaternion w, x, y, z; None for a robot on a fixed base."""
-    duration_s: float
-    """How long the test lasts, in s; the last reference may stand a little later."""
 
 
 Reality = Callable[[Controller], LogLike]
@@ -84,7 +63,7 @@ def coevolve(
     Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell`
     raised.
     """
-    model = _loaded(experiment)
+    model = loaded(experiment)
     must_be_called(_nobody if reality is None else reality, "reality is a function of a Controller that gives back a log")
     must_be_called(_nobody if tell is None else tell, "tell is a function that hears every iteration")
     folder = Path("runs") / model.name if out is None else Path(out)
@@ -104,7 +83,7 @@ def coevolve(
         parameters = dict(zip(names, values))
         controller = Controller(number, iteration, scenario, parameters, references, dict(start), base, duration_s)
         log = asked(controller)
-        return load_log(log, f"the log of real test {number}" if _is_columns(log) else None, model=model)
+        return load_log(log, f"the log of real test {number}" if is_columns(log) else None, model=model)
 
     def heard(iteration: str) -> None:
         if tell is not None:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from btr import _btr
 from btr._btr import Log
 from btr._inputs import floats, wrong
-from btr.verbs import LogLike, load_log
+from btr.logs import LogLike, load_log
 
 __all__ = ["dtw", "fitness", "information", "normalised_rmse", "rmse", "spectrum"]
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-    from btr.verbs import Model
+    from btr.model import Model
 
 
 class Result:

@@ -9,7 +9,7 @@ from btr import _btr
 from btr._btr import BtrError, Log
 
 if TYPE_CHECKING:
-    from btr.verbs import Model
+    from btr.model import Model
 
 # Other messages (pictures!) need not be copied from the bag.
 READ = {"JointState", "JointTrajectory", "Imu", "Float64MultiArray"}

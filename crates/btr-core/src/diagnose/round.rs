@@ -1,0 +1,149 @@
+//! A round: who of the effects that are not chosen yet explains most of what is left, and is to be believed.
+
+use super::beginning::from_beginnings;
+use super::judge::judge_rivals;
+use super::race::{Rival, last_chance, last_chance_of_the_best, race};
+use super::screen::{Start, screen};
+use super::state::State;
+use super::{Found, leaves_something};
+use crate::fit::judge::{NOISE, chi};
+use crate::fit::{Bench, Fit, Logs};
+
+/// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
+const MODEST: f64 = 0.5;
+
+/// The effects of so many of the best are tried in other places where none of them explains enough.
+const ELSEWHERE: usize = 3;
+
+/// Screens, races and judges; the winner if it is to be believed.
+pub(super) fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
+    let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
+    let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
+    let (mut rivals, mut starts) = from_beginnings(bench, state, &offered);
+    rivals = best_of_each(rivals);
+    if rivals.first().is_none_or(|leader| leaves_something(bench, state, &leader.fit)) {
+        let (others, screened) = from_the_whole(bench, state, &offered);
+        rivals = best_of_each(rivals.into_iter().chain(others).collect());
+        starts.extend(screened);
+    }
+    let leader = rivals.first()?;
+    if leader.fit.squares() > MODEST * state.fit.squares() {
+        beneath(bench, leader, state).into_iter().for_each(|beneath| state.follow(bench, beneath));
+    }
+    let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
+    if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
+        let mut bases = vec![beneath];
+        let starts = screen(bench, &mut bases, &again);
+        // Cheap steps may leave who makes do with fewer numbers far behind: the best of them is fitted whatever they say.
+        let simpler = again.iter().any(|&candidate| is_simpler_kin(bench, leader.candidate, candidate));
+        let others = race(bench, &bases, &starts, (!simpler).then_some(&leader.fit));
+        rivals = best_of_each(rivals.into_iter().chain(others).collect());
+    }
+    if bench.family.has_contact() {
+        let rivals = on_the_ground(bench, state, rivals, &offered);
+        return judge_rivals(bench, state, rivals);
+    }
+    let judged = judge_rivals(bench, state, rivals.clone());
+    if judged.is_some() || !leaves_much(bench, &rivals) {
+        return judged;
+    }
+    let others = not_fitted(&rivals, &offered);
+    let late = last_chance(bench, &state.fit, &others, &rivals[0].fit);
+    state.rounds.pop();
+    judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
+}
+
+/// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and
+/// then what the best leave may be because they sit elsewhere.
+fn on_the_ground(bench: &Bench, state: &State, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
+    let candidates = bench.family.candidates();
+    if let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) {
+        let base = unbiased(bench, state);
+        let late = last_chance_of_the_best(bench, &base, &not_fitted(&rivals, offered), &leader.fit);
+        rivals = best_of_each(rivals.into_iter().chain(late).collect());
+    }
+    let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) else { return rivals };
+    let same = |candidate: &usize| {
+        let named = |rival: &Rival| candidates[rival.candidate].effect == candidates[*candidate].effect;
+        rivals.iter().take(ELSEWHERE).any(named)
+    };
+    let elsewhere: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
+    let base = beneath(bench, leader, state).unwrap_or_else(|| state.fit.clone());
+    let late = last_chance(bench, &base, &elsewhere, &leader.fit);
+    best_of_each(rivals.into_iter().chain(late).collect())
+}
+
+/// The parameters in doubt as they were given, as long as nothing is found: what is missing may have led them astray.
+fn unbiased(bench: &Bench, state: &State) -> Fit {
+    let origin = || vec![0.0; state.fit.u.len()];
+    let given =
+        state.chosen.is_empty().then(|| Fit::at(bench, state.fit.active.clone(), origin(), &state.fit.step_error));
+    given.flatten().unwrap_or_else(|| state.fit.clone())
+}
+
+fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
+    let fitted = |candidate: &&usize| rivals.iter().any(|rival| rival.candidate == **candidate);
+    offered.iter().filter(|candidate| !fitted(candidate)).copied().collect()
+}
+
+/// Whether even the leader leaves more than noise.
+fn leaves_much(bench: &Bench, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(Logs::Learn)) > NOISE)
+}
+
+/// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
+fn from_the_whole(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival>, Vec<Start>) {
+    let mut bases = vec![state.fit.clone()];
+    if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
+        let origin = vec![0.0; state.fit.u.len()];
+        bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+    }
+    let starts = screen(bench, &mut bases, offered);
+    (race(bench, &bases, &starts, None), starts)
+}
+
+/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so
+/// that nothing is called certain which its like explains as well, and its kin that makes do with fewer numbers, which
+/// may only have failed to get there; and whoever was screened, if the leader leaves something to explain.
+fn worth_another_look(
+    bench: &Bench,
+    leader: &Rival,
+    rivals: &[Rival],
+    starts: &[Start],
+    offered: &[usize],
+) -> Vec<usize> {
+    let kin = |candidate: &usize| {
+        let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
+        let is_kin = bench.family.candidates()[leader.candidate].kin.contains(candidate);
+        (is_kin && !fitted) || is_simpler_kin(bench, leader.candidate, *candidate)
+    };
+    let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
+    let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
+    offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
+}
+
+/// Whether a candidate looks like another one and makes do with fewer numbers.
+fn is_simpler_kin(bench: &Bench, of: usize, candidate: usize) -> bool {
+    let candidates = bench.family.candidates();
+    candidates[of].kin.contains(&candidate) && candidates[candidate].knobs().count() < candidates[of].knobs().count()
+}
+
+/// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
+/// parameters in doubt have done to make up for it.
+fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Fit> {
+    let mut u = leader.fit.u.clone();
+    bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
+    Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
+}
+
+/// The best fit of each candidate, best first.
+fn best_of_each(mut rivals: Vec<Rival>) -> Vec<Rival> {
+    rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
+    let mut seen = Vec::new();
+    rivals.retain(|rival| {
+        let first = !seen.contains(&rival.candidate);
+        seen.push(rival.candidate);
+        first
+    });
+    rivals
+}

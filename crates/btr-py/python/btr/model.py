@@ -1,0 +1,232 @@
+"""Models: a robot, its actuators, what is in doubt, and what can be done with them alone."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from btr import _btr
+from btr import _laws as own
+from btr._btr import Log
+from btr._inputs import count, floats
+from btr._laws import Law, Number
+from btr._points import Points, rollouts_in, rows_of, table_of
+from btr.controller import Controller
+from btr.logs import LogLike, given
+
+
+class Model:
+    """A robot's model: the text of a model file, and where relative paths in it begin."""
+
+    def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
+        """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the
+        text names: `law = "python:slip"` needs `{"slip": slip}`."""
+        functions = own.by_text(laws or {})
+        self._laws = dict(laws or {})
+        self._model = _btr.Model(text, Path(path), functions)
+        own.must_fit(self._laws, self._model.laws)
+
+    @property
+    def text(self) -> str:
+        """The text of the model file, TOML."""
+        return self._model.text
+
+    @property
+    def path(self) -> Path:
+        """Where it stands, or would stand."""
+        return Path(self._model.path)
+
+    @property
+    def laws(self) -> dict[str, Law]:
+        """The functions that the text names."""
+        return dict(self._laws)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self._model.name
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints that can move, in order."""
+        return self._model.joints
+
+    def simulate(self, log: LogLike | Controller | None = None, *, seed: int | None = None) -> Log:
+        """One rollout: of the model's own drive, or told what `log` says the robot was told. Sampled on the model's clock
+        from 0 s on, a row per `sample_every` steps of its `[simulation]`, not at the log's stamps. With noise of the model's
+        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up
+        or the log does not fit the model.
+
+        It begins where the log's first positions are, and where the model's robot stands if it has none. Commands alone do not
+        say where the loop begins (its drive may put a robot down elsewhere) nor when it ends: a `btr.Controller` of `coevolve`
+        does, and what is simulated of it is what the loop simulates."""
+        seed = None if seed is None else count(seed, "seed")
+        told, begins = _told(log, self)
+        return self._model.simulate(told, seed, begins)
+
+    @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """The numbers in doubt, S: each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or
+        `log`) and `nominal` value."""
+        space: list[dict[str, Any]] = json.loads(self._model.spaces[0])
+        return space
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The nominal values of the numbers in doubt, by name; the middle of the bounds (the geometric one on a `log` scale)
+        where there is none."""
+        return dict(zip((dim["name"] for dim in self.parameters), self._model.nominal[0]))
+
+    def at(self, values: Mapping[str, float] | ArrayLike) -> Model:
+        """The model with other nominal values of the numbers in doubt: by name, as `FitResult.values` has them, or all of
+        them in an array of shape (len(self.parameters),). Raises `BtrError` for a name that is none of them and for a value
+        outside its bounds, `ValueError` for another shape."""
+        if isinstance(values, Mapping):
+            places = self._model.places(False, list(values), "parameters")
+            numbers = [float(floats(value, f"{name} is a number")) for name, value in values.items()]
+            return self._with_text(self._model.at(list(zip(places, numbers))))
+        point = floats(values, "values are numbers by name, or an array of them")
+        if point.shape != (len(self.parameters),):
+            raise ValueError(f"a point has shape {point.shape} where ({len(self.parameters)},) is needed")
+        return self._with_text(self._model.at(list(enumerate(point.tolist()))))
+
+    @property
+    def controllers(self) -> list[dict[str, Any]]:
+        """The numbers of the drive that are searched, C, as `parameters` are told; empty where it is fixed."""
+        space: list[dict[str, Any]] = json.loads(self._model.spaces[1])
+        return space
+
+    def simulate_all(
+        self,
+        parameters: Points | None = None,
+        controllers: Points | None = None,
+        *,
+        log: LogLike | Controller | None = None,
+    ) -> list[Log | None]:
+        """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in
+        their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; or only some of either by name, as
+        arrays of shape (rollouts,) or single numbers (`{"mass@bob": [0.5, 1.0, 2.0]}`, or a frame with such columns). What is
+        left out has its nominal values. Driven and sampled as `simulate` does, without noise. None stands for a simulation
+        that blew up. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
+        shapes."""
+        s, c = table_of(parameters), table_of(controllers)
+        rollouts = max(rollouts_in(s), rollouts_in(c))
+        if rollouts == 0:
+            raise ValueError("simulate_all needs parameters, controllers, or both: a row for every rollout, or columns by name")
+        if log is not None and c is not None:
+            raise ValueError("a log says what joints are told: controllers have no say then")
+        rows_s, rows_c = rows_of(s, self._model, "parameters", rollouts), rows_of(c, self._model, "controllers", rollouts)
+        return self._model.simulate_all(rows_s, rows_c, *_told(log, self))
+
+    def add(self, *effects: str) -> Model:
+        """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
+        same numbers) in it, free to fit. Raises `BtrError` for an effect or a site that is not there."""
+        return self._with_text(self._model.add(list(effects)))
+
+    def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
+        """The model with a physical effect of your own at the joints `site`. On their `torque` a law adds: what it gives (in
+        N·m or N) acts beside the motor's. On the `command` that reaches the servo, or on the `reading` that servo and log have
+        of the position (both in rad or m), it replaces: what it gives is the new one. `"cmd + a*dq"` changes a command and
+        `"q + a*dq"` a reading, where `"a*dq"` alone would forget them.
+
+            model.add_law("-a*tanh(dq/b)", site="elbow", a=(0.0, 2.0), b=0.1)
+
+        `law` is an expression, which the command line understands as well (`btr effects formula` lists what it may say), or a
+        function `law(q, dq, ddq, cmd, tau, t, **parameters)` of position, velocity, acceleration (of the last step), command,
+        motor torque (of the last step) and time, all SI. Parameters are numbers, or bounds `(least, most)` between which a
+        fit looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
+
+        A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them
+        on one core, unless `executor=` of a verb hands the work to several processes. 4 s of a desk arm in steps of 1 ms take
+        8 ms, and 2.7 ms with the expression. Its answer may depend on nothing but its arguments: it is asked more than once in
+        a step, for velocities nearby too, and on a thread of its own. What it raises ends the verb and arrives; an answer that
+        is not finite is a `BtrError`. It stays in memory once it was used. The text has its name only: whoever reads a saved
+        file gives the function along (`load_model(..., laws=...)`), and pickles hold it as they hold functions, with
+        cloudpickle's help where it has no module.
+
+        Raises `BtrError` for a law or a joint that makes no sense and for names that are taken, `TypeError` for wrong kinds
+        and for a function that does not take the parameters."""
+        numbers, laws = own.numbers(parameters), self._laws
+        if isinstance(law, str):
+            text = law
+        elif callable(law):
+            own.must_take(law, parameters)
+            name = own.name_of(law, laws)
+            text, laws = own.in_text(name), {**laws, name: law}
+        else:
+            raise TypeError(f"a law is an expression or a function, not {type(law).__name__}")
+        return Model(self._model.with_law(text, site, on, numbers), self.path, laws)
+
+    def _with_text(self, text: str) -> Model:
+        """A model of another text that stands at the same place and has the same functions."""
+        return Model(text, self.path, self._laws)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where
+        its name does not end in `.toml`, so that no log is written over, or it cannot be written."""
+        if Path(path).suffix != ".toml":
+            raise _btr.BtrError(f"{path}: the name of a model ends in .toml")
+        self._model.save(Path(path))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and ((self.text, self.path, self._laws) == (other.text, other.path, other._laws))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __copy__(self) -> Model:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Model:
+        # Models never change.
+        return self
+
+    def __reduce__(self) -> tuple[type[Model], tuple[Any, ...]]:
+        return Model, (self.text, self.path, own.for_pickles(self._laws))
+
+    def __repr__(self) -> str:
+        return f"<Model {self.path}: {', '.join(self.joints)}>"
+
+
+def _told(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | None, _btr._Begins | None]:
+    """What joints are told, and where they begin if it is not the log that says so."""
+    if isinstance(log, Controller):
+        return log.references, (list(log.start.items()), log.base, log.duration_s)
+    return None if log is None else given(log, model), None
+
+
+def load_model(
+    path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None, *, laws: Mapping[str, Law] | None = None
+) -> Model:
+    """The model of a file; `settings` change values of it by their dotted keys (`{"simulation.duration_s": 2.0}`), as `--set`
+    does; `laws` are the functions that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no
+    sense, `TypeError` for a function that does not take the parameters that it has there."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"a model is the path of a file, not {path!r}")
+    if settings is not None and not isinstance(settings, Mapping):
+        raise TypeError(f'settings are values by dotted keys, {{"simulation.duration_s": 2.0}}, not {settings!r}')
+    texts = [f"{key}={_toml(value)}" for key, value in (settings or {}).items()]
+    model = _btr.Model.read(Path(path), texts, own.by_text(laws or {}))
+    return Model(model.text, path, laws)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, (tuple, np.ndarray, np.generic)):
+        value = np.asarray(value).tolist()
+    if not isinstance(value, (bool, str, int, float, list, dict)):
+        raise TypeError(f"a setting is a number, a text, a list or a table, not {value!r}")
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(inner)}" for key, inner in value.items()) + "}"
+    return json.dumps(value)
+
+
+def loaded(model: Model | str | os.PathLike[str]) -> Model:
+    """A model, or that of a file."""
+    if isinstance(model, (Model, str, os.PathLike)):
+        return model if isinstance(model, Model) else load_model(model)
+    raise TypeError(f"a model is a Model or the path of its file, not {model!r}")
