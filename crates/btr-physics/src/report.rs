@@ -5,7 +5,7 @@ use crate::doubts::{TestDoubt, doubts};
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::reality::Revealed;
-use btr_core::coevolve::{Augmentation, Coevolution, Entry, Generation, Iteration, StopReason};
+use btr_core::coevolve::{Augmentation, Coevolution, Entry, Gap, Generation, Iteration, StopReason};
 use btr_core::log::{Log, Role};
 use btr_core::world::{Simulator, WorldError};
 use indexmap::IndexMap;
@@ -34,6 +34,8 @@ pub struct Report {
     pub augmentations: Vec<Augmentation>,
     /// Real tests spent, failed ones included.
     pub real_tests: usize,
+    /// Real fitness less what was promised, over the real tests.
+    pub reality_gap: Option<Gap>,
     /// Simulated behaviours.
     pub simulated_evaluations: u64,
     /// Those that blew up.
@@ -148,6 +150,7 @@ pub fn report(
         disengaged: state.disengaged(),
         diagnosis,
         augmentations: state.history().augmentations.clone(),
+        reality_gap: Gap::of(state.ledger()),
         real_tests: state.ledger().spent(),
         simulated_evaluations: state.cost().evaluations,
         failed_evaluations: state.cost().failures,

@@ -2,6 +2,7 @@
 
 use btr_core::noise;
 use btr_core::random::Rng;
+use indexmap::IndexMap;
 use rand::RngExt;
 
 /// Standard deviations of the sensors' noise, by kind; all zero by default.
@@ -28,6 +29,12 @@ impl Noise {
     /// themselves show. `None` for channels with too few readings to tell.
     pub fn floor(&self, channel: &str, readings: &[f64]) -> Option<f64> {
         self.stated(channel).or_else(|| noise::Noise::of(readings).map(|estimate| estimate.floor()))
+    }
+
+    /// What the model says of its sensors, by the pattern of their channels' names.
+    pub fn by_channel(&self) -> IndexMap<String, f64> {
+        let kinds = ["q_", "dq_", "tau_", "imu_gyro_", "imu_acc_", "foot_"];
+        kinds.iter().filter_map(|kind| Some((format!("{kind}*"), self.stated(kind)?))).collect()
     }
 
     /// Whether nobody knows that floor: the model does not say, and the readings show no noise.

@@ -2,7 +2,8 @@
 //!
 //! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was
 //! set for it, and the simulation keeps mispredicting fresh transfers. The ranks and the pressures stand beside it as
-//! evidence for the reader.
+//! evidence for the reader. With a posterior it is asked for directly: no simulation of S explains the tests to the noise,
+//! from whatever start, even where everything that is unpredictable counts as noise.
 
 use super::history::Iteration;
 use super::plan::DisengagementRule;
@@ -31,6 +32,9 @@ pub struct Evidence {
 /// nothing left to learn: that it fell no further tells nothing.
 pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi_goal: Option<f64>) -> bool {
     let lately = &iterations[iterations.len().saturating_sub(rule.patience)..];
+    if iterations.last().is_some_and(|it| it.posterior.is_some()) {
+        return lately.len() >= rule.patience && lately.iter().all(unexplained);
+    }
     let at_goal = |it: &Iteration| it.phi.zip(phi_goal).is_some_and(|(phi, goal)| phi <= goal);
     if lately.iter().any(at_goal) {
         return false;
@@ -47,6 +51,12 @@ pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi
     stalled && disagrees && mispredicts
 }
 
+/// Whether an estimate from several starts does not explain its tests, with all that is unpredictable taken for noise. Tests
+/// are then chosen for what they tell, so that there are fresh ones among those of each iteration.
+fn unexplained(iteration: &Iteration) -> bool {
+    iteration.posterior.as_ref().is_some_and(|estimate| !estimate.explained)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -57,11 +67,13 @@ mod tests {
         Iteration {
             i: 0,
             fitness_sim: None,
+            fitness_ci95: None,
             fitness_real: None,
             best_real: None,
             phi_predicted: None,
             phi: Some(phi),
             parameters: indexmap::IndexMap::new(),
+            posterior: None,
             controller: Vec::new(),
             real_tests: 0,
             simulated_evaluations: 0,

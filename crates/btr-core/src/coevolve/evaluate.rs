@@ -26,15 +26,62 @@ impl Cost {
 
 /// The mean fitness of each controller over all scenarios of a simulation; −∞ where one of them failed.
 pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit], cost: &mut Cost) -> Vec<f64> {
-    let scenarios = simulator.scenarios();
+    fitness_in(simulator, std::slice::from_ref(&s.to_vec()), controllers, cost).concat()
+}
+
+/// The same in each of some simulations: a row per controller.
+pub(super) fn fitness_in(
+    simulator: &dyn Simulator,
+    simulations: &[Vec<f64>],
+    controllers: &[Unit],
+    cost: &mut Cost,
+) -> Vec<Vec<f64>> {
+    let (scenarios, per_controller) = (simulator.scenarios(), simulations.len() * simulator.scenarios());
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
-    let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
-    let jobs: Vec<Job> = (0..points.len() * scenarios).map(job).collect();
+    let job = |k: usize| {
+        let within = k % per_controller;
+        Job { s: &simulations[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
+    };
+    let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
     let made = make_all(simulator, &jobs, &vec![Wanted::Fitness; jobs.len()]);
     let of = |made| if let Made::Fitness(fitness) = made { fitness } else { f64::NAN };
     let results: Vec<Result<f64, WorldError>> = made.into_iter().map(|made| made.map(of)).collect();
     cost.count(&results);
-    results.chunks(scenarios).map(mean_fitness).collect()
+    let row = |row: &[Result<f64, WorldError>]| row.chunks(scenarios).map(mean_fitness).collect();
+    results.chunks(per_controller).map(row).collect()
+}
+
+/// A quantile of each controller's fitness over some simulations; −∞ where simulations that failed reach up to it.
+pub(super) fn fitness_over(
+    simulator: &dyn Simulator,
+    (simulations, quantile): (&[Vec<f64>], f64),
+    controllers: &[Unit],
+    cost: &mut Cost,
+) -> Vec<f64> {
+    fitness_in(simulator, simulations, controllers, cost).into_iter().map(|row| quantile_of(row, quantile)).collect()
+}
+
+/// Between the two values next to it where it lies between them.
+fn quantile_of(mut values: Vec<f64>, quantile: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let place = quantile * (values.len() - 1) as f64;
+    let (below, above) = (values[place.floor() as usize], values[place.ceil() as usize]);
+    if below.is_finite() { below + (place - place.floor()) * (above - below) } else { f64::NEG_INFINITY }
+}
+
+/// What an ensemble of simulations does with one controller in one scenario; `None` where one failed.
+pub(super) fn behaviours(
+    simulator: &dyn Simulator,
+    simulations: &[Vec<f64>],
+    (controller, scenario): (&Unit, usize),
+    cost: &mut Cost,
+) -> Vec<Option<Behaviour>> {
+    let c = simulator.controllers().from_unit(controller);
+    let jobs: Vec<Job> = simulations.iter().map(|s| Job { s, c: &c, scenario }).collect();
+    let made = make_all(simulator, &jobs, &vec![Wanted::Behaviour; jobs.len()]);
+    cost.count(&made);
+    let behaviour = |made| if let Ok(Made::Behaviour(behaviour)) = made { Some(behaviour) } else { None };
+    made.into_iter().map(behaviour).collect()
 }
 
 /// Runs all jobs, those of each scenario side by side, and makes what is wanted of each, in their order.

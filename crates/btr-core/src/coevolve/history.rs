@@ -1,6 +1,7 @@
 //! What happened: one record per generation, one per iteration, and why the run stopped.
 
 use super::disengage::Evidence;
+use super::posterior::{Belief, OpenDirection};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +54,22 @@ impl Generation {
     }
 }
 
+/// What the real tests say of S.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Whether simulations explain the tests to the noise. Where they do not, S lacks something, or the estimate has not
+    /// found its place in it.
+    pub explained: bool,
+    /// How much of what the tests read no simulation of the posterior can foretell, in multiples of the noise: chaos, mostly.
+    pub unpredictable: f64,
+    /// Each parameter by name.
+    pub parameters: IndexMap<String, Belief>,
+    /// Parameters that the tests do not tell to the plan's resolution.
+    pub not_told: Vec<String>,
+    /// Combinations of parameters that the tests hardly tell at all.
+    pub open_directions: Vec<OpenDirection>,
+}
+
 /// One turn of steps 1 to 3.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Iteration {
@@ -60,6 +77,8 @@ pub struct Iteration {
     pub i: usize,
     /// What the simulation of that time promised for the controller c_i.
     pub fitness_sim: Option<f64>,
+    /// 95 % prediction interval of that over what the posterior left open; `None` without a posterior.
+    pub fitness_ci95: Option<[f64; 2]>,
     /// What c_i did in reality.
     pub fitness_real: Option<f64>,
     /// The best real fitness so far, of any controller.
@@ -70,6 +89,8 @@ pub struct Iteration {
     pub phi: Option<f64>,
     /// s_i by name, in the units of S.
     pub parameters: IndexMap<String, f64>,
+    /// What the real tests say of S; `None` where the plan asks for no posterior.
+    pub posterior: Option<Estimate>,
     /// c_i in the units of C.
     pub controller: Vec<f64>,
     /// Real tests spent so far.

@@ -27,6 +27,8 @@ pub struct Entry {
     pub trial: Trial,
     /// What f the simulation of that time had promised; `None` where there was no simulation.
     pub promised: Option<f64>,
+    /// 95 % prediction interval of that, over what the posterior left open then; `None` without a posterior.
+    pub promised_ci95: Option<[f64; 2]>,
     /// What came of it.
     pub verdict: Verdict,
     /// The behaviour itself. Not part of a checkpoint: reality keeps its logs and is asked for them again.
@@ -75,7 +77,7 @@ impl Ledger {
     pub(super) fn carry_out(
         &mut self,
         trial: Trial,
-        promised: Option<f64>,
+        (promised, promised_ci95): (Option<f64>, Option<[f64; 2]>),
         reality: &mut dyn Reality,
     ) -> Result<(), String> {
         let (verdict, behaviour) = match reality.test(&trial) {
@@ -83,7 +85,7 @@ impl Ledger {
             Outcome::Failed { why } => (Verdict::Failed { why }, None),
             Outcome::Pending { what } => return Err(what),
         };
-        self.entries.push(Entry { trial, promised, verdict, behaviour });
+        self.entries.push(Entry { trial, promised, promised_ci95, verdict, behaviour });
         Ok(())
     }
 

@@ -64,6 +64,11 @@ pub enum Rule {
     Neighbourhood,
     /// The fittest, and those on which rival simulations disagree most (Klaus, Glette and Tørresen).
     Disagreement,
+    /// Needs `[coevolve.posterior]`. As long as some parameter is not told to its `resolution`, or simulations do not explain
+    /// the tests, the one of `candidates` controllers (the fittest of the search, and others drawn from C that are no worse
+    /// than half of those) from which most is to be learnt: the expected gain of information about S (D. V. Lindley, 1956),
+    /// where motion that nobody can foretell counts for nothing. Then the fittest.
+    Informative,
 }
 
 /// How many controllers are tried, and by which rule.
@@ -82,13 +87,61 @@ pub struct Transfer {
     pub mutation: f64,
     /// How many rival simulations the disagreement rule asks.
     pub rivals: usize,
-    /// How many of the fittest controllers the disagreement rule considers.
+    /// How many controllers the disagreement rule and the informative rule consider.
     pub candidates: usize,
 }
 
 impl Default for Transfer {
     fn default() -> Self {
         Transfer { rule: Rule::Fittest, share: 0.6, count: None, mutation: 0.02, rivals: 6, candidates: 20 }
+    }
+}
+
+/// Step 3 as estimation: a posterior over S instead of one best simulation, and controllers that are judged by what it leaves
+/// open. The distance must be `whitened`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PosteriorPhase {
+    /// Simulations per real test in each turn; at least twice the dimensions of S, and eight, are taken.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub members: usize,
+    /// Turns at most until the estimate comes to rest.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub turns: usize,
+    /// Further starts where an estimate does not explain the tests.
+    pub restarts: usize,
+    /// A parameter counts as told when half its 95 % interval is at most this share of its bounds' width.
+    #[serde(deserialize_with = "settings::positive")]
+    pub resolution: f64,
+    /// Simulations drawn from the posterior in which each controller of the search is tried.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub samples: usize,
+    /// What counts of a controller's fitness over those: this quantile, between the worst (0) and the best (1).
+    #[serde(deserialize_with = "settings::probability")]
+    pub quantile: f64,
+    /// Controllers are tried in simulations at least this far apart, as a share of the bounds' width (one standard
+    /// deviation): S is never all that is in doubt.
+    pub least_doubt: f64,
+}
+
+impl Default for PosteriorPhase {
+    fn default() -> Self {
+        PosteriorPhase {
+            members: 64,
+            turns: 20,
+            restarts: 2,
+            resolution: 0.05,
+            samples: 6,
+            quantile: 0.25,
+            least_doubt: 0.005,
+        }
+    }
+}
+
+impl PosteriorPhase {
+    /// Members of an ensemble in so many dimensions.
+    pub(super) fn members(&self, dims: usize) -> usize {
+        self.members.max(2 * dims).max(dims + 8)
     }
 }
 
@@ -152,6 +205,9 @@ pub struct Plan {
     /// Step 3. Needed where there are simulations to search.
     #[serde(default)]
     pub simulators: Option<SearchPhase>,
+    /// Step 3 as estimation, in place of a search for simulators.
+    #[serde(default)]
+    pub posterior: Option<PosteriorPhase>,
     /// Which older transfers keep counting.
     #[serde(default)]
     pub memory: Memory,

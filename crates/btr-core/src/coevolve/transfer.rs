@@ -57,7 +57,8 @@ impl Choice<'_> {
     /// The controllers to try, c_i first; at most `m`.
     pub(super) fn choose(mut self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Vec<Scored> {
         match self.plan.transfer.rule {
-            Rule::Fittest => {
+            // The informative rule asks for more than simulations: see `instructive`.
+            Rule::Fittest | Rule::Informative => {
                 self.candidates.truncate(m);
                 self.candidates
             }

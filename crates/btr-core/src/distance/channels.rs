@@ -36,7 +36,7 @@ impl Channels {
                 Role::Command => Cow::Owned(hold(sim.clock_s(), other, real.clock_s())),
                 _ => Cow::Owned(interpolate(sim.clock_s(), other, real.clock_s())),
             };
-            Some(Pair { unit: &channel.unit, role: channel.role, real: &channel.values, sim })
+            Some(Pair { name, unit: &channel.unit, role: channel.role, real: &channel.values, sim })
         })
     }
 
@@ -69,6 +69,7 @@ impl Channels {
 
 /// One channel of both logs on the same clock.
 pub(super) struct Pair<'a> {
+    pub(super) name: &'a str,
     unit: &'a str,
     pub(super) role: Role,
     pub(super) real: &'a [f64],
@@ -129,7 +130,8 @@ pub(super) fn root_mean_square(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-fn matches(pattern: &str, name: &str) -> bool {
+/// Whether a name fits a pattern, in which `*` stands for any characters once.
+pub(super) fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
         Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),

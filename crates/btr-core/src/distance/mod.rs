@@ -15,6 +15,7 @@ mod laws;
 mod rmse;
 mod spec;
 mod spectrum;
+mod whitened;
 
 pub(crate) use fft::peak_rate;
 
@@ -26,6 +27,7 @@ pub use information::{Information, InformationDistance, information_distance};
 pub use rmse::{Rmse, rmse};
 pub use spec::{DISTANCES, DistanceSpec};
 pub use spectrum::{Spectrum, spectral_difference};
+pub use whitened::Whitened;
 
 use crate::search::Residuals;
 use crate::world::Behaviour;
@@ -39,6 +41,11 @@ pub trait Distance: Send + Sync {
     /// The same as a sum of squares, where it is one.
     fn as_squares(&self) -> Option<&dyn SumOfSquares> {
         None
+    }
+    /// Whether it counts errors in multiples of the sensors' noise: chi-squared per sample is then its square, and what it
+    /// says of a simulation is a likelihood.
+    fn whitens(&self) -> bool {
+        false
     }
 }
 

@@ -1,6 +1,7 @@
 //! The distances by name, as experiment files choose them.
 
-use super::{Channels, Distance, Dtw, Fitness, Information, NormalisedRmse, Rmse, Spectrum};
+use super::{Channels, Distance, Dtw, Fitness, Information, NormalisedRmse, Rmse, Spectrum, Whitened};
+use indexmap::IndexMap;
 use serde::de::value::{MapAccessDeserializer, MapDeserializer};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -13,6 +14,7 @@ pub const DISTANCES: &[(&str, &str)] = &[
     ("normalised_rmse", "mean of 1 - fit/100 over the channels, as system identification reports it"),
     ("spectrum", "difference of amplitude spectra: blind to phase"),
     ("dtw", "root mean square error after warping time a little: forgives lag and haste"),
+    ("whitened", "root mean square error in multiples of each sensor's noise: 1 is all that a simulation can reach"),
 ];
 
 /// A distance and its settings: a plain name (`"rmse"`), or a table (`{ name = "information", bins = 16, channels =
@@ -35,6 +37,8 @@ pub enum DistanceSpec {
     Spectrum(Spectrum),
     /// Dynamic time warping.
     Dtw(Dtw),
+    /// Errors in multiples of the noise.
+    Whitened(Whitened),
 }
 
 impl DistanceSpec {
@@ -47,6 +51,16 @@ impl DistanceSpec {
             DistanceSpec::NormalisedRmse(distance) => Box::new(distance),
             DistanceSpec::Spectrum(distance) => Box::new(distance),
             DistanceSpec::Dtw(distance) => Box::new(distance),
+            DistanceSpec::Whitened(distance) => Box::new(distance),
+        }
+    }
+
+    /// Tells it the sensors' noise by channel pattern, where it does not know better already.
+    pub fn with_noise(&mut self, stated: &IndexMap<String, f64>) {
+        if let DistanceSpec::Whitened(distance) = self {
+            for (pattern, sigma) in stated {
+                distance.noise.entry(pattern.clone()).or_insert(*sigma);
+            }
         }
     }
 
@@ -64,6 +78,7 @@ impl DistanceSpec {
             DistanceSpec::NormalisedRmse(distance) => Some(&distance.channels),
             DistanceSpec::Spectrum(distance) => Some(&distance.channels),
             DistanceSpec::Dtw(distance) => Some(&distance.channels),
+            DistanceSpec::Whitened(distance) => Some(&distance.channels),
         }
     }
 }

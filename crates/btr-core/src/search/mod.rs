@@ -18,6 +18,7 @@ mod sample;
 pub mod spec;
 
 pub use least_squares::{LeastSquares, Linear, Residuals};
+pub(crate) use sample::{normal, uniform};
 pub use spec::{AnySearch, SEARCHES, SearchSpec};
 
 use crate::random::Rng;

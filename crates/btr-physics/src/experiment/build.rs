@@ -78,7 +78,9 @@ impl Experiment {
             Some(robot) => Box::new(Called::new(robot.clone(), model.clone(), builder.store(&model, folder))),
             None => builder.reality(&section, &model, &recorded, seed, folder)?,
         };
-        let (name, distances) = (file.name.clone(), file.distances.clone());
+        let stated = model.setup.noise.by_channel();
+        let (name, mut plan, mut distances) = (file.name.clone(), plan, file.distances.clone());
+        std::iter::once(&mut plan.distance).chain(&mut distances).for_each(|distance| distance.with_noise(&stated));
         Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, way, source, robot })
     }
 
@@ -223,9 +225,12 @@ fn remedy(error: &PlanError) -> String {
             "controllers = { generations = 10, search = { algorithm = \"ga\", population = 20 } }; or set them in [drive]"
         }
         PlanError::NoSimulatorSearch(_) => {
-            "simulators = { generations = 20, search = { algorithm = \"cma_es\", population = 12 } }; or empty [parameters]"
+            "simulators = { generations = 20, search = { algorithm = \"cma_es\", population = 12 } }, or posterior = {}; or empty \
+             [parameters]"
         }
         PlanError::NothingToControl => "give [drive] a search, or take method = \"back_to_reality\"",
+        PlanError::NoLikelihood => "distance = \"whitened\", and the sensors' noise under [noise]",
+        PlanError::NoPosterior => "add [coevolve.posterior], or take rule = \"disagreement\"",
         PlanError::NoIterations => "iterations = 10",
     }
     .to_owned()

@@ -3,7 +3,7 @@
 use super::{Coevolution, On, Phase, Step, Stream, best_index, stream, uniform};
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
-use crate::coevolve::plan::Method;
+use crate::coevolve::plan::{Method, Rule};
 use crate::coevolve::transfer::{self, Choice, Scored};
 use crate::search::{AnySearch, Search, Unit};
 
@@ -41,7 +41,7 @@ impl Coevolution {
             let rivals = self.rivals(on);
             return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
         }
-        let fitness = evaluate::fitness(on.simulator, &self.state.simulation, units, &mut self.state.cost);
+        let fitness = self.doubted_fitness(on, units);
         fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect()
     }
 
@@ -56,18 +56,7 @@ impl Coevolution {
             .transfers(on.simulator.controllers().len())
             .min(self.tests_left().div_ceil(on.simulator.scenarios()));
         let candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
-        let rivals = self.rivals(on);
-        let choice = Choice {
-            plan: &self.plan,
-            simulator: on.simulator,
-            distance: on.distance,
-            simulation: &self.state.simulation,
-            ledger: &self.state.ledger,
-            rivals: &rivals,
-            candidates,
-        };
-        let mut rng = self.stream(Stream::Neighbours, 0);
-        let mut queue = choice.choose(m, &mut rng, &mut self.state.cost);
+        let mut queue = self.chosen(on, candidates, m);
         if self.explores() {
             let units: Vec<Unit> = queue.iter().map(|c| c.unit.clone()).collect();
             let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
@@ -79,8 +68,30 @@ impl Coevolution {
         Phase::Transfer { queue, next: 0, testing: None }
     }
 
+    /// Those of the candidates that the plan's rule tries.
+    fn chosen(&mut self, on: &On<'_>, candidates: Vec<Scored>, m: usize) -> Vec<Scored> {
+        if self.plan.transfer.rule == Rule::Informative {
+            return self.instructive(on, candidates, m);
+        }
+        let rivals = self.rivals(on);
+        let choice = Choice {
+            plan: &self.plan,
+            simulator: on.simulator,
+            distance: on.distance,
+            simulation: &self.state.simulation,
+            ledger: &self.state.ledger,
+            rivals: &rivals,
+            candidates,
+        };
+        let mut rng = self.stream(Stream::Neighbours, 0);
+        choice.choose(m, &mut rng, &mut self.state.cost)
+    }
+
     /// Simulations that explain the past about equally well; before there is a past, random ones.
     pub(super) fn rivals(&self, on: &On<'_>) -> Vec<Vec<f64>> {
+        if self.plan.posterior.is_some() {
+            return self.doubtful(on, Stream::FirstRivals, self.plan.transfer.rivals);
+        }
         if !self.state.rivals.is_empty() {
             return self.state.rivals.clone();
         }

@@ -20,6 +20,12 @@ impl Coevolution {
         });
         self.state.simulation.extend(&off);
         self.state.start.extend(&off);
+        // The bounds of what is new are all that is known of it.
+        let new_units = added.iter().zip(&off).map(|(dim, x)| dim.to_unit(*x));
+        self.state.prior.extend(new_units);
+        if let Some(estimated) = &mut self.state.estimated {
+            estimated.belief = estimated.belief.enlarged(&self.state.prior);
+        }
         self.state.rivals.iter_mut().for_each(|rival| rival.extend(&off));
         for iteration in &mut self.state.history.iterations {
             iteration.parameters.extend(added.iter().map(|dim| dim.name.clone()).zip(off.iter().copied()));
@@ -32,7 +38,7 @@ impl Coevolution {
         let phase = std::mem::replace(&mut self.state.phase, Phase::Enlarged);
         match phase {
             Phase::Stopped(_) => self.state.iteration += 1,
-            Phase::Simulators { .. } | Phase::Refine { .. } | Phase::Enlarged => {}
+            Phase::Simulators { .. } | Phase::Refine { .. } | Phase::Estimate(_) | Phase::Enlarged => {}
             before => self.state.phase = before,
         }
     }
@@ -41,10 +47,7 @@ impl Coevolution {
     pub(super) fn enlarged(&mut self, on: &mut On<'_>) -> Step {
         let tested = self.state.ledger.entries().iter().rev().find(|entry| entry.behaviour().is_some());
         let latest = tested.map_or(self.state.iteration, |entry| entry.trial.iteration);
-        self.state.phase = match self.plan.simulators.clone() {
-            Some(phase) => self.begin_simulators(on, &phase, latest),
-            None => Phase::End,
-        };
+        self.state.phase = self.begin_simulators(on, latest);
         self.step(on)
     }
 }

@@ -1,7 +1,9 @@
 //! The state machine that turns the loop.
 
 mod controllers;
+mod doubt;
 mod enlarge;
+mod estimate;
 mod reality_only;
 mod record;
 mod simulators;
@@ -12,12 +14,14 @@ use super::disengage;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
-use super::plan::{Initial, Method, Plan};
+use super::plan::{Initial, Method, Plan, Rule};
+use super::posterior::Posterior;
 use super::transfer::Scored;
 use crate::distance::Distance;
 use crate::random::{self, Rng};
 use crate::search::{AnySearch, LeastSquares, Unit};
 use crate::world::{Reality, Simulator};
+use estimate::{Estimated, Estimation};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -58,6 +62,12 @@ pub enum PlanError {
     /// A method that searches controllers, on a fixed drive.
     #[error("this method searches controllers, but the experiment's drive has no parameters")]
     NothingToControl,
+    /// A posterior without a likelihood.
+    #[error("[coevolve.posterior] needs a distance that knows the noise")]
+    NoLikelihood,
+    /// A rule of transfer that goes by a posterior, without one.
+    #[error("the rule `informative` needs [coevolve.posterior]")]
+    NoPosterior,
     /// No iteration at all.
     #[error("`iterations` must be at least 1")]
     NoIterations,
@@ -71,6 +81,10 @@ enum Stream {
     Simulators = 3,
     Neighbours = 4,
     FirstRivals = 5,
+    Ensembles = 6,
+    Doubts = 7,
+    Promises = 8,
+    Candidates = 9,
 }
 
 /// Where in an iteration the run is.
@@ -86,6 +100,8 @@ enum Phase {
     Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
     /// Step 3, continued by least squares from the best that was tried.
     Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    /// Step 3 as estimation.
+    Estimate(Estimation),
     /// S has grown: step 3 on the tests there are, before any new one is asked for.
     Enlarged,
     /// About to close the iteration.
@@ -115,6 +131,10 @@ pub struct State {
     controller: Option<Unit>,
     /// The simulator search as the last iteration left it.
     carried: Option<AnySearch>,
+    /// s_0 on the unit cube: about what S is believed before any test.
+    prior: Unit,
+    /// What the real tests say of S, where the plan asks for a posterior.
+    estimated: Option<Estimated>,
     rivals: Vec<Vec<f64>>,
     correction: LinearCorrection,
     ledger: Ledger,
@@ -147,6 +167,8 @@ impl Coevolution {
         let state = State {
             seed,
             start: simulation.clone(),
+            prior: space.to_unit(&simulation),
+            estimated: None,
             iteration: 1,
             phase: Phase::Begin,
             simulation,
@@ -184,6 +206,7 @@ impl Coevolution {
                 self.simulators(on, search, tests, tried, generation)
             }
             Phase::Refine { search, tests, tried, generation } => self.refine(on, search, tests, tried, generation),
+            Phase::Estimate(estimation) => self.estimate(on, estimation),
             Phase::Enlarged => self.enlarged(on),
             Phase::End => self.end(on),
             Phase::Stopped(reason) => self.stop(reason),
@@ -283,6 +306,11 @@ impl Coevolution {
         Step::Iteration
     }
 
+    /// What the real tests say of S, where the plan asks for a posterior and there has been a test.
+    pub fn posterior(&self) -> Option<&Posterior> {
+        self.state.estimated.as_ref().map(|estimated| &estimated.belief)
+    }
+
     /// Whether the evidence so far amounts to disengagement.
     pub fn disengaged(&self) -> bool {
         disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement, self.plan.phi_goal)
@@ -304,11 +332,14 @@ impl Coevolution {
 
 fn check(plan: &Plan, simulator: &dyn Simulator) -> Result<(), PlanError> {
     let (c, s) = (simulator.controllers().len(), simulator.simulations().len());
-    let needs_simulators = matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
+    let needs_simulators =
+        plan.posterior.is_none() && matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
     match () {
         () if plan.iterations == 0 => Err(PlanError::NoIterations),
         () if c > 0 && plan.controllers.is_none() => Err(PlanError::NoControllerSearch(c)),
         () if s > 0 && needs_simulators && plan.simulators.is_none() => Err(PlanError::NoSimulatorSearch(s)),
+        () if plan.posterior.is_some() && !plan.distance.build().whitens() => Err(PlanError::NoLikelihood),
+        () if plan.posterior.is_none() && plan.transfer.rule == Rule::Informative => Err(PlanError::NoPosterior),
         () if c == 0 && plan.method != Method::BackToReality => Err(PlanError::NothingToControl),
         () => Ok(()),
     }

@@ -3,7 +3,7 @@
 use super::{Coevolution, On};
 use crate::coevolve::disengage::Evidence;
 use crate::coevolve::evaluate;
-use crate::coevolve::history::{Generation, Iteration, Side};
+use crate::coevolve::history::{Estimate, Generation, Iteration, Side};
 use crate::coevolve::ledger::Entry;
 use crate::search::Unit;
 use crate::stats;
@@ -21,6 +21,7 @@ impl Coevolution {
         Iteration {
             i: self.state.iteration,
             fitness_sim: first.and_then(|e| e.promised),
+            fitness_ci95: first.and_then(|e| e.promised_ci95),
             fitness_real: first.and_then(|e| e.fitness()),
             best_real: self.best_tested().and_then(Entry::fitness),
             phi_predicted: self.state.phi_predicted.take(),
@@ -31,11 +32,27 @@ impl Coevolution {
                 .map(|d| d.name.clone())
                 .zip(self.state.simulation.iter().copied())
                 .collect(),
+            posterior: self.believed(on),
             controller: controller.unwrap_or_default(),
             real_tests: self.state.ledger.spent(),
             simulated_evaluations: self.state.cost.evaluations,
             evidence,
         }
+    }
+
+    /// What the real tests say of S by now.
+    fn believed(&self, on: &On<'_>) -> Option<Estimate> {
+        let (phase, estimated) = (self.plan.posterior.as_ref()?, self.state.estimated.as_ref()?);
+        let space = on.simulator.simulations();
+        let parameters = estimated.belief.beliefs(space, phase.resolution, estimated.explains);
+        let known = || estimated.unpredictable.iter().filter(|x| x.is_finite());
+        Some(Estimate {
+            explained: estimated.explains,
+            unpredictable: known().sum::<f64>() / known().count().max(1) as f64,
+            not_told: parameters.iter().filter(|(_, belief)| !belief.told).map(|(name, _)| name.clone()).collect(),
+            parameters,
+            open_directions: estimated.belief.open_directions(space),
+        })
     }
 
     pub(super) fn evidence(&mut self, on: &On<'_>) -> Evidence {

@@ -4,13 +4,16 @@ use super::{Coevolution, On, Phase, State, Step, Stream, best_index};
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
-use crate::coevolve::plan::{Initial, SearchPhase};
+use crate::coevolve::plan::Initial;
 use crate::coevolve::transfer;
 use crate::search::{AnySearch, LeastSquares, Residuals, Search, Unit};
 
 impl Coevolution {
     /// Step 3; the tests of iteration `latest` are those that always count.
-    pub(super) fn begin_simulators(&mut self, on: &On<'_>, phase: &SearchPhase, latest: usize) -> Phase {
+    pub(super) fn begin_simulators(&mut self, on: &On<'_>, latest: usize) -> Phase {
+        if self.plan.posterior.is_none() && self.plan.simulators.is_none() {
+            return Phase::End;
+        }
         let now = self.distances_now(on);
         let State { ledger, iteration, .. } = &self.state;
         let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
@@ -19,6 +22,10 @@ impl Coevolution {
             self.state.phi = None;
             return Phase::End;
         }
+        if self.plan.posterior.is_some() {
+            return self.begin_estimation(on, tests);
+        }
+        let Some(phase) = self.plan.simulators.clone() else { return Phase::End };
         let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
         self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
@@ -123,7 +130,7 @@ impl Coevolution {
         residuals
     }
 
-    fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
+    pub(super) fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
         let which = (self.state.iteration, generation, Side::Simulators);
         self.state.history.generations.push(Generation::new(which, points, scores));
     }

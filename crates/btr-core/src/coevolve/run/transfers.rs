@@ -1,11 +1,12 @@
 //! Step 2: the chosen controllers are tried in reality.
 
-use super::{Coevolution, On, Phase, Step};
+use super::{Coevolution, On, Phase, Step, Stream};
 use crate::coevolve::correction::LinearCorrection;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
+use crate::coevolve::promise;
 use crate::coevolve::transfer::Scored;
 use crate::search::{AnySearch, Unit};
 use crate::world::Trial;
@@ -27,11 +28,9 @@ impl Coevolution {
         }
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
-        let promised = queue[next / on.simulator.scenarios()].fitness;
-        let result = on.reality.announce(&trials).and_then(|()| {
-            let promised = promised.is_finite().then_some(promised);
-            self.state.ledger.carry_out(trial, promised, on.reality)
-        });
+        let promised = self.promised(on, &queue[next / on.simulator.scenarios()]);
+        let result =
+            on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, promised, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
             Ok(()) => Step::Tested,
@@ -49,6 +48,19 @@ impl Coevolution {
             None => false,
         };
         !self.state.ledger.entries().iter().any(is_of_use)
+    }
+
+    /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior.
+    fn promised(&mut self, on: &On<'_>, controller: &Scored) -> (Option<f64>, Option<[f64; 2]>) {
+        if self.plan.posterior.is_none() || !controller.fitness.is_finite() {
+            return (Some(controller.fitness).filter(|fitness| fitness.is_finite()), None);
+        }
+        let draws = self.doubtful(on, Stream::Promises, promise::DRAWS);
+        let simulations = std::iter::once(self.state.simulation.clone()).chain(draws).collect::<Vec<_>>();
+        let units = std::slice::from_ref(&controller.unit);
+        let of = evaluate::fitness_in(on.simulator, &simulations, units, &mut self.state.cost).concat();
+        let (fitness, draws) = of.split_at(1);
+        (fitness.first().copied().filter(|fitness| fitness.is_finite()), promise::interval(draws))
     }
 
     /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
@@ -72,13 +84,13 @@ impl Coevolution {
         if self.in_vain(on, true) {
             return self.stop(StopReason::NoRealData);
         }
-        match (&self.plan.simulators, self.plan.method) {
-            (_, Method::LinearCorrection) => {
+        match self.plan.method {
+            Method::LinearCorrection => {
                 self.correct(on);
                 self.state.phase = Phase::End;
             }
-            (Some(phase), _) if !on.simulator.simulations().is_empty() => {
-                self.state.phase = self.begin_simulators(on, &phase.clone(), self.state.iteration);
+            _ if !on.simulator.simulations().is_empty() => {
+                self.state.phase = self.begin_simulators(on, self.state.iteration);
             }
             _ => self.state.phase = Phase::End,
         }

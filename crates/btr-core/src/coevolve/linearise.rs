@@ -1,0 +1,200 @@
+//! What a real test tells about S, by statistical linearisation.
+//!
+//! Simulations drawn from a belief are run on a test, and their errors, in multiples of the noise, are regressed on where they
+//! stand in S. The slopes say what the test tells. What the regression leaves over is the part of the motion that the
+//! belief's width makes unpredictable: a foot that lands earlier, a walk that grows chaotic, curvature. It is taken for
+//! further noise, sample by sample and with the correlation that the ensemble shows, so that a chaotic test teaches with its
+//! beginning while the belief is wide, and with more and more of it as the belief narrows. Linearising a likelihood about the
+//! posterior itself, again and again, is the approach of D. M. Steinberg and E. V. Bonilla, "Extended and Unscented Gaussian
+//! Processes" (NeurIPS 2014); the unpredictable part is btr's.
+//!
+//! Errors have tens of thousands of samples, ensembles some tens of members: all that is needed of a test is the Gram matrix
+//! of its members' errors.
+
+use crate::search::{Residuals, Unit};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Members that stand no farther apart than this in some direction do not stand apart.
+const FLAT: f64 = 1e-12;
+/// Samples that are looked at together.
+const CHUNK: usize = 1024;
+
+/// An ensemble's errors on one test: their inner products, member by member.
+pub(super) struct Shown {
+    gram: DMatrix<f64>,
+    /// How many readings there are, those that are unpredictable for less.
+    samples: f64,
+    /// Root mean square of what is unpredictable, in multiples of the noise.
+    unpredictable: f64,
+}
+
+impl Shown {
+    /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
+    pub(super) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
+        let flat: Vec<Vec<f64>> = residuals.iter().map(|blocks| blocks.concat()).collect();
+        let length = flat.first()?.len();
+        let there: Vec<usize> = (0..length).filter(|&k| flat.iter().all(|errors| errors[k].is_finite())).collect();
+        let scale = (flat[0].iter().filter(|error| !error.is_nan()).count() as f64).sqrt();
+        let mut rows: Vec<Vec<f64>> =
+            flat.iter().map(|errors| there.iter().map(|&k| scale * errors[k]).collect()).collect();
+        let variances = ensemble.unexplained(&rows);
+        for row in &mut rows {
+            row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
+        }
+        let products = |i: usize| (0..=i).map(|j| dot(&rows[i], &rows[j])).collect();
+        let half: Vec<Vec<f64>> = (0..rows.len()).into_par_iter().map(products).collect();
+        let gram = DMatrix::from_fn(rows.len(), rows.len(), |i, j| half[i.max(j)][i.min(j)]);
+        let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
+        let unpredictable = (variances.iter().sum::<f64>() / there.len() as f64).sqrt();
+        (!there.is_empty()).then_some(Shown { gram, samples, unpredictable })
+    }
+
+    /// How many readings were compared; one that is unpredictable counts for less.
+    pub(super) fn samples(&self) -> f64 {
+        self.samples
+    }
+
+    /// How much of the spread of this test's errors no place in S accounts for, in multiples of the noise.
+    pub(super) fn unpredictable(&self) -> f64 {
+        self.unpredictable
+    }
+}
+
+/// Eight sums side by side: one alone would wait for every addition.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let ((xs, x_rest), (ys, y_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (x, y) in xs.iter().zip(ys) {
+        for lane in 0..8 {
+            sums[lane] += x[lane] * y[lane];
+        }
+    }
+    sums.iter().sum::<f64>() + x_rest.iter().zip(y_rest).map(|(x, y)| x * y).sum::<f64>()
+}
+
+/// Where the members of an ensemble stand, and what a regression on that does with a Gram matrix.
+pub(super) struct Ensemble {
+    /// Mean of the members.
+    pub mean: DVector<f64>,
+    /// Rows average into slopes: errors regressed on the members' places are these columns' combinations of their rows.
+    slopes: DMatrix<f64>,
+    /// An orthonormal basis of where the members stand about their mean.
+    axes: DMatrix<f64>,
+    /// What it leaves of each member's errors.
+    leftover: DMatrix<f64>,
+    /// Members less what the regression has used up.
+    freedom: f64,
+}
+
+impl Ensemble {
+    /// Of points of the unit cube; `None` for fewer than two more than there are dimensions.
+    pub(super) fn of(members: &[Unit]) -> Option<Self> {
+        let (count, dims) = (members.len(), members.first()?.len());
+        if count < dims + 3 {
+            return None;
+        }
+        let mean = DVector::from_fn(dims, |k, _| members.iter().map(|unit| unit[k]).sum::<f64>() / count as f64);
+        let apart = DMatrix::from_fn(count, dims, |i, k| members[i][k] - mean[k]);
+        let parts = apart.svd(true, true);
+        let (axes, across) = (parts.u?, parts.v_t?);
+        // A direction in which nobody stands apart has no slope.
+        let inverse = parts.singular_values.map(|width| if width > FLAT { 1.0 / width } else { 0.0 });
+        let slopes = &axes * DMatrix::from_diagonal(&inverse) * across;
+        let centring = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
+        let leftover = centring - &axes * axes.transpose();
+        Some(Ensemble { mean, slopes, axes, leftover, freedom: (count - dims - 1) as f64 })
+    }
+
+    /// What a test says: an information matrix and a gradient at the ensemble's mean.
+    pub(super) fn told(&self, shown: &Shown) -> Told {
+        let count = shown.gram.nrows();
+        let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
+        let average = DVector::from_element(count, 1.0 / count as f64);
+        Told {
+            information: noise.product(&self.slopes, &self.slopes),
+            gradient: noise.product(&self.slopes, &DMatrix::from_columns(&[average])).column(0).into_owned(),
+        }
+    }
+
+    /// Chi-squared per sample on a test of the point `at`, as the regression foretells it, beside what is unpredictable.
+    pub(super) fn foretold(&self, shown: &Shown, at: &DVector<f64>) -> f64 {
+        let count = shown.gram.nrows();
+        let average = DVector::from_element(count, 1.0 / count as f64);
+        let combined = average + &self.slopes * (at - &self.mean);
+        let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
+        let combined = DMatrix::from_columns(&[combined]);
+        noise.product(&combined, &combined)[(0, 0)] / shown.samples
+    }
+
+    /// The variance of each sample's errors that no place in S accounts for.
+    fn unexplained(&self, rows: &[Vec<f64>]) -> Vec<f64> {
+        let chunk = |from: usize, variances: &mut [f64]| {
+            let (mut sum, mut squares) = (vec![0.0; variances.len()], vec![0.0; variances.len()]);
+            let mut along = vec![vec![0.0; variances.len()]; self.axes.ncols()];
+            for (i, row) in rows.iter().enumerate() {
+                let errors = &row[from..from + variances.len()];
+                add(&mut sum, errors, |error| error);
+                add(&mut squares, errors, |error| error * error);
+                for (k, along) in along.iter_mut().enumerate() {
+                    let part = self.axes[(i, k)];
+                    add(along, errors, |error| part * error);
+                }
+            }
+            for (k, variance) in variances.iter_mut().enumerate() {
+                let explained: f64 = along.iter().map(|along| along[k].powi(2)).sum();
+                let about_mean = squares[k] - sum[k].powi(2) / rows.len() as f64;
+                *variance = (about_mean - explained).max(0.0) / self.freedom;
+            }
+        };
+        let mut variances = vec![0.0; rows[0].len()];
+        variances.par_chunks_mut(CHUNK).enumerate().for_each(|(n, variances)| chunk(n * CHUNK, variances));
+        variances
+    }
+}
+
+/// Adds something of each of some numbers to sums.
+fn add(sums: &mut [f64], numbers: &[f64], of: impl Fn(f64) -> f64) {
+    sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += of(*number));
+}
+
+/// Chi-squared per sample of the ensemble's mean on a test, where all that its members differ in counts as not known.
+pub(super) fn surprise(shown: &Shown) -> f64 {
+    let count = shown.gram.nrows();
+    let centring = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
+    let noise = Unpredictable::of(&centring, &shown.gram, count as f64 - 1.0);
+    let average = DMatrix::from_element(count, 1, 1.0 / count as f64);
+    noise.product(&average, &average)[(0, 0)] / shown.samples
+}
+
+/// An inner product of combinations of members' errors, weighted by the inverse of 1 + the covariance of what is left over
+/// (Woodbury's identity; the noise is white and of size 1).
+struct Unpredictable<'a> {
+    gram: &'a DMatrix<f64>,
+    /// leftover · gram.
+    seen: DMatrix<f64>,
+    weight: DMatrix<f64>,
+}
+
+impl<'a> Unpredictable<'a> {
+    fn of(leftover: &DMatrix<f64>, gram: &'a DMatrix<f64>, freedom: f64) -> Self {
+        let seen = leftover * gram;
+        let inner = DMatrix::identity(gram.nrows(), gram.nrows()) * freedom + &seen * leftover;
+        // Positive definite by construction; where rounding denies it, nothing is discounted for.
+        let weight = inner.cholesky().map_or_else(|| DMatrix::zeros(gram.nrows(), gram.nrows()), |f| f.inverse());
+        Unpredictable { gram, seen, weight }
+    }
+
+    fn product(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+        let (seen_a, seen_b) = (&self.seen * a, &self.seen * b);
+        a.transpose() * self.gram * b - seen_a.transpose() * &self.weight * seen_b
+    }
+}
+
+/// What a test says about S.
+pub(super) struct Told {
+    /// Expected curvature of half its chi-squared.
+    pub information: DMatrix<f64>,
+    /// Slope of half its chi-squared at the ensemble's mean.
+    pub gradient: DVector<f64>,
+}
