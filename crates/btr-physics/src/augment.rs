@@ -1,6 +1,9 @@
 //! What a run asks when it disengages: which physical effect its simulations lack, by the real tests it has. The paper's
 //! abduction over what the robot did, and the first half of its re-parametrisation.
 
+mod by_posterior;
+mod extended;
+
 use crate::beside::Beside;
 use crate::elsewhere::Served;
 use crate::experiment::Experiment;
@@ -49,7 +52,11 @@ impl Cause {
     /// Asks the real tests of a run; `tell` hears every step of the error's fall.
     pub(crate) fn of(experiment: &Experiment, run: &Coevolution, tell: &dyn Fn(&Rung)) -> Self {
         let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
-        match asked.clone().answered(experiment, run.ledger(), tell) {
+        let answer = match run.plan().posterior {
+            Some(_) => by_posterior::cause(experiment, run, asked.clone(), tell),
+            None => asked.clone().answered(experiment, run.ledger(), tell),
+        };
+        match answer {
             Ok(answered) => answered,
             Err(why) => Cause { not_diagnosed: Some(why), ..asked },
         }

@@ -24,6 +24,7 @@ use btr_core::world::WorldError;
 use knobs::in_doubt;
 use parts::{Part, parts, whole};
 use sites::limbs;
+pub(crate) use sites::sites;
 pub(crate) use starts::seen_starts;
 use std::ops::Range;
 use std::sync::Arc;

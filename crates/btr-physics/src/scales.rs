@@ -37,7 +37,13 @@ pub(crate) struct Scales {
 impl Scales {
     /// Simulates the logs once, with the model as it stands, and looks what the motors do.
     pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
-        let robot = &model.robot;
+        let nominal = model.simulations().nominal();
+        let simulated = (0..model.learn.min(recorded.len())).map(|log| model.rollout(&nominal, log, &[], Step::USUAL));
+        Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+    }
+
+    /// Looks what the motors do in logs of simulations.
+    pub(crate) fn seen(robot: &Robot, simulated: &[Log]) -> Result<Self, WorldError> {
         let carried = assemble::carried_inertia(robot, &assemble::bodies(robot));
         let mut joints: Vec<(String, String, Scale)> = robot
             .movable()
@@ -47,8 +53,7 @@ impl Scales {
                 (link.joint.name.clone(), link.name.clone(), scale)
             })
             .collect();
-        for log in 0..model.learn.min(recorded.len()) {
-            let simulated = model.rollout(&model.simulations().nominal(), log, &[], Step::USUAL)?;
+        for simulated in simulated {
             for (joint, _, scale) in &mut joints {
                 scale.torque = scale.torque.max(rms(simulated.values(&format!("tau_{joint}"))?));
                 scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));

@@ -18,6 +18,11 @@ pub struct Cost {
 }
 
 impl Cost {
+    pub(super) fn add(&mut self, other: Cost) {
+        self.evaluations += other.evaluations;
+        self.failures += other.failures;
+    }
+
     fn count<T>(&mut self, results: &[Result<T, WorldError>]) {
         self.evaluations += results.len() as u64;
         self.failures += results.iter().filter(|r| r.is_err()).count() as u64;

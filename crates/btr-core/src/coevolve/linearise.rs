@@ -32,22 +32,15 @@ pub(super) struct Shown {
 impl Shown {
     /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
     pub(super) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
-        let flat: Vec<Vec<f64>> = residuals.iter().map(|blocks| blocks.concat()).collect();
-        let length = flat.first()?.len();
-        let there: Vec<usize> = (0..length).filter(|&k| flat.iter().all(|errors| errors[k].is_finite())).collect();
-        let scale = (flat[0].iter().filter(|error| !error.is_nan()).count() as f64).sqrt();
-        let mut rows: Vec<Vec<f64>> =
-            flat.iter().map(|errors| there.iter().map(|&k| scale * errors[k]).collect()).collect();
+        let (mut rows, there, _) = rows_of(residuals)?;
         let variances = ensemble.unexplained(&rows);
         for row in &mut rows {
             row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
         }
-        let products = |i: usize| (0..=i).map(|j| dot(&rows[i], &rows[j])).collect();
-        let half: Vec<Vec<f64>> = (0..rows.len()).into_par_iter().map(products).collect();
-        let gram = DMatrix::from_fn(rows.len(), rows.len(), |i, j| half[i.max(j)][i.min(j)]);
+        let gram = gram_of(&rows);
         let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
         let unpredictable = (variances.iter().sum::<f64>() / there.len() as f64).sqrt();
-        (!there.is_empty()).then_some(Shown { gram, samples, unpredictable })
+        Some(Shown { gram, samples, unpredictable })
     }
 
     /// How many readings were compared; one that is unpredictable counts for less.
@@ -134,11 +127,10 @@ impl Ensemble {
             let mut along = vec![vec![0.0; variances.len()]; self.axes.ncols()];
             for (i, row) in rows.iter().enumerate() {
                 let errors = &row[from..from + variances.len()];
-                add(&mut sum, errors, |error| error);
-                add(&mut squares, errors, |error| error * error);
+                add_scaled(&mut sum, errors, 1.0);
+                squares.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error);
                 for (k, along) in along.iter_mut().enumerate() {
-                    let part = self.axes[(i, k)];
-                    add(along, errors, |error| part * error);
+                    add_scaled(along, errors, self.axes[(i, k)]);
                 }
             }
             for (k, variance) in variances.iter_mut().enumerate() {
@@ -153,9 +145,9 @@ impl Ensemble {
     }
 }
 
-/// Adds something of each of some numbers to sums.
-fn add(sums: &mut [f64], numbers: &[f64], of: impl Fn(f64) -> f64) {
-    sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += of(*number));
+/// Adds a multiple of some numbers to sums.
+fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
+    sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += multiple * number);
 }
 
 /// Chi-squared per sample of the ensemble's mean on a test, where all that its members differ in counts as not known.
@@ -197,4 +189,88 @@ pub(super) struct Told {
     pub information: DMatrix<f64>,
     /// Slope of half its chi-squared at the ensemble's mean.
     pub gradient: DVector<f64>,
+}
+
+/// An ensemble's view of one test beside which further simulations are held: see [`along`](Probed::along).
+pub(super) struct Probed {
+    ensemble: Ensemble,
+    /// Weighted errors of the members, those of the point itself last.
+    rows: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+    there: Vec<usize>,
+    scale: f64,
+    gram: DMatrix<f64>,
+    /// Members' combinations: the slopes, and where the regression has the point.
+    here: DMatrix<f64>,
+    /// The errors there.
+    errors: Vec<f64>,
+}
+
+impl Probed {
+    /// Of members with their residuals, about a point of the cube.
+    pub(super) fn of(members: &[Unit], residuals: &[Residuals], at: &DVector<f64>) -> Option<Self> {
+        let ensemble = Ensemble::of(members)?;
+        let (mut rows, there, scale) = rows_of(residuals)?;
+        let variances = ensemble.unexplained(&rows);
+        let weights: Vec<f64> = variances.iter().map(|variance| (1.0 + variance).sqrt().recip()).collect();
+        rows.iter_mut().for_each(|row| row.iter_mut().zip(&weights).for_each(|(error, weight)| *error *= weight));
+        let gram = gram_of(&rows);
+        let average = DVector::from_element(rows.len(), 1.0 / rows.len() as f64);
+        let here = average + &ensemble.slopes * (at - &ensemble.mean);
+        let mut errors = vec![0.0; weights.len()];
+        for (row, share) in rows.iter().zip(here.iter()) {
+            add_scaled(&mut errors, row, *share);
+        }
+        let here = DMatrix::from_columns(&[here]);
+        Some(Probed { ensemble, rows, weights, there, scale, gram, here, errors })
+    }
+
+    fn noise(&self) -> Unpredictable<'_> {
+        Unpredictable::of(&self.ensemble.leftover, &self.gram, self.ensemble.freedom)
+    }
+
+    /// Expected curvature of half of chi-squared in S.
+    pub(super) fn information(&self) -> DMatrix<f64> {
+        self.noise().product(&self.ensemble.slopes, &self.ensemble.slopes)
+    }
+
+    /// Slope of half of chi-squared in S at the point.
+    pub(super) fn gradient(&self) -> DVector<f64> {
+        self.noise().product(&self.ensemble.slopes, &self.here).column(0).into_owned()
+    }
+
+    /// The change of the errors from the point to a simulation with these: its product with itself, with the errors at the
+    /// point, and with the slopes of S. `None` where it cannot be compared.
+    pub(super) fn along(&self, residuals: &Residuals) -> Option<(f64, f64, DVector<f64>)> {
+        let flat = residuals.concat();
+        let there = self.there.iter().zip(&self.weights).zip(&self.errors);
+        let change: Vec<f64> = there.map(|((&k, weight), error)| self.scale * flat[k] * weight - error).collect();
+        let products = DVector::from_iterator(self.rows.len(), self.rows.iter().map(|row| dot(row, &change)));
+        let noise = self.noise();
+        let seen = &self.ensemble.leftover * &products;
+        let weighted = &noise.weight * &seen;
+        let with = |combined: &DMatrix<f64>| {
+            combined.transpose() * &products - (&noise.seen * combined).transpose() * &weighted
+        };
+        let own = dot(&change, &change) - seen.dot(&weighted);
+        own.is_finite().then(|| (own, with(&self.here)[0], with(&self.ensemble.slopes)))
+    }
+}
+
+/// Each member's errors in multiples of the noise where all have some, which samples these are, and by how much residuals
+/// were scaled for that.
+fn rows_of(residuals: &[Residuals]) -> Option<(Vec<Vec<f64>>, Vec<usize>, f64)> {
+    let flat: Vec<Vec<f64>> = residuals.iter().map(|blocks| blocks.concat()).collect();
+    let length = flat.first()?.len();
+    let there: Vec<usize> = (0..length).filter(|&k| flat.iter().all(|errors| errors[k].is_finite())).collect();
+    let scale = (flat[0].iter().filter(|error| !error.is_nan()).count() as f64).sqrt();
+    let row = |errors: &Vec<f64>| there.iter().map(|&k| scale * errors[k]).collect();
+    let rows = flat.iter().map(row).collect();
+    (!there.is_empty()).then_some((rows, there, scale))
+}
+
+fn gram_of(rows: &[Vec<f64>]) -> DMatrix<f64> {
+    let products = |i: usize| (0..=i).map(|j| dot(&rows[i], &rows[j])).collect();
+    let half: Vec<Vec<f64>> = (0..rows.len()).into_par_iter().map(products).collect();
+    DMatrix::from_fn(rows.len(), rows.len(), |i, j| half[i.max(j)][i.min(j)])
 }

@@ -4,8 +4,10 @@
 //! test, the end of an iteration - and can be written down and taken up again between any two steps. Random numbers belong
 //! to (seed, step, iteration, generation), so that a resumed run continues bit for bit.
 
+mod abduction;
 mod correction;
 mod disengage;
+mod estimation;
 mod evaluate;
 mod history;
 mod ledger;
@@ -16,8 +18,10 @@ mod promise;
 mod run;
 mod transfer;
 
+pub use abduction::{Abduction, Extension, Fitted, Suspect};
 pub use correction::LinearCorrection;
 pub use disengage::Evidence;
+pub use estimation::Estimated;
 pub use evaluate::{Cost, phi};
 pub use history::{Augmentation, Estimate, Generation, History, Iteration, Side, StopReason};
 pub use ledger::{Entry, Ledger, Verdict};

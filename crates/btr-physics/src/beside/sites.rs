@@ -5,7 +5,7 @@ use crate::model::Model;
 use crate::robot::{JointKind, Robot};
 
 /// Where an effect could sit and does not yet.
-pub(super) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
+pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     let card = effect.card();
     let taken = |site: &str| {
         let there =

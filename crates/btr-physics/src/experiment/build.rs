@@ -7,6 +7,7 @@ use crate::drive::Replay;
 use crate::elsewhere::Way;
 use crate::model::{Model, Scenario};
 use crate::reality::{Asked, Called, Revealing, Unanswered};
+use btr_core::check;
 use btr_core::coevolve::{Coevolution, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
@@ -162,7 +163,13 @@ impl Experiment {
             return Ok(known.clone());
         }
         let references = self.model.references(&trial.controller, trial.scenario)?;
-        let replay = Replay::new(&told(log, &references), &self.model.robot);
+        // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample, is held
+        // only where it is something else than what was asked for.
+        let as_asked = check::asked(&references, log).is_none();
+        let replay = match as_asked {
+            true => Replay::new(&references, &self.model.robot),
+            false => Replay::new(&told(log, &references), &self.model.robot),
+        };
         let start = self
             .model
             .beginning(&trial.controller, trial.scenario)?

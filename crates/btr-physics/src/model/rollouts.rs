@@ -119,6 +119,21 @@ impl Model {
         self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>())
     }
 
+    /// What each job gives with effects of its own beside those of the model, in the order of the jobs.
+    pub(crate) fn behave_with(&self, jobs: &[(Job, &[Placed])]) -> Vec<Result<Behaviour, WorldError>> {
+        let ready = |(job, further): &(Job, &[Placed])| {
+            self.prepare(job.s, job.c, &self.scenarios[job.scenario], further, Step::USUAL)
+        };
+        let logs = self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>());
+        logs.into_iter().map(|log| self.judged(log?)).collect()
+    }
+
+    /// A log with its fitness.
+    fn judged(&self, log: Log) -> Result<Behaviour, WorldError> {
+        let fitness = self.fitness.of(&log)?;
+        Ok(Behaviour { log, fitness })
+    }
+
     fn run_once(
         &self,
         (s, c): (&[f64], &[f64]),
@@ -196,12 +211,7 @@ impl Simulator for Model {
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
-        let behaviour = |log: Result<Log, WorldError>| {
-            let log = log?;
-            let fitness = self.fitness.of(&log)?;
-            Ok(Behaviour { log, fitness })
-        };
-        self.few(jobs).into_iter().map(behaviour).collect()
+        self.few(jobs).into_iter().map(|log| self.judged(log?)).collect()
     }
 
     fn simulations(&self) -> &Space {
@@ -217,9 +227,7 @@ impl Simulator for Model {
     }
 
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
-        let log = self.simulate(s, c, scenario, None)?;
-        let fitness = self.fitness.of(&log)?;
-        Ok(Behaviour { log, fitness })
+        self.judged(self.simulate(s, c, scenario, None)?)
     }
 }
 

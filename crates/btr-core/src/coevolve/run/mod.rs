@@ -11,6 +11,7 @@ mod transfers;
 
 use super::correction::LinearCorrection;
 use super::disengage;
+use super::estimation::Estimated;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
@@ -21,7 +22,7 @@ use crate::distance::Distance;
 use crate::random::{self, Rng};
 use crate::search::{AnySearch, LeastSquares, Unit};
 use crate::world::{Reality, Simulator};
-use estimate::{Estimated, Estimation};
+use estimate::Estimation;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 

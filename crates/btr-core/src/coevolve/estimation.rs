@@ -1,0 +1,178 @@
+//! What real tests leave open of a space of simulations.
+//!
+//! A turn draws an ensemble from a belief, runs it on every test and linearises what they tell ([`linearise`](super::linearise)).
+//! The belief moves and narrows by a bounded factor per turn, until a turn leaves it where it was.
+
+use super::evaluate::{self, Cost};
+use super::ledger::Entry;
+use super::linearise::{Ensemble, Shown, Told, surprise};
+use super::plan::PosteriorPhase;
+use super::posterior::{Posterior, root};
+use crate::distance::Distance;
+use crate::random;
+use crate::search::{Residuals, Unit};
+use crate::world::Simulator;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// The farthest the mean goes in a turn, in the belief's standard deviations (root mean square over the dimensions).
+const STRIDE: f64 = 2.0;
+/// By how much a belief's standard deviation shrinks in a turn at most, and grows.
+const SHRINK: f64 = 2.5;
+const GROW: f64 = 1.4;
+/// A belief that moves by less, and changes its width by less, is settled.
+const SETTLED: (f64, f64) = (0.5, 1.3);
+/// chi-squared per sample may exceed 1 by so many of its standard errors, and by this share for what sensors' statements
+/// round.
+const STANDARD_ERRORS: f64 = 5.0;
+const ROUNDED: f64 = 0.01;
+
+/// What is estimated from what.
+pub(super) struct Setting<'a> {
+    pub simulator: &'a dyn Simulator,
+    /// A likelihood: see [`Distance::whitens`].
+    pub distance: &'a dyn Distance,
+    pub tests: Vec<&'a Entry>,
+    /// What is believed before any test.
+    pub prior: Posterior,
+}
+
+/// A belief and how well it explains the tests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimated {
+    /// What is believed.
+    pub belief: Posterior,
+    /// Root of chi-squared per sample over the tests, beside what is unpredictable.
+    pub chi: f64,
+    /// What of each test the belief leaves unpredictable, in multiples of the noise.
+    pub unpredictable: Vec<f64>,
+    /// How many readings were compared; one that is unpredictable counts for less.
+    pub samples: f64,
+    /// Whether `chi` is at the noise.
+    pub explains: bool,
+}
+
+/// What a turn came to.
+pub(super) struct Turned {
+    pub estimated: Estimated,
+    pub settled: bool,
+}
+
+/// An ensemble's view of a test.
+pub(super) struct Seen {
+    pub ensemble: Ensemble,
+    pub shown: Shown,
+}
+
+impl Setting<'_> {
+    /// Turn after turn, from a belief to where it rests, or to where the turns end. `None` where nothing could be simulated.
+    pub(super) fn settle(
+        &self,
+        from: &Posterior,
+        phase: &PosteriorPhase,
+        seed: u64,
+        cost: &mut Cost,
+    ) -> Option<Estimated> {
+        let members = phase.members(from.mean().len());
+        let mut belief = from.clone();
+        let mut last = None;
+        for turn in 1..=phase.turns as u64 {
+            let draws = belief.draws(members, &mut random::stream(seed, &[turn]));
+            let (seen, _) = self.seen(&draws, cost);
+            let Turned { estimated, settled } = self.turn(&belief, &seen)?;
+            belief = estimated.belief.clone();
+            last = Some(estimated);
+            if settled {
+                break;
+            }
+        }
+        last
+    }
+
+    /// Runs an ensemble on the tests: what each test shows, and each member's phi.
+    pub(super) fn seen(&self, draws: &[Unit], cost: &mut Cost) -> (Vec<Option<Seen>>, Vec<f64>) {
+        let points: Vec<Vec<f64>> = draws.iter().map(|unit| self.simulator.simulations().from_unit(unit)).collect();
+        let mut phis = vec![0.0; draws.len()];
+        let Some(squares) = self.distance.as_squares() else { return (Vec::new(), phis) };
+        let look = |entry: &&Entry| {
+            let results = evaluate::residuals(self.simulator, (self.distance, squares), &points, &[*entry], cost);
+            phis.iter_mut().zip(&results).for_each(|(sum, (phi, _))| *sum += phi / self.tests.len() as f64);
+            view(draws, results.into_iter().map(|(_, residuals)| residuals).collect())
+        };
+        let seen = self.tests.iter().map(look).collect();
+        (seen, phis)
+    }
+
+    /// Where the tests move a belief; `None` where none of them could be simulated.
+    pub(super) fn turn(&self, belief: &Posterior, seen: &[Option<Seen>]) -> Option<Turned> {
+        let known = self.prior.covariance().clone().try_inverse()?;
+        let there: Vec<&Seen> = seen.iter().flatten().collect();
+        let told: Vec<Told> = there.par_iter().map(|seen| seen.ensemble.told(&seen.shown)).collect();
+        let best = |tempered: f64| {
+            let mut information = known.clone();
+            let mut pull = &known * self.prior.mean();
+            for (told, seen) in told.iter().zip(&there) {
+                information += &told.information / tempered;
+                pull += (&told.information * &seen.ensemble.mean - &told.gradient) / tempered;
+            }
+            let covariance = information.cholesky()?.inverse();
+            Some((&covariance * pull, covariance))
+        };
+        let samples: f64 = there.iter().map(|seen| seen.shown.samples()).sum();
+        let squares = |at: &DVector<f64>| {
+            let of = |seen: &&Seen| seen.ensemble.foretold(&seen.shown, at) * seen.shown.samples();
+            there.iter().map(of).sum::<f64>()
+        };
+        let chi2 = squares(&best(1.0)?.0) / samples;
+        if !chi2.is_finite() {
+            return None;
+        }
+        // What is not explained widens what is believed.
+        let (mean, covariance) = best(chi2.max(1.0))?;
+        let of_test = |seen: &Option<Seen>| seen.as_ref().map_or(f64::NAN, |seen| seen.shown.unpredictable());
+        let unpredictable = seen.iter().map(of_test).collect();
+        let (belief, settled) = moved(belief, &mean, &covariance);
+        let explains = chi2.sqrt() <= noise_alone(samples);
+        Some(Turned { estimated: Estimated { belief, chi: chi2.sqrt(), unpredictable, samples, explains }, settled })
+    }
+}
+
+/// The chi that noise alone leaves of so many readings, at most.
+pub(super) fn noise_alone(samples: f64) -> f64 {
+    (1.0 + ROUNDED + STANDARD_ERRORS * (2.0 / samples).sqrt()).sqrt()
+}
+
+/// Chi of some tests before anything is learnt from them, all that an ensemble leaves open taken for noise; and whether it is
+/// at the noise.
+pub(super) fn surprises(seen: &[Option<Seen>]) -> (f64, bool) {
+    let samples: f64 = seen.iter().flatten().map(|seen| seen.shown.samples()).sum();
+    let squares: f64 = seen.iter().flatten().map(|seen| surprise(&seen.shown) * seen.shown.samples()).sum();
+    let chi = (squares / samples).sqrt();
+    (chi, chi <= noise_alone(samples))
+}
+
+/// Those members of an ensemble that could be simulated on a test, and what it shows.
+fn view(draws: &[Unit], residuals: Vec<Option<Residuals>>) -> Option<Seen> {
+    let (members, errors): (Vec<Unit>, Vec<Residuals>) =
+        draws.iter().cloned().zip(residuals).filter_map(|(unit, errors)| Some((unit, errors?))).unzip();
+    let ensemble = Ensemble::of(&members)?;
+    Some(Seen { shown: Shown::of(&ensemble, &errors)?, ensemble })
+}
+
+/// A belief on its way to another one, as far as one turn goes; and whether it is there.
+fn moved(from: &Posterior, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> (Posterior, bool) {
+    let frame = root(from.covariance());
+    let Some(back) = frame.clone().try_inverse() else { return (from.clone(), true) };
+    let step = &back * (mean - from.mean());
+    let length = step.norm() / (mean.len() as f64).sqrt();
+    let shape = (&back * covariance * back.transpose()).symmetric_eigen();
+    let (least, most) = (shape.eigenvalues.min().max(0.0).sqrt(), shape.eigenvalues.max().max(0.0).sqrt());
+    let widths = shape.eigenvalues.map(|square| square.max(0.0).sqrt().clamp(1.0 / SHRINK, GROW).powi(2));
+    let wide = &shape.eigenvectors * DMatrix::from_diagonal(&widths) * shape.eigenvectors.transpose();
+    let share = (STRIDE / length.max(f64::MIN_POSITIVE)).min(1.0);
+    let reached = (from.mean() + &frame * step * share).map(|x| x.clamp(0.0, 1.0));
+    let covariance = &frame * wide * frame.transpose();
+    let settled = length < SETTLED.0 && least > 1.0 / SHRINK && most < SETTLED.1;
+    (Posterior::new(reached, (&covariance + covariance.transpose()) / 2.0), settled)
+}

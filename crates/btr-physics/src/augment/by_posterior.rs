@@ -1,0 +1,246 @@
+//! What a run with a posterior asks when nothing in S explains its real tests: which effects, added to S, do. Effect after
+//! effect, each screened at every place, the most promising ones estimated with all of S free, and judged by tests that were
+//! held out.
+
+use super::Cause;
+use super::extended::{Added, Extended};
+use crate::beside::sites;
+use crate::effect::{EFFECTS, SiteKind};
+use crate::elsewhere::Way;
+use crate::experiment::Experiment;
+use crate::model::Model;
+use crate::scales::Scales;
+use btr_core::coevolve::{Abduction, Coevolution, Cost, Entry, Extension, Fitted, Posterior, PosteriorPhase, Suspect};
+use btr_core::diagnose::{Found, Rung, Verdict};
+use btr_core::fit::Estimate;
+use btr_core::space::Space;
+use btr_core::world::{Simulator, WorldError};
+
+/// The most real tests that are looked at.
+const MOST_TESTS: usize = 4;
+/// The most effects that are named.
+const MOST_EFFECTS: usize = 3;
+/// How many suspects are estimated in a round.
+const TRIED: usize = 8;
+/// An effect is kept that explains at least this share of what is unexplained.
+const HELPS: f64 = 0.2;
+/// Two explanations whose chi-squared, with what their numbers cost, differs by less than this cannot be told apart.
+const ALIKE: f64 = 10.0;
+
+/// What the present S comes to, and what it is made of.
+struct State<'a> {
+    added: Vec<Added>,
+    fitted: Fitted,
+    prior: Posterior,
+    extended: Extended<'a>,
+}
+
+/// A suspect that was estimated.
+struct Tried<'a> {
+    state: State<'a>,
+    /// chi-squared on the tests to learn from, with what its numbers cost.
+    cost: f64,
+}
+
+/// Asks the tests of a run.
+pub(super) fn cause(
+    experiment: &Experiment,
+    run: &Coevolution,
+    asked: Cause,
+    tell: &dyn Fn(&Rung),
+) -> Result<Cause, String> {
+    let (model, plan) = (experiment.model.as_ref(), run.plan());
+    let phase = plan.posterior.clone().ok_or("the run has no posterior")?;
+    let distance = plan.distance.build();
+    let tests = chosen(run);
+    if tests.is_empty() {
+        return Err("no real test gave a log".to_owned());
+    }
+    let (learn, held_out) = tests.split_at(tests.len() - usize::from(tests.len() > 1));
+    let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
+    let abduction = Abduction {
+        distance: distance.as_ref(),
+        learn: learn.to_vec(),
+        held_out: held_out.to_vec(),
+        phase: PosteriorPhase { restarts: 0, ..phase },
+        seed: experiment.seed,
+    };
+    let scales = scales(model, learn).map_err(|e| e.to_string())?;
+    let mut cost = Cost::default();
+    let asking = Asking { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
+    let mut ladder = Vec::new();
+    let mut said = |step: String, fitted: &Fitted| {
+        let rung = Rung { step, train: fitted.estimated.chi, held_out: fitted.held_out };
+        tell(&rung);
+        ladder.push((&rung).into());
+    };
+    let mut state = asking.begin(&mut cost).ok_or("the model blows up on the real tests as it stands")?;
+    said("S as it stands".to_owned(), &state.fitted);
+    let mut effects = Vec::new();
+    while !state.fitted.estimated.explains && effects.len() < MOST_EFFECTS {
+        let Some((next, found)) = asking.round(&state, &mut cost) else { break };
+        said(format!("+ {}@{}", found.effect, found.site), &next.fitted);
+        effects.push(found);
+        state = next;
+    }
+    // What was found first is told by what was found last: its values are those beside all others.
+    for (k, found) in effects.iter_mut().enumerate() {
+        found.parameters = asking.parameters(&state, k);
+    }
+    let explained = state.fitted.estimated.explains && state.fitted.confirmed;
+    let verdict = match (explained, effects.is_empty()) {
+        (true, true) => Verdict::NothingMissing,
+        (true, false) => Verdict::EffectMissing,
+        (false, _) => Verdict::Unexplained,
+    };
+    Ok(Cause {
+        verdict: Some(verdict),
+        effects,
+        error_ladder: ladder,
+        learnt: numbers(learn),
+        held_out: numbers(held_out),
+        rollouts: cost.evaluations as usize,
+        ..asked
+    })
+}
+
+/// Tests that gave a log, the last ones: they were chosen for what they tell.
+fn chosen(run: &Coevolution) -> Vec<&Entry> {
+    let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
+    let usable: Vec<&Entry> = run.ledger().entries().iter().filter(gave_a_log).collect();
+    usable[usable.len().saturating_sub(MOST_TESTS)..].to_vec()
+}
+
+/// What is large and what is small for this robot in what it was asked to do.
+fn scales(model: &Model, learn: &[&Entry]) -> Result<Scales, WorldError> {
+    let nominal = model.simulations().nominal();
+    let simulated =
+        learn.iter().map(|test| model.simulate(&nominal, &test.trial.controller, test.trial.scenario, None));
+    Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+}
+
+struct Asking<'a> {
+    abduction: Abduction<'a>,
+    model: &'a Model,
+    scales: Scales,
+    way: &'a Way,
+    /// s_0, about which S is believed to be before any test.
+    start: Vec<f64>,
+}
+
+impl<'a> Asking<'a> {
+    /// S as it stands.
+    fn begin(&self, cost: &mut Cost) -> Option<State<'a>> {
+        let extended = self.extended(Vec::new())?;
+        let prior = self.prior(extended.simulations());
+        let fitted = self.abduction.fit(&extended, &prior, &prior, cost)?;
+        Some(State { added: Vec::new(), fitted, prior, extended })
+    }
+
+    /// One effect more; `None` where none helps enough.
+    fn round(&self, state: &State<'a>, cost: &mut Cost) -> Option<(State<'a>, Found)> {
+        let offered: Vec<Extended> =
+            self.offered(&state.added).into_iter().filter_map(|added| self.extended(added)).collect();
+        let of = |extended: &'_ Extended<'a>| extended.probes();
+        let extensions: Vec<Extension> =
+            offered.iter().map(|extended| Extension { simulator: extended, probes: of(extended) }).collect();
+        self.way.heed();
+        let base = &state.extended;
+        let suspects = self.abduction.screen(base, &state.prior, &state.fitted.estimated, &extensions, cost);
+        let mut tried: Vec<Tried> = Vec::new();
+        for suspect in suspects.iter().take(TRIED) {
+            self.way.heed();
+            tried.extend(self.tried(state, &offered[suspect.extension], suspect, cost));
+        }
+        tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let before = state.fitted.estimated.chi.powi(2);
+        let leader = tried.first()?;
+        let helps = before - leader.state.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
+        let found = self.found(state, &tried).filter(|_| helps)?;
+        Some((tried.swap_remove(0).state, found))
+    }
+
+    /// A suspect with its numbers.
+    fn tried(
+        &self,
+        state: &State<'a>,
+        offered: &Extended<'a>,
+        suspect: &Suspect,
+        cost: &mut Cost,
+    ) -> Option<Tried<'a>> {
+        let extended = self.extended(offered.added().to_vec())?;
+        let prior = self.prior(extended.simulations());
+        let from = self.abduction.beginning(&state.fitted.estimated, suspect, &prior);
+        let fitted = self.abduction.fit(&extended, &prior, &from, cost)?;
+        let (samples, dims) = (fitted.estimated.samples, extended.simulations().len() as f64);
+        let cost = fitted.estimated.chi.powi(2) * samples + dims * samples.ln();
+        let added = offered.added().to_vec();
+        Some(Tried { state: State { added, fitted, prior, extended }, cost })
+    }
+
+    /// The leader as it is told, beside those that explain as much.
+    fn found(&self, before: &State, tried: &[Tried]) -> Option<Found> {
+        let leader = tried.first()?;
+        let last = leader.state.added.last()?;
+        let close = |other: &&Tried| other.cost - leader.cost < ALIKE;
+        let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.state.added.last()?.name()));
+        let weight = |other: &Tried| (-0.5 * (other.cost - leader.cost)).exp();
+        let without = before.fitted.estimated.chi.powi(2) * before.fitted.estimated.samples;
+        let all: f64 = tried.iter().map(weight).sum();
+        Some(Found {
+            effect: last.effect.card().name.to_owned(),
+            site: last.site.clone(),
+            alike: alike.collect(),
+            probability: 1.0 / all,
+            delta_bic: without - leader.cost,
+            parameters: Vec::new(),
+            candidate: 0,
+        })
+    }
+
+    /// The numbers of the effect that was added as number `k`.
+    fn parameters(&self, state: &State, k: usize) -> Vec<Estimate> {
+        let known = self.model.simulations().len();
+        let counts = state.added.iter().map(|added| added.effect.card().params.len());
+        let from = known + counts.clone().take(k).sum::<usize>();
+        let count = counts.skip(k).next().unwrap_or(0);
+        let belief = &state.fitted.estimated.belief;
+        let trusted = state.fitted.estimated.explains;
+        let dims = state.extended.simulations().dims()[from..from + count].iter().enumerate();
+        dims.map(|(i, dim)| {
+            let (u, half) = (belief.mean()[from + i], 1.96 * belief.sd(from + i));
+            let at_bound = !(1e-3..=1.0 - 1e-3).contains(&u) && dim.nominal.is_none();
+            let ci95 = (trusted && !at_bound).then(|| [dim.from_unit(u - half), dim.from_unit(u + half)]);
+            let value = dim.from_unit(u);
+            Estimate { name: dim.name.clone(), unit: dim.unit.clone(), value, ci95, at_bound, by_bounds: false }
+        })
+        .collect()
+    }
+
+    /// Everything that could be added once more: every effect at every place, and those of joints on all of them at once.
+    fn offered(&self, added: &[Added]) -> Vec<Vec<Added>> {
+        let mut offered = Vec::new();
+        for effect in EFFECTS.iter().copied() {
+            let card = effect.card();
+            let all = (card.site == SiteKind::Joint).then(|| "*".to_owned());
+            for site in sites(effect, self.model).into_iter().chain(all) {
+                let next = Added { effect, site };
+                if !added.iter().any(|known| known.name() == next.name()) {
+                    offered.push(added.iter().cloned().chain([next]).collect());
+                }
+            }
+        }
+        offered
+    }
+
+    fn extended(&self, added: Vec<Added>) -> Option<Extended<'a>> {
+        Extended::new(self.model, added, &self.scales).ok()
+    }
+
+    /// What is known of a space without any test: S about where it began, effects off.
+    fn prior(&self, space: &Space) -> Posterior {
+        let off = space.dims().iter().skip(self.start.len()).map(|dim| dim.nominal.map_or(0.5, |off| dim.to_unit(off)));
+        let own = space.dims().iter().zip(&self.start).map(|(dim, value)| dim.to_unit(*value));
+        Posterior::of_bounds(&own.chain(off).collect::<Vec<_>>())
+    }
+}
