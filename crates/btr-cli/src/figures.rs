@@ -68,10 +68,22 @@ fn history(experiment: &Experiment, report: &Report) -> Figure3 {
                 name: d.name.clone(),
                 unit: d.unit.clone(),
                 truth: truth.and_then(|t| t.get(&d.name)).copied(),
+                intervals: intervals(report, &d.name),
             })
             .collect(),
         individuals: of(Side::Simulators).enumerate().flat_map(|(k, g)| individuals(k, g)).collect(),
     }
+}
+
+/// The 95 % intervals of a parameter, each at the last generation of its iteration.
+fn intervals(report: &Report, name: &str) -> Vec<(usize, [f64; 2])> {
+    let simulators: Vec<&coevolve::Generation> =
+        report.generations.iter().filter(|g| g.side == Side::Simulators).collect();
+    let interval = |it: &coevolve::Iteration| {
+        let last = simulators.iter().rposition(|g| g.iteration == it.i)?;
+        Some((last, it.posterior.as_ref()?.parameters.get(name)?.ci95?))
+    };
+    report.iterations.iter().filter_map(interval).collect()
 }
 
 fn individuals(generation: usize, g: &coevolve::Generation) -> impl Iterator<Item = Individual> + '_ {

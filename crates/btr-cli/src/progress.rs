@@ -66,7 +66,12 @@ impl Progress {
 
     /// After an iteration.
     pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
-        let parameters: Vec<String> = it.parameters.iter().map(|(name, x)| format!("{name}={}", number(*x))).collect();
+        let half = |name: &str| {
+            let [low, high] = it.posterior.as_ref()?.parameters.get(name)?.ci95?;
+            Some(format!("±{}", number((high - low) / 2.0)))
+        };
+        let said = |(name, x): (&String, &f64)| format!("{name}={}{}", number(*x), half(name).unwrap_or_default());
+        let parameters: Vec<String> = it.parameters.iter().map(said).collect();
         let (promised, real) = (maybe(it.fitness_sim), maybe(it.fitness_real));
         let fitness = if self.judged {
             format!("fitness {promised} in simulation, {real} in reality · ")

@@ -186,6 +186,8 @@ fn show(report: &Report) {
     if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
         println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
     }
+    show_gap(report);
+    show_posterior(report);
     if let Some(revealed) = report.revealed.as_ref().filter(|_| report.iterations.iter().any(|it| it.phi.is_some())) {
         show_revealed(report, revealed);
     }
@@ -205,11 +207,18 @@ fn reason_text(reason: &StopReason) -> &'static str {
 
 fn iterations(report: &Report) -> Table {
     let judged = !report.fitness.is_empty();
-    let fitness: &[&str] = if judged { &["f simulated", "f real", "best real", "rank agreement"] } else { &[] };
+    let doubted = report.iterations.iter().any(|it| it.posterior.is_some());
+    let fitness: &[&str] = match (judged, doubted) {
+        (false, _) => &[],
+        (true, true) => &["f promised", "95 %", "f real", "best real"],
+        (true, false) => &["f simulated", "f real", "best real", "rank agreement"],
+    };
     let mut table = Table::new(&[&["iteration", "tests", "phi predicted", "phi"], fitness].concat());
     for it in &report.iterations {
         let mut row = vec![it.i.to_string(), it.real_tests.to_string(), maybe(it.phi_predicted), maybe(it.phi)];
-        if judged {
+        if judged && doubted {
+            row.extend([maybe(it.fitness_sim), span(it.fitness_ci95), maybe(it.fitness_real), maybe(it.best_real)]);
+        } else if judged {
             let cells = [it.fitness_sim, it.fitness_real, it.best_real, it.evidence.rank_agreement];
             row.extend(cells.map(maybe));
         }
@@ -218,10 +227,54 @@ fn iterations(report: &Report) -> Table {
     table
 }
 
+/// From where to where.
+fn span(interval: Option<[f64; 2]>) -> String {
+    interval.map_or_else(|| "-".to_owned(), |[low, high]| format!("{} .. {}", number(low), number(high)))
+}
+
+/// By how much reality falls short of promises, and which of these held.
+fn show_gap(report: &Report) {
+    let Some(gap) = report.reality_gap.filter(|gap| gap.within[1] > 0) else { return };
+    println!(
+        "reality gap: {} ({}) from promised to real fitness, over {} tests; {} of {} within their interval",
+        number(gap.mean),
+        span(gap.ci95),
+        gap.tests,
+        gap.within[0],
+        gap.within[1]
+    );
+}
+
+/// What the tests tell of S, where the run estimated a posterior and nobody knows the truth.
+fn show_posterior(report: &Report) {
+    let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
+    if report.revealed.is_none() {
+        let mut table = Table::new(&["parameter", "estimate", "95 %"]);
+        for (name, belief) in &estimate.parameters {
+            table.row(vec![name.clone(), number(belief.value), span(belief.ci95)]);
+        }
+        println!("\n{}", table.render());
+    }
+    if !estimate.not_told.is_empty() {
+        println!("not told by these tests: {}", estimate.not_told.join(", "));
+    }
+    for open in &estimate.open_directions {
+        let parts = open.parameters.iter().map(|(name, share)| format!("{share:+.2} {name}"));
+        println!("hardly told at all: {}", parts.collect::<Vec<_>>().join(" "));
+    }
+}
+
 fn show_disengagement(report: &Report) {
     let Some(last) = report.iterations.last() else { return };
     let e = &last.evidence;
     println!("\ndisengaged: the space of simulations does not reproduce what the robot does");
+    if last.posterior.is_some() {
+        println!("  no simulation in it explains the real tests: {} x noise, from every start", maybe(last.phi));
+        if let Some(cause) = &report.diagnosis {
+            println!("  {}", cause.sentence());
+        }
+        return;
+    }
     println!("  phi stands at {} of where it began and no longer falls", maybe(e.phi_share));
     println!("  fresh transfers are mispredicted by {} of where it began", maybe(e.predicted_share));
     println!("  rank agreement of controllers, promised against real: {}", maybe(e.rank_agreement));
@@ -255,16 +308,17 @@ fn next_step(cause: &Cause, folder: &Path, args: &Coevolve, global: &Global) {
 fn show_revealed(report: &Report, revealed: &Comparison) {
     let Some(last) = report.iterations.last() else { return };
     println!("\nthe hidden twin");
-    let mut table = Table::new(&["parameter", "truth", "estimate", "error %", "error % before"]);
+    let intervals: &[&str] = if last.posterior.is_some() { &["95 %"] } else { &[] };
+    let (before, after) = (["parameter", "truth", "estimate"], ["error %", "error % before"]);
+    let mut table = Table::new(&[&before, intervals, &after].concat());
     for (name, truth) in &revealed.truth.parameters {
         let cell = |map: &indexmap::IndexMap<String, f64>| maybe(map.get(name).copied());
-        table.row(vec![
-            name.clone(),
-            number(*truth),
-            cell(&last.parameters),
-            cell(&revealed.error_percent),
-            cell(&revealed.error_percent_before),
-        ]);
+        let mut row = vec![name.clone(), number(*truth), cell(&last.parameters)];
+        if let Some(estimate) = &last.posterior {
+            row.push(span(estimate.parameters.get(name).and_then(|belief| belief.ci95)));
+        }
+        row.extend([cell(&revealed.error_percent), cell(&revealed.error_percent_before)]);
+        table.row(row);
     }
     println!("{}", table.render());
     if !revealed.truth.effects.is_empty() {

@@ -33,6 +33,8 @@ pub(crate) struct Parameter {
     pub(crate) unit: String,
     /// Its value in reality, where that is known.
     pub(crate) truth: Option<f64>,
+    /// 95 % intervals, where there is a posterior, with the generation after which they hold.
+    pub(crate) intervals: Vec<(usize, [f64; 2])>,
 }
 
 /// What figure 3 shows.
@@ -90,7 +92,7 @@ fn ends(generations: &[Generation]) -> Vec<f64> {
 }
 
 fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
-    let Parameter { name, unit, truth } = &data.parameters[index];
+    let Parameter { name, unit, truth, intervals } = &data.parameters[index];
     let generations: Vec<Vec<&Individual>> = by_generation(&data.individuals);
     let mut shades: Vec<Vec<(f64, f64)>> = vec![Vec::new(); SHADES];
     let mut best = Vec::new();
@@ -107,6 +109,13 @@ fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
         series.push(Series::nameless(Ink::Shade(shade as f64 / (SHADES - 1) as f64), Mark::Dots, points));
     }
     series.push(Series::new("best", Ink::Main, Mark::Line, best));
+    for (k, (generation, interval)) in intervals.iter().enumerate() {
+        let points = interval.map(|end| (*generation as f64, end)).to_vec();
+        series.push(match k {
+            0 => Series::new("95 %", Ink::Truth, Mark::Line, points),
+            _ => Series::nameless(Ink::Truth, Mark::Line, points),
+        });
+    }
     if let Some(truth) = truth {
         let last = generations.len().saturating_sub(1) as f64;
         series.push(Series::new("reality", Ink::Second, Mark::Dashes, vec![(0.0, *truth), (last, *truth)]));
@@ -181,7 +190,7 @@ mod tests {
             individual(1, 0.2, 3.0),
             individual(0, 0.1, 4.0),
         ];
-        let parameters = vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0) }];
+        let parameters = vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0), intervals: vec![] }];
         let (fitness, phi) = (Vec::new(), Vec::new());
         let (fitness_label, phi_label) = (String::new(), String::new());
         let data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals };

@@ -20,6 +20,8 @@ use rayon::prelude::*;
 
 /// A multiple of a probe that is believed, at least and at most: further away it is another one's business.
 const MULTIPLES: (f64, f64) = (0.15, 4.0);
+/// How far S may have been led astray, as a share of what its bounds leave.
+const ASTRAY: f64 = 0.35;
 /// How wide an extension's own numbers are believed to begin with, as a share of their probe's place above zero on the unit
 /// cube, and at least.
 const BEGIN: (f64, f64) = (0.5, 0.01);
@@ -65,8 +67,8 @@ pub struct Suspect {
     pub extension: usize,
     /// Where on the unit cube its further dimensions are expected.
     pub start: Vec<f64>,
-    /// By how much chi-squared would fall, in total.
-    pub fall: f64,
+    /// The share of chi-squared that would be left.
+    pub left: f64,
 }
 
 /// An extension with its numbers, and how well it explains the tests.
@@ -81,6 +83,11 @@ pub struct Fitted {
 }
 
 impl Abduction<'_> {
+    /// S about where it was before any test, a part as wide as its bounds leave it: what is missing has not led it astray there.
+    pub fn unbiased(&self, prior: &Posterior) -> Posterior {
+        Posterior::new(prior.mean().clone(), prior.covariance() * ASTRAY.powi(2))
+    }
+
     fn setting<'a>(&'a self, simulator: &'a dyn Simulator, prior: Posterior) -> Setting<'a> {
         Setting { simulator, distance: self.distance, tests: self.learn.clone(), prior }
     }
@@ -93,7 +100,7 @@ impl Abduction<'_> {
         from: &Posterior,
         cost: &mut Cost,
     ) -> Option<Fitted> {
-        let estimated = self.setting(simulator, prior.clone()).settle(from, &self.phase, self.seed, cost)?;
+        let estimated = self.glance(simulator, prior, from, self.phase.turns, cost)?;
         let held_out = Setting { tests: self.held_out.clone(), ..self.setting(simulator, prior.clone()) };
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
@@ -103,22 +110,37 @@ impl Abduction<'_> {
         Some(Fitted { estimated, held_out: judged.then_some(chi), confirmed: !judged || as_foretold })
     }
 
-    /// The extensions that would lower chi-squared of the tests to learn from, the most promising first; `estimated` is where S
-    /// stands without any.
+    /// Some turns of an estimate on the tests to learn from.
+    pub fn glance(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        from: &Posterior,
+        turns: usize,
+        cost: &mut Cost,
+    ) -> Option<Estimated> {
+        let phase = PosteriorPhase { turns, ..self.phase.clone() };
+        self.setting(simulator, prior.clone()).settle(from, &phase, self.seed, cost)
+    }
+
+    /// The extensions that would lower chi-squared of the tests to learn from, the most promising first, for an S that stands
+    /// about where `belief` has it.
     pub fn screen(
         &self,
         simulator: &dyn Simulator,
         prior: &Posterior,
-        estimated: &Estimated,
+        belief: &Posterior,
         extensions: &[Extension<'_>],
         cost: &mut Cost,
     ) -> Vec<Suspect> {
-        let here = simulator.simulations().from_unit(estimated.belief.mean().as_slice());
+        let here = simulator.simulations().from_unit(belief.mean().as_slice());
         let mut sums: Vec<Vec<Normal>> = extensions.iter().map(|e| vec![Normal::default(); e.probes.len()]).collect();
         let mut information = prior.covariance().clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(0, 0));
-        let mut gradient = &information * (estimated.belief.mean() - prior.mean());
+        let mut gradient = &information * (belief.mean() - prior.mean());
+        let mut chi2 = 0.0;
         for entry in &self.learn {
-            let Some(probed) = self.probed(simulator, estimated, entry, cost) else { continue };
+            let Some(probed) = self.probed(simulator, belief, entry, cost) else { continue };
+            chi2 += probed.chi2();
             information += probed.information();
             gradient += probed.gradient();
             let along = |(extension, sums): (&Extension, &mut Vec<Normal>)| {
@@ -135,27 +157,27 @@ impl Abduction<'_> {
             let best = |(probe, sum): (&Vec<f64>, &Normal)| Some((probe.clone(), sum.best(&factor, &gradient)?));
             let bests = extensions[k].probes.iter().zip(sums).filter_map(best);
             let (probe, (multiple, fall)) = bests.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-            Some(Suspect { extension: k, start: extensions[k].at(here.len(), &probe, multiple), fall })
+            Some(Suspect { extension: k, start: extensions[k].at(here.len(), &probe, multiple), left: 1.0 - fall / chi2 })
         };
         let mut suspects: Vec<Suspect> = sums.iter().enumerate().filter_map(promise).collect();
-        suspects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+        suspects.sort_by(|a, b| a.left.total_cmp(&b.left));
         suspects
     }
 
     fn probed(
         &self,
         simulator: &dyn Simulator,
-        estimated: &Estimated,
+        belief: &Posterior,
         entry: &Entry,
         cost: &mut Cost,
     ) -> Option<Probed> {
-        let members = self.phase.members(estimated.belief.mean().len());
-        let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
+        let members = self.phase.members(belief.mean().len());
+        let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();
         let squares = self.distance.as_squares()?;
         let results = evaluate::residuals(simulator, (self.distance, squares), &points, &[entry], cost);
         let errors: Option<Vec<Residuals>> = results.into_iter().map(|(_, residuals)| residuals).collect();
-        Probed::of(&draws, &errors?, estimated.belief.mean())
+        Probed::of(&draws, &errors?, belief.mean())
     }
 
     fn residuals(&self, of: &Extension, here: &[f64], entry: &Entry, cost: &mut Cost) -> Vec<Option<Residuals>> {
@@ -165,18 +187,18 @@ impl Abduction<'_> {
         results.into_iter().map(|(_, residuals)| residuals).collect()
     }
 
-    /// What is believed of a larger S to begin with: the present estimate, and a suspect's own numbers about where they are
+    /// What is believed of a larger S to begin with: what was screened from, and a suspect's own numbers about where they are
     /// expected.
-    pub fn beginning(&self, estimated: &Estimated, suspect: &Suspect, prior: &Posterior) -> Posterior {
-        let mean: Vec<f64> = estimated.belief.mean().iter().copied().chain(suspect.start.iter().copied()).collect();
+    pub fn beginning(&self, belief: &Posterior, suspect: &Suspect, prior: &Posterior) -> Posterior {
+        let mean: Vec<f64> = belief.mean().iter().copied().chain(suspect.start.iter().copied()).collect();
         let mut covariance = prior.covariance().clone();
-        let known = estimated.belief.mean().len();
+        let known = belief.mean().len();
         for (k, start) in suspect.start.iter().enumerate() {
             let off = prior.mean()[known + k];
             covariance[(known + k, known + k)] = (BEGIN.0 * (start - off).abs()).max(BEGIN.1).powi(2);
         }
-        // S itself may have been led astray by what is missing: it may go anywhere that its bounds allow, a third as far.
-        covariance.view_mut((0, 0), (known, known)).scale_mut(1.0 / 9.0);
+        // S itself may have been led astray by what is missing.
+        covariance.view_mut((0, 0), (known, known)).scale_mut(ASTRAY.powi(2));
         Posterior::new(DVector::from_vec(mean), covariance)
     }
 }

@@ -23,6 +23,9 @@ const SHRINK: f64 = 2.5;
 const GROW: f64 = 1.4;
 /// A belief that moves by less, and changes its width by less, is settled.
 const SETTLED: (f64, f64) = (0.5, 1.3);
+/// Ensembles are so many times as wide as the belief: what jumps beside it (a foot that lands a time step earlier) would not be
+/// seen from within, and the belief would be too sure.
+pub(super) const WIDER: f64 = 1.5;
 /// chi-squared per sample may exceed 1 by so many of its standard errors, and by this share for what sensors' statements
 /// round.
 const STANDARD_ERRORS: f64 = 5.0;
@@ -78,7 +81,7 @@ impl Setting<'_> {
         let mut belief = from.clone();
         let mut last = None;
         for turn in 1..=phase.turns as u64 {
-            let draws = belief.draws(members, &mut random::stream(seed, &[turn]));
+            let draws = belief.wider(WIDER).draws(members, &mut random::stream(seed, &[turn]));
             let (seen, _) = self.seen(&draws, cost);
             let Turned { estimated, settled } = self.turn(&belief, &seen)?;
             belief = estimated.belief.clone();

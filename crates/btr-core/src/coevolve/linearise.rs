@@ -229,6 +229,11 @@ impl Probed {
         Unpredictable::of(&self.ensemble.leftover, &self.gram, self.ensemble.freedom)
     }
 
+    /// chi-squared at the point.
+    pub(super) fn chi2(&self) -> f64 {
+        self.noise().product(&self.here, &self.here)[(0, 0)]
+    }
+
     /// Expected curvature of half of chi-squared in S.
     pub(super) fn information(&self) -> DMatrix<f64> {
         self.noise().product(&self.ensemble.slopes, &self.ensemble.slopes)

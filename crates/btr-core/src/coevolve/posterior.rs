@@ -76,6 +76,12 @@ impl Posterior {
         Posterior { mean: self.mean.clone(), covariance }
     }
 
+    /// The same belief, so many times as wide.
+    #[must_use]
+    pub(super) fn wider(&self, times: f64) -> Self {
+        Posterior { mean: self.mean.clone(), covariance: &self.covariance * times.powi(2) }
+    }
+
     /// The same belief in a larger S, of whose new dimensions only the bounds are known.
     #[must_use]
     pub(super) fn enlarged(&self, start: &[f64]) -> Self {

@@ -5,23 +5,28 @@
 use super::Cause;
 use super::extended::{Added, Extended};
 use crate::beside::sites;
-use crate::effect::{EFFECTS, SiteKind};
+use crate::effect::{self, EFFECTS, SiteKind};
 use crate::elsewhere::Way;
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::scales::Scales;
-use btr_core::coevolve::{Abduction, Coevolution, Cost, Entry, Extension, Fitted, Posterior, PosteriorPhase, Suspect};
+use btr_core::coevolve::{
+    Abduction, Coevolution, Cost, Entry, Estimated, Extension, Fitted, Posterior, PosteriorPhase, Suspect,
+};
 use btr_core::diagnose::{Found, Rung, Verdict};
 use btr_core::fit::Estimate;
-use btr_core::space::Space;
+use btr_core::space::{Dim, Space};
 use btr_core::world::{Simulator, WorldError};
 
 /// The most real tests that are looked at.
 const MOST_TESTS: usize = 4;
 /// The most effects that are named.
 const MOST_EFFECTS: usize = 3;
-/// How many suspects are estimated in a round.
-const TRIED: usize = 8;
+/// How many suspects are looked at in a round, from each of two places in S; for so many turns.
+const TRIED: usize = 6;
+const GLANCE_TURNS: usize = 4;
+/// How many of those are estimated to the end.
+const FITTED: usize = 3;
 /// An effect is kept that explains at least this share of what is unexplained.
 const HELPS: f64 = 0.2;
 /// Two explanations whose chi-squared, with what their numbers cost, differs by less than this cannot be told apart.
@@ -33,6 +38,13 @@ struct State<'a> {
     fitted: Fitted,
     prior: Posterior,
     extended: Extended<'a>,
+}
+
+/// A suspect after a few turns.
+struct Glance {
+    added: Vec<Added>,
+    belief: Posterior,
+    chi: f64,
 }
 
 /// A suspect that was estimated.
@@ -83,6 +95,7 @@ pub(super) fn cause(
         effects.push(found);
         state = next;
     }
+    state = asking.simplified(state, &mut effects, &mut cost);
     // What was found first is told by what was found last: its values are those beside all others.
     for (k, found) in effects.iter_mut().enumerate() {
         found.parameters = asking.parameters(&state, k);
@@ -119,6 +132,12 @@ fn scales(model: &Model, learn: &[&Entry]) -> Result<Scales, WorldError> {
     Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
 
+/// chi-squared on the tests to learn from, with what each number costs (Schwarz's criterion).
+fn cost_of(fitted: &Fitted, space: &Space) -> f64 {
+    let samples = fitted.estimated.samples;
+    fitted.estimated.chi.powi(2) * samples + space.len() as f64 * samples.ln()
+}
+
 struct Asking<'a> {
     abduction: Abduction<'a>,
     model: &'a Model,
@@ -139,43 +158,94 @@ impl<'a> Asking<'a> {
 
     /// One effect more; `None` where none helps enough.
     fn round(&self, state: &State<'a>, cost: &mut Cost) -> Option<(State<'a>, Found)> {
-        let offered: Vec<Extended> =
-            self.offered(&state.added).into_iter().filter_map(|added| self.extended(added)).collect();
-        let of = |extended: &'_ Extended<'a>| extended.probes();
-        let extensions: Vec<Extension> =
-            offered.iter().map(|extended| Extension { simulator: extended, probes: of(extended) }).collect();
-        self.way.heed();
-        let base = &state.extended;
-        let suspects = self.abduction.screen(base, &state.prior, &state.fitted.estimated, &extensions, cost);
-        let mut tried: Vec<Tried> = Vec::new();
-        for suspect in suspects.iter().take(TRIED) {
-            self.way.heed();
-            tried.extend(self.tried(state, &offered[suspect.extension], suspect, cost));
-        }
-        tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let glances = self.glances(state, cost);
+        let likeliest = glances.iter().take(FITTED);
+        let mut fitted: Vec<Tried> =
+            likeliest.filter_map(|glance| self.tried(&glance.added, &glance.belief, cost)).collect();
+        fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let before = state.fitted.estimated.chi.powi(2);
-        let leader = tried.first()?;
+        let leader = fitted.first()?;
         let helps = before - leader.state.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
-        let found = self.found(state, &tried).filter(|_| helps)?;
-        Some((tried.swap_remove(0).state, found))
+        let found = self.found(state, &fitted).filter(|_| helps)?;
+        Some((fitted.swap_remove(0).state, found))
     }
 
-    /// A suspect with its numbers.
-    fn tried(
-        &self,
-        state: &State<'a>,
-        offered: &Extended<'a>,
-        suspect: &Suspect,
-        cost: &mut Cost,
-    ) -> Option<Tried<'a>> {
-        let extended = self.extended(offered.added().to_vec())?;
+    /// The suspects after a few turns, best first: those that promise most where S stands now, and where it began.
+    fn glances(&self, state: &State<'a>, cost: &mut Cost) -> Vec<Glance> {
+        let spaces: Vec<Extended> =
+            self.offered(&state.added).into_iter().filter_map(|added| self.extended(added)).collect();
+        let extensions: Vec<Extension> =
+            spaces.iter().map(|extended| Extension { simulator: extended, probes: extended.probes() }).collect();
+        let mut glances: Vec<Glance> = Vec::new();
+        for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
+            self.way.heed();
+            let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
+            for suspect in suspects.iter().take(TRIED) {
+                self.way.heed();
+                let extended = &spaces[suspect.extension];
+                let prior = self.prior(extended.simulations());
+                let from = self.abduction.beginning(&base, suspect, &prior);
+                let estimated = self.abduction.glance(extended, &prior, &from, GLANCE_TURNS, cost);
+                let Some(Estimated { chi, belief, .. }) = estimated else { continue };
+                glances.push(Glance { added: extended.added().to_vec(), belief, chi });
+            }
+        }
+        glances.sort_by(|a, b| a.chi.total_cmp(&b.chi));
+        let mut names: Vec<Option<String>> = Vec::new();
+        glances.retain(|glance| {
+            let name = glance.added.last().map(Added::name);
+            let first = !names.contains(&name);
+            names.push(name);
+            first
+        });
+        glances
+    }
+
+    /// Effects with their numbers.
+    fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<Tried<'a>> {
+        self.way.heed();
+        let extended = self.extended(added.to_vec())?;
         let prior = self.prior(extended.simulations());
-        let from = self.abduction.beginning(&state.fitted.estimated, suspect, &prior);
-        let fitted = self.abduction.fit(&extended, &prior, &from, cost)?;
-        let (samples, dims) = (fitted.estimated.samples, extended.simulations().len() as f64);
-        let cost = fitted.estimated.chi.powi(2) * samples + dims * samples.ln();
-        let added = offered.added().to_vec();
-        Some(Tried { state: State { added, fitted, prior, extended }, cost })
+        let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
+        let cost = cost_of(&fitted, extended.simulations());
+        Some(Tried { state: State { added: added.to_vec(), fitted, prior, extended }, cost })
+    }
+
+    /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
+    fn simplified(&self, mut state: State<'a>, effects: &mut [Found], cost: &mut Cost) -> State<'a> {
+        for k in 0..state.added.len() {
+            for (name, _) in state.added[k].effect.card().contains {
+                let Some(simpler) = effect::find(name) else { continue };
+                let mut added = state.added.clone();
+                added[k].effect = simpler;
+                let Some(tried) = self.tried(&added, &self.about(&state, &added, k), cost) else { continue };
+                if tried.cost < cost_of(&state.fitted, state.extended.simulations()) {
+                    (*name).clone_into(&mut effects[k].effect);
+                    state = tried.state;
+                    break;
+                }
+            }
+        }
+        state
+    }
+
+    /// A belief to begin with where effect `k` has been replaced by a simpler one: its numbers about those of the former one
+    /// that have the same unit, all others as they are known.
+    fn about(&self, state: &State, added: &[Added], k: usize) -> Posterior {
+        let (known, mean) = (state.extended.simulations(), state.fitted.estimated.belief.mean());
+        let own = self.model.simulations().len();
+        let base = Posterior::of_bounds(&mean.as_slice()[..own]);
+        let Some(extended) = self.extended(added.to_vec()) else { return base };
+        let former = format!("{}.", state.added[k].effect.card().name);
+        let start = extended.simulations().dims()[own..].iter().map(|dim| {
+            let same = |other: &Dim| other.name == dim.name;
+            let alike =
+                |other: &Dim| other.name.starts_with(&former) && other.name.ends_with(&added[k].site) && other.unit == dim.unit;
+            let place = known.dims().iter().position(same).or_else(|| known.dims().iter().position(alike));
+            place.map_or(0.5, |place| dim.to_unit(known.dims()[place].from_unit(mean[place])))
+        });
+        let suspect = Suspect { extension: 0, start: start.collect(), left: 1.0 };
+        self.abduction.beginning(&base, &suspect, &self.prior(extended.simulations()))
     }
 
     /// The leader as it is told, beside those that explain as much.

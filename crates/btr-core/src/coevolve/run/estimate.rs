@@ -2,7 +2,7 @@
 //! tests, it is sought again from other starts.
 
 use super::{Coevolution, On, Phase, Step, Stream};
-use crate::coevolve::estimation::{Estimated, Setting, Turned, surprises};
+use crate::coevolve::estimation::{Estimated, Setting, Turned, WIDER, surprises};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::coevolve::posterior::Posterior;
@@ -65,7 +65,7 @@ impl Coevolution {
         let Some(phase) = self.plan.posterior.clone() else { return self.settled(on, None) };
         let number = estimation.start * phase.turns + estimation.turn;
         let members = phase.members(self.state.simulation.len());
-        let draws = estimation.belief.draws(members, &mut self.stream(Stream::Ensembles, number));
+        let draws = estimation.belief.wider(WIDER).draws(members, &mut self.stream(Stream::Ensembles, number));
         let mut cost = self.state.cost;
         let setting = self.setting(on, &estimation.tests);
         let (seen, scores) = setting.seen(&draws, &mut cost);

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Many hidden twins of the Nao: does a run find their masses, does it say how sure it is, and do its promises hold?
+
+    cargo build --release && python3 studies/nao_seeds.py [--seeds 50] [--first 1] [--out runs/nao-seeds]
+    python3 studies/nao_seeds.py --outside [--seeds 7]
+
+For each seed it runs `robots/nao.toml`, whose twin differs in eight masses, and the same search for walks with as many tests
+in reality alone. With `--outside` the twin has something besides that no mass can make up for: friction on two joints, a soft
+floor, or a late command; and the run has to say which. Runs that are in the output folder already are read, not repeated.
+Needs nothing but the standard library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import random
+import statistics
+import subprocess
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+LEGS = [f"{side}{joint}" for side in "RL" for joint in ("HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")]
+"""Joints whose friction a walk can feel."""
+
+
+def run(out: pathlib.Path, name: str, text: str, seed: int, btr: str) -> tuple[dict, float]:
+    """The history of a run, which is made first where it is not there yet, and the seconds it took."""
+    folder = out / f"{name}-{seed}"
+    clock = folder / "seconds.txt"
+    if not (folder / "history.json").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        experiment = folder / "asked.toml"
+        experiment.write_text(text)
+        began = time.monotonic()
+        command = [btr, "coevolve", str(experiment), "--quiet", "--seed", str(seed), "--out", str(folder)]
+        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        if done.returncode not in (0, 1):
+            raise SystemExit(done.stderr)
+        clock.write_text(f"{time.monotonic() - began:.1f}")
+    seconds = float(clock.read_text()) if clock.exists() else float("nan")
+    return json.loads((folder / "history.json").read_text()), seconds
+
+
+def alone(text: str) -> str:
+    """The same search for walks, with as many tests, in reality alone."""
+    tests = 6
+    text = text.replace("iterations = 6", f'iterations = {tests}\nreal_tests = {tests}\nmethod = "reality_only"')
+    return text.replace('rule = "informative"', 'rule = "fittest"')
+
+
+def inside(text: str, args: argparse.Namespace) -> None:
+    """Twins that S holds."""
+    print("seed | worst mass %, told of 8, in interval | promised, within | f real, reality alone | tests | s")
+    told = kept = masses = within = promises = better = disengaged = good = 0
+    worst_of_all, seconds_of_all, gaps = [], [], []
+    for seed in range(args.first, args.first + args.seeds):
+        history, seconds = run(args.out, "nao", text, seed, args.btr)
+        baseline, _ = run(args.out, "alone", alone(text), seed, args.btr)
+        truth, last = history["revealed"]["parameters"], history["iterations"][-1]
+        beliefs = last["posterior"]["parameters"]
+        errors = {name: 100 * abs(belief["value"] / truth[name] - 1) for name, belief in beliefs.items()}
+        sure = [name for name, belief in beliefs.items() if belief["told"]]
+        covered = [b["ci95"] is not None and b["ci95"][0] <= truth[n] <= b["ci95"][1] for n, b in beliefs.items()]
+        worst = max((errors[name] for name in sure), default=0.0)
+        gap = history["reality_gap"]
+        last_promise, last_real = last["fitness_ci95"], last["fitness_real"]
+        holds = last_promise is not None and last_promise[0] <= last_real <= last_promise[1]
+        fitness, other = (h["recommended"]["fitness_real"] for h in (history, baseline))
+        told, kept, masses = told + len(sure), kept + sum(covered), masses + len(beliefs)
+        within, promises = within + gap["within"][0], promises + gap["within"][1]
+        better, disengaged, good = better + (fitness > other), disengaged + history["disengaged"], good + holds
+        worst_of_all.append(worst)
+        seconds_of_all.append(seconds)
+        gaps.append(gap["mean"])
+        print(
+            f"{seed:4} | {worst:6.2f} {len(sure)} {sum(covered)} | {holds} {gap['within'][0]}/{gap['within'][1]} "
+            f"| {fitness:.3f} {other:.3f} | {history['real_tests']} | {seconds:.0f}",
+            flush=True,
+        )
+    print(f"disengaged: {disengaged} of {args.seeds}")
+    print(f"masses told: {told} of {masses}; worst error of those: {max(worst_of_all):.2f} %")
+    print(f"95 % intervals that hold the truth: {kept} of {masses}")
+    print(f"last promise within its interval: {good} of {args.seeds}; all promises: {within} of {promises}")
+    print(f"reality gap: median {statistics.median(gaps):+.4f}, worst {max(gaps, key=abs):+.4f}")
+    print(f"better than reality alone: {better} of {args.seeds}")
+    print(f"seconds: median {statistics.median(seconds_of_all):.0f}, worst {max(seconds_of_all):.0f}")
+
+
+def hidden(seed: int) -> tuple[str, list[str], str]:
+    """What a twin has that S lacks: kind, names, and the line that gives it."""
+    draw = random.Random(seed)
+    kind = ("friction", "floor", "delay")[seed % 3]
+    if kind == "friction":
+        joints = draw.sample(LEGS, 2)
+        torques = [round(draw.uniform(0.1, 0.4), 3) for _ in joints]
+        parts = [f'{{ effect = "coulomb_friction", site = "{j}", torque = {t} }}' for j, t in zip(joints, torques)]
+        return kind, [f"coulomb_friction@{joint}" for joint in joints], ", ".join(parts)
+    if kind == "floor":
+        stiffness = round(draw.uniform(3000, 8000))
+        part = f'{{ effect = "contact_compliance", site = "*", stiffness = {stiffness}, damping = 40.0 }}'
+        return kind, ["contact_compliance@*"], part
+    delay = round(draw.uniform(0.005, 0.03), 4)
+    return kind, ["command_delay@*"], f'{{ effect = "command_delay", site = "*", delay = {delay} }}'
+
+
+def outside(text: str, args: argparse.Namespace) -> None:
+    """Twins that S does not hold."""
+    print("seed | hidden | verdict | named (and what cannot be told from it) | s")
+    exact = 0
+    for seed in range(args.first, args.first + args.seeds):
+        kind, names, line = hidden(seed)
+        twin = text.replace('parameters = "random"\n', f'parameters = "random"\neffects = [{line}]\n')
+        history, seconds = run(args.out, f"outside-{kind}", twin, seed, args.btr)
+        cause = history["diagnosis"] or {"verdict": None, "effects": []}
+        found = [f"{e['effect']}@{e['site']}" for e in cause["effects"]]
+        alike = [name for e in cause["effects"] for name in e["alike"]]
+        right = cause["verdict"] == "effect_missing" and sorted(found) == sorted(names)
+        exact += right
+        said = ", ".join(found) + (f" ({', '.join(alike)})" if alike else "")
+        print(f"{seed:4} | {', '.join(names)} | {cause['verdict']} | {said} | {seconds:.0f} {'' if right else 'WRONG'}", flush=True)
+    print(f"named exactly: {exact} of {args.seeds}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--outside", action="store_true", help="twins that have what S lacks")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "nao-seeds")
+    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    args = parser.parse_args()
+    args.out = args.out.resolve()
+    text = (ROOT / "robots" / "nao.toml").read_text()
+    (outside if args.outside else inside)(text, args)
+
+
+if __name__ == "__main__":
+    main()
