@@ -190,7 +190,8 @@ mod tests {
             individual(1, 0.2, 3.0),
             individual(0, 0.1, 4.0),
         ];
-        let parameters = vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0), intervals: vec![] }];
+        let parameters =
+            vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0), intervals: vec![] }];
         let (fitness, phi) = (Vec::new(), Vec::new());
         let (fitness_label, phi_label) = (String::new(), String::new());
         let data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals };

@@ -157,20 +157,18 @@ impl Abduction<'_> {
             let best = |(probe, sum): (&Vec<f64>, &Normal)| Some((probe.clone(), sum.best(&factor, &gradient)?));
             let bests = extensions[k].probes.iter().zip(sums).filter_map(best);
             let (probe, (multiple, fall)) = bests.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-            Some(Suspect { extension: k, start: extensions[k].at(here.len(), &probe, multiple), left: 1.0 - fall / chi2 })
+            Some(Suspect {
+                extension: k,
+                start: extensions[k].at(here.len(), &probe, multiple),
+                left: 1.0 - fall / chi2,
+            })
         };
         let mut suspects: Vec<Suspect> = sums.iter().enumerate().filter_map(promise).collect();
         suspects.sort_by(|a, b| a.left.total_cmp(&b.left));
         suspects
     }
 
-    fn probed(
-        &self,
-        simulator: &dyn Simulator,
-        belief: &Posterior,
-        entry: &Entry,
-        cost: &mut Cost,
-    ) -> Option<Probed> {
+    fn probed(&self, simulator: &dyn Simulator, belief: &Posterior, entry: &Entry, cost: &mut Cost) -> Option<Probed> {
         let members = self.phase.members(belief.mean().len());
         let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();

@@ -179,3 +179,6 @@ fn moved(from: &Posterior, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> (P
     let settled = length < SETTLED.0 && least > 1.0 / SHRINK && most < SETTLED.1;
     (Posterior::new(reached, (&covariance + covariance.transpose()) / 2.0), settled)
 }
+
+#[cfg(test)]
+mod tests;

@@ -239,8 +239,9 @@ impl<'a> Asking<'a> {
         let former = format!("{}.", state.added[k].effect.card().name);
         let start = extended.simulations().dims()[own..].iter().map(|dim| {
             let same = |other: &Dim| other.name == dim.name;
-            let alike =
-                |other: &Dim| other.name.starts_with(&former) && other.name.ends_with(&added[k].site) && other.unit == dim.unit;
+            let alike = |other: &Dim| {
+                other.name.starts_with(&former) && other.name.ends_with(&added[k].site) && other.unit == dim.unit
+            };
             let place = known.dims().iter().position(same).or_else(|| known.dims().iter().position(alike));
             place.map_or(0.5, |place| dim.to_unit(known.dims()[place].from_unit(mean[place])))
         });
