@@ -7,13 +7,15 @@
 //!
 //! A step is the implicit midpoint rule for servos, springs and dampers, with inertia, gravity and velocity forces taken at
 //! the middle that the past predicts: second order. Joints so stiff that the rule would let them ring are advanced by
-//! backward Euler instead. Dry friction, joint limits and contacts are impulses within bounds. A contact is a spring and a
+//! backward Euler instead. Motors at their bounds are found step by step. Dry friction, joint limits and contacts are impulses
+//! within bounds. A contact is a spring and a
 //! damper that are solved for the step's end, and Coulomb friction that holds; a hard floor is a stiff one.
 #![allow(
     clippy::needless_range_loop,
     reason = "what an iterator calls may be left out of line, where it is compiled for narrow registers"
 )]
 
+mod bounds;
 mod build;
 mod course;
 mod forward;
@@ -30,6 +32,7 @@ pub(crate) use build::{engine, engine_of_several, lanes, width, widths};
 pub use forward::forward_dynamics;
 
 use crate::engine::{BaseState, Course, Dof, Dynamics, State};
+use bounds::Motor;
 use impulses::Impulses;
 use lanes::{Lanes, Mask};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -59,6 +62,7 @@ pub(crate) struct Articulated<S: Simd> {
     root: usize,
     fixed: Vec<Isometry3<f64>>,
     inner: Vec<Inner<S>>,
+    motors: Vec<Option<Motor<S>>>,
     /// Joints whose motion is prescribed; only where there is a single candidate.
     courses: Vec<Option<Course>>,
     limits: Vec<(Lanes<S>, Lanes<S>)>,
@@ -168,12 +172,19 @@ impl<S: Simd> Articulated<S> {
         self.foresee();
         self.tree.place(self.simd, &self.scratch.middle);
         self.tree.carry(self.simd, &self.scratch.middle.u, &self.gravity, None, &mut self.scratch.carried);
-        self.tree.fill_matrix(&mut self.scratch.matrix);
-        self.balance();
-        self.lead();
-        factorise(&mut self.scratch.matrix, &self.tree.ways);
-        solve(&self.scratch.matrix, &self.tree.ways, &mut self.scratch.next);
-        self.stop();
+        self.guess_bounds();
+        for look in 0.. {
+            self.tree.fill_matrix(&mut self.scratch.matrix);
+            self.balance();
+            self.lead();
+            factorise(&mut self.scratch.matrix, &self.tree.ways);
+            solve(&self.scratch.matrix, &self.tree.ways, &mut self.scratch.next);
+            self.stop();
+            if self.bounds_hold(look) {
+                break;
+            }
+        }
+        self.impulses.keep();
         let (now, s) = (&self.now, &mut self.scratch);
         for d in 0..s.next.len() {
             let share = s.share[d];
@@ -304,16 +315,25 @@ impl<S: Simd> Dynamics for Articulated<S> {
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
         for lane in self.spoken_of() {
             let inner = &mut self.inner[joint];
-            inner.constant.set(lane, dof.torque.constant);
-            inner.stiffness.set(lane, dof.torque.stiffness);
-            inner.damping.set(lane, dof.torque.damping);
+            if dof.motor.is_none() {
+                inner.constant.set(lane, dof.torque.constant);
+                inner.stiffness.set(lane, dof.torque.stiffness);
+                inner.damping.set(lane, dof.torque.damping);
+            }
             inner.dry_friction.set(lane, dof.dry_friction);
             inner.armature.set(lane, dof.armature);
+            if dof.motor.is_some() || self.motors[joint].is_some() {
+                bounds::set(&mut self.motors[joint], inner, lane, dof);
+            }
         }
         self.courses[joint] = dof.course;
     }
 
     fn midway(&self) -> bool {
+        true
+    }
+
+    fn keeps_bounds(&self) -> bool {
         true
     }
 

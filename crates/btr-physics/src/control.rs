@@ -3,8 +3,8 @@
 use crate::assemble;
 use crate::drive::Drive;
 use crate::effect::{Effect, Placed, SiteKind};
-use crate::engine::{Affine, Course, Dof, Dynamics};
-use crate::motor::{JointState, Motor};
+use crate::engine::{Affine, Bounded, Course, Dof, Dynamics};
+use crate::motor::{Bound, JointState, Motor, MotorTorque};
 use crate::robot::{Joint, Link, Robot};
 use crate::sim::Setup;
 use btr_core::world::WorldError;
@@ -47,8 +47,11 @@ struct JointControl {
     led: bool,
     /// What it was told last, before any effect.
     command: f64,
-    /// What arrived at the link of the motor's torque during the last step.
+    /// What arrives at the link of the motor's torque during the step, as far as the motor's bound lets it.
     acting: Affine,
+    bound: Bound,
+    /// Whether the motor has a rotor of its own behind a transmission that is not rigid.
+    rotor: bool,
     /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has worked it
     /// out, a prescribed motion needs it.
     told: Option<f64>,
@@ -110,7 +113,7 @@ impl<'a> Control<'a> {
             let states = self.joints.iter().zip(&self.states);
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
-        let (midway, leads) = (engine.midway(), engine.leads());
+        let (midway, leads, keeps_bounds) = (engine.midway(), engine.leads(), engine.keeps_bounds());
         let (in_the_middle, at_the_end) =
             (self.reference.share(time_s + 0.5 * self.dt_s), self.reference.share(time_s + self.dt_s));
         for (i, (joint, &(q, dq))) in self.joints.iter_mut().zip(&self.states).enumerate() {
@@ -123,11 +126,11 @@ impl<'a> Control<'a> {
                 None if joint.led && midway && !joint.motor.is_sampled() => self.reference.led(i, in_the_middle),
                 None => joint.command,
             };
-            let (inertia, torque) = (joint.inertia, joint.torque(q, dq));
-            let (dt_s, load) = (self.dt_s, self.load);
-            // Only effects ask for it.
+            let (inertia, dt_s, load) = (joint.inertia, self.dt_s, self.load);
+            // Only effects ask for these.
             let before = joint.before.filter(|_| !joint.stations.is_empty());
             let acceleration = before.map_or(0.0, |before| (dq - before) / dt_s);
+            let torque = if joint.stations.is_empty() { 0.0 } else { joint.torque(q, dq) };
             joint.before = Some(dq);
             let state = JointState {
                 time_s: self.begins_s + time_s,
@@ -143,7 +146,7 @@ impl<'a> Control<'a> {
             };
             let dof = match course.filter(|_| leads) {
                 Some(course) => joint.follow(course, &state),
-                None => joint.act(&state),
+                None => joint.act(&state, keeps_bounds),
             };
             engine.set_joint(i, &dof);
         }
@@ -157,7 +160,7 @@ impl<'a> Control<'a> {
         self.needed.fill(f64::NAN);
         engine.needed(&mut self.needed);
         for (joint, &torque) in self.joints.iter_mut().zip(&self.needed).filter(|(_, torque)| !torque.is_nan()) {
-            joint.acting = Affine::constant(torque);
+            (joint.acting, joint.bound) = (Affine::constant(torque), Bound::NONE);
             joint.told = Some(torque);
         }
     }
@@ -250,30 +253,48 @@ impl JointControl {
         let led = setup.interpolate || motor.is_prescribed();
         let torque = Affine { damping: joint.damping, ..Affine::default() };
         let (dry_friction, armature) = (joint.dry_friction, joint.armature);
-        let passive = Dof { torque, dry_friction, armature, course: None };
-        let (command, acting) = (f64::NAN, Affine::default());
-        JointControl { motor, passive, stations: Vec::new(), inertia, led, command, acting, told: None, before: None }
+        let passive = Dof { torque, dry_friction, armature, ..Dof::default() };
+        JointControl {
+            motor,
+            passive,
+            stations: Vec::new(),
+            inertia,
+            led,
+            command: f64::NAN,
+            acting: Affine::default(),
+            bound: Bound::NONE,
+            rotor: false,
+            told: None,
+            before: None,
+        }
     }
 
     fn place(&mut self, placed: &Placed, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
         let (effect, values) = (placed.effect, placed.values.clone());
+        self.rotor |= effect.motor_side(&memory, 0.0).is_some();
         self.stations.push(Station { effect, values, memory, link_side: (0.0, 0.0) });
     }
 
-    /// The motor's torque where the last step led to, on its own side of the transmission.
+    /// The motor's torque where the last step led to: its law there, within its bound.
     fn torque(&self, q: f64, dq: f64) -> f64 {
+        let (torque, dq) = self.motor_side(q, dq);
+        self.bound.clamp(torque, dq)
+    }
+
+    /// The motor's torque without its bound, and its velocity, on its own side of the transmission.
+    fn motor_side(&self, q: f64, dq: f64) -> (f64, f64) {
         let mut side = (self.acting.at(q, dq), dq);
         for station in &self.stations {
             side = station.effect.motor_side(&station.memory, side.1).unwrap_or(side);
         }
-        side.0
+        side
     }
 
-    fn act(&mut self, state: &JointState) -> Dof {
+    fn act(&mut self, state: &JointState, keeps_bounds: bool) -> Dof {
         if self.stations.is_empty() {
-            return self.drive(state);
+            return self.drive(state, keeps_bounds);
         }
         // What the servo sees: its own side of the transmission, and the command that reaches it.
         let mut servo = *state;
@@ -289,28 +310,62 @@ impl JointControl {
             station.effect.motor(&station.values, &mut station.memory, &mut motor, &servo);
         }
         let mut dof = self.passive;
-        self.acting = motor.saturated(&servo);
-        self.told = self.motor.is_sampled().then(|| self.acting.at(servo.q, servo.dq));
-        for station in self.stations.iter_mut().rev() {
-            let (q, dq) = station.link_side;
-            let (values, memory) = (&station.values, &mut station.memory);
-            self.acting =
-                station.effect.transmit(values, memory, self.acting, &mut dof, &JointState { q, dq, ..*state });
+        self.bound = motor.bound;
+        self.told = self.motor.is_sampled().then(|| motor.at(servo.q, servo.dq));
+        let keeps_bounds = keeps_bounds && !self.rotor;
+        if self.rotor {
+            self.turn_rotor(&motor, &mut dof, [state, &servo]);
+        } else {
+            let law = if keeps_bounds { motor.wanted } else { motor.saturated(&servo) };
+            self.transmit(law, &mut dof, state);
         }
         for station in &mut self.stations {
             station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
         }
-        dof.torque.add(&self.acting);
+        // What encoders tell the servo changes nothing about the speed that bounds its motor.
+        self.push(&mut dof, motor.bounded(state).filter(|_| keeps_bounds));
         dof
     }
 
+    /// What arrives at the link of this law of the motor.
+    fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointState) {
+        self.acting = law;
+        for station in self.stations.iter_mut().rev() {
+            let (q, dq) = station.link_side;
+            let (values, memory) = (&station.values, &mut station.memory);
+            self.acting = station.effect.transmit(values, memory, self.acting, dof, &JointState { q, dq, ..*state });
+        }
+    }
+
+    /// A motor with a rotor of its own is solved here, beside the link as it moves: where it would exceed its bound there, it
+    /// is solved again at its bound. The second state is the servo's.
+    fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointState; 2]) {
+        let before = *dof;
+        self.transmit(motor.wanted, dof, state);
+        let (torque, dq) = self.motor_side(state.q, state.dq);
+        if let Some(law) = motor.beyond(torque, dq, servo) {
+            *dof = before;
+            self.transmit(law, dof, state);
+        }
+    }
+
     /// The motor and nothing else.
-    fn drive(&mut self, state: &JointState) -> Dof {
-        self.acting = self.motor.torque(state).saturated(state);
-        self.told = self.motor.is_sampled().then(|| self.acting.at(state.q, state.dq));
+    fn drive(&mut self, state: &JointState, keeps_bounds: bool) -> Dof {
+        let motor = self.motor.torque(state);
+        self.acting = if keeps_bounds { motor.wanted } else { motor.saturated(state) };
+        self.bound = motor.bound;
+        self.told = self.motor.is_sampled().then(|| motor.at(state.q, state.dq));
         let mut dof = self.passive;
-        dof.torque.add(&self.acting);
+        self.push(&mut dof, motor.bounded(state).filter(|_| keeps_bounds));
         dof
+    }
+
+    /// Lets the motor push, within `bounded` if the engine shall see to that.
+    fn push(&self, dof: &mut Dof, bounded: Option<Bounded>) {
+        dof.motor = bounded.map(|bounded| Bounded { wanted: self.acting, ..bounded });
+        if dof.motor.is_none() {
+            dof.torque.add(&self.acting);
+        }
     }
 
     /// What acts on a joint that is on a course, but for what keeps it there: no motor, no transmission.

@@ -43,11 +43,24 @@ impl Affine {
     }
 }
 
+/// A motor's torque over one step: what is wanted, at most `most` and at least `least`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounded {
+    /// Without a bound.
+    pub wanted: Affine,
+    /// The largest torque; it may depend on the velocity.
+    pub most: Affine,
+    /// The least torque, alike.
+    pub least: Affine,
+}
+
 /// Everything that acts on one joint from the inside during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dof {
-    /// Motor, springs, viscous friction.
+    /// Springs, viscous friction, and a motor that is not in `motor`.
     pub torque: Affine,
+    /// A motor with bounds, for engines that [keep](Dynamics::keeps_bounds) them.
+    pub motor: Option<Bounded>,
     /// Coulomb friction that holds at rest, in N·m (N).
     pub dry_friction: f64,
     /// Rotor inertia seen at the joint, in kg·m² (kg).
@@ -115,6 +128,10 @@ pub trait Dynamics {
     fn set_joint(&mut self, joint: usize, dof: &Dof);
     /// Whether steps are solved for their middle, which is exact to second order, and not for their end.
     fn midway(&self) -> bool {
+        false
+    }
+    /// Whether it finds out in the step that it solves which motors are at their bounds; one that does not never gets any.
+    fn keeps_bounds(&self) -> bool {
         false
     }
     /// Whether it can lead joints along a [`Course`]; one that cannot never gets any.

@@ -92,6 +92,7 @@ impl<S: Simd> Articulated<S> {
             root: one.root,
             fixed: worlds.iter().map(|world| world.start).collect(),
             inner: vec![inner; one.q.len()],
+            motors: (0..one.q.len()).map(|_| None).collect(),
             courses: vec![None; one.q.len()],
             limits: joints.map(|i| (lanes(&|world| world.limits[i].0), lanes(&|world| world.limits[i].1))).collect(),
             followers: (0..one.followers.len())

@@ -33,12 +33,14 @@ pub(super) struct Impulses<S: Simd> {
     pushed: Vec<(usize, usize)>,
     /// What every row does to every other one, in 1/kg or the like.
     answers: Vec<Lanes<S>>,
-    /// The last impulses of everything that can touch: where the sweeps begin.
+    /// The last step's impulses of everything that can touch, where the sweeps begin; and those of this step.
     known: Vec<[Lanes<S>; 3]>,
+    found: Vec<[Lanes<S>; 3]>,
     change: Vec<Lanes<S>>,
     guess: Guess<S>,
-    /// For whom the sweeps do not end, or did not when they were needed last.
+    /// For whom the sweeps did not end when they were needed last, and in this step.
     hard: Mask<S>,
+    found_hard: Mask<S>,
 }
 
 /// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two
@@ -103,9 +105,11 @@ impl<S: Simd> Impulses<S> {
             pushed: Vec::new(),
             answers: Vec::new(),
             known: vec![[Lanes::zero(simd); 3]; slots],
+            found: vec![[Lanes::zero(simd); 3]; slots],
             change: Vec::new(),
             guess: Guess::new(),
             hard: Lanes::zero(simd).less(Lanes::zero(simd)),
+            found_hard: Lanes::zero(simd).less(Lanes::zero(simd)),
         }
     }
 
@@ -240,8 +244,8 @@ impl<S: Simd> Impulses<S> {
     pub(super) fn act(&mut self, tree: &Tree<S>, factor: &[Lanes<S>], u: &mut [Lanes<S>]) {
         let zero = Lanes::zero(self.simd);
         if self.blocks.is_empty() {
-            self.known.fill([zero; 3]);
-            self.hard = zero.less(zero);
+            self.found.fill([zero; 3]);
+            self.found_hard = zero.less(zero);
             return;
         }
         self.prepare(tree);
@@ -250,11 +254,11 @@ impl<S: Simd> Impulses<S> {
         let hard = if self.couples > 0 { all } else { self.hard.and(self.touching()) };
         let stuck = if hard.any() { self.stick(hard) } else { hard };
         self.begin(stuck, hard);
-        self.hard = stuck.or(self.sweep_until_settled(stuck.not(), u));
-        self.known.fill([zero; 3]);
+        self.found_hard = stuck.or(self.sweep_until_settled(stuck.not(), u));
+        self.found.fill([zero; 3]);
         for contact in &self.contacts {
             for k in 0..3 {
-                self.known[contact.slot][k] = self.impulses[contact.row + k];
+                self.found[contact.slot][k] = self.impulses[contact.row + k];
             }
         }
         self.change.clear();
@@ -269,6 +273,13 @@ impl<S: Simd> Impulses<S> {
         for (u, change) in u.iter_mut().zip(&self.change) {
             *u += *change;
         }
+    }
+
+    /// The step is done with what was found last. A step that is solved anew before begins where it began.
+    #[inline(always)]
+    pub(super) fn keep(&mut self) {
+        std::mem::swap(&mut self.known, &mut self.found);
+        self.hard = self.found_hard;
     }
 
     /// The normal impulse of the last step at a slot, in N·s.

@@ -23,12 +23,7 @@ impl Effect for SpeedTorqueLimit {
         &CARD
     }
 
-    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointState) {
-        let (torque, no_load_speed) = (p[0], p[1]);
-        let (q, dq) = motor.wanted.step(state.q, state.dq, state.dt_s, state.inertia);
-        let drives = motor.wanted.at(q, dq) * state.dq > 0.0;
-        let share = if drives { (1.0 - state.dq_midway().abs() / no_load_speed).max(0.0) } else { 1.0 };
-        let falls = drives && share > 0.0;
-        motor.limit_to(torque * share, if falls { torque / no_load_speed } else { 0.0 });
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
+        motor.limit_to_line(p[0], p[1]);
     }
 }

@@ -23,6 +23,6 @@ impl Effect for TorqueLimit {
     }
 
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
-        motor.limit_to(p[0], 0.0);
+        motor.limit_to(p[0]);
     }
 }

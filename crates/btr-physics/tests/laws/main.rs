@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod actuation;
+mod bounds;
 mod contact;
 mod determinism;
 mod drive;

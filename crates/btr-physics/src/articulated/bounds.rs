@@ -1,0 +1,162 @@
+//! Motors within their bounds: which of them are at one is found with the step itself, whatever else acts on the joints.
+//!
+//! A motor that would end beyond its bound in the step's mean state gets the bound as its law and the step is solved anew; one
+//! that need not be at it is let go (a primal-dual active set: M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13, 2002).
+//! So what acts in a step is within its bounds, and no inertia has to be guessed.
+
+use super::lanes::Lanes;
+use super::{Articulated, Inner};
+use crate::engine::{Affine, Bounded, Dof};
+use pulp::Simd;
+
+/// So often motors may be let go. From then on they only come to their bounds, which has an end.
+const LET_GO: usize = 6;
+
+/// A motor with bounds; beside it are those of candidates without.
+pub(super) struct Motor<S: Simd> {
+    /// What acts on the joint beside the motor.
+    rest: Law<S>,
+    wanted: Law<S>,
+    most: Law<S>,
+    least: Law<S>,
+    /// 1 where it is at `most`, -1 at `least`, 0 between them.
+    side: Lanes<S>,
+    /// What it was told last, lane by lane: `rest` and the motor.
+    told: Vec<(Affine, Bounded)>,
+}
+
+/// [`Affine`] of every candidate.
+#[derive(Clone, Copy)]
+struct Law<S: Simd> {
+    constant: Lanes<S>,
+    stiffness: Lanes<S>,
+    damping: Lanes<S>,
+}
+
+/// No motor. A negative zero leaves whatever it is added to as it is, to the bit.
+const NONE: Bounded = Bounded {
+    wanted: Affine { constant: -0.0, stiffness: -0.0, damping: -0.0 },
+    most: Affine { constant: f64::INFINITY, stiffness: 0.0, damping: 0.0 },
+    least: Affine { constant: f64::NEG_INFINITY, stiffness: 0.0, damping: 0.0 },
+};
+
+/// Takes over a motor's bounds for a candidate, or that it has none while others do. Whoever begins to have bounds makes room
+/// for those of all; `inner` is what acts on the joints of the others.
+pub(super) fn set<S: Simd>(motor: &mut Option<Motor<S>>, inner: &Inner<S>, lane: usize, dof: &Dof) {
+    let motor = motor.get_or_insert_with(|| Motor::none(inner));
+    let to = (dof.torque, dof.motor.unwrap_or(NONE));
+    let before = std::mem::replace(&mut motor.told[lane], to);
+    motor.rest.update(lane, &to.0, &before.0);
+    motor.wanted.update(lane, &to.1.wanted, &before.1.wanted);
+    motor.most.update(lane, &to.1.most, &before.1.most);
+    motor.least.update(lane, &to.1.least, &before.1.least);
+}
+
+impl<S: Simd> Motor<S> {
+    /// None of the candidates has one.
+    fn none(inner: &Inner<S>) -> Self {
+        let Inner { constant, stiffness, damping, .. } = *inner;
+        let all = |law: &Affine| Law {
+            constant: constant.like(law.constant),
+            stiffness: constant.like(law.stiffness),
+            damping: constant.like(law.damping),
+        };
+        let (wanted, most, least) = (all(&NONE.wanted), all(&NONE.most), all(&NONE.least));
+        let rest = Law { constant, stiffness, damping };
+        let told = (0..S::F64_LANES).map(|lane| (rest.lane(lane), NONE)).collect();
+        Motor { rest, wanted, most, least, side: constant.like(0.0), told }
+    }
+
+    /// On which side it has to be in this state, and whether that is another one. One that is at a bound is not taken to the
+    /// other one at once, and is only let go if it may be.
+    #[inline(always)]
+    fn look(&mut self, q: Lanes<S>, u: Lanes<S>, let_go: bool) -> bool {
+        let (zero, one) = (self.side.like(0.0), self.side.like(1.0));
+        let wanted = self.wanted.at(q, u);
+        let (most, least) = (self.most.at(q, u), self.least.at(q, u));
+        let (above, below) = (most.less(wanted), wanted.less(least));
+        let (high, low) = (zero.less(self.side), self.side.less(zero));
+        let between = above.select(one, below.select(-one, zero));
+        let freed = if let_go { high.and(wanted.less(most)).or(low.and(least.less(wanted))) } else { zero.less(zero) };
+        let side = high.or(low).select(freed.select(zero, self.side), between);
+        let changed = side.less(self.side).or(self.side.less(side)).any();
+        self.side = side;
+        changed
+    }
+
+    /// What acts on the joint with the motor on its side.
+    #[inline(always)]
+    fn law(&self) -> Law<S> {
+        let zero = self.side.like(0.0);
+        let (high, low) = (zero.less(self.side), self.side.less(zero));
+        let of = |most, least, wanted| high.select(most, low.select(least, wanted));
+        Law {
+            constant: self.rest.constant + of(self.most.constant, self.least.constant, self.wanted.constant),
+            stiffness: self.rest.stiffness + of(self.most.stiffness, self.least.stiffness, self.wanted.stiffness),
+            damping: self.rest.damping + of(self.most.damping, self.least.damping, self.wanted.damping),
+        }
+    }
+}
+
+impl<S: Simd> Law<S> {
+    fn update(&mut self, lane: usize, law: &Affine, before: &Affine) {
+        // Most of a motor's numbers never change, and a store to each lane takes its time.
+        let update = |lanes: &mut Lanes<S>, to: f64, before: f64| {
+            if to.to_bits() != before.to_bits() {
+                lanes.set(lane, to);
+            }
+        };
+        update(&mut self.constant, law.constant, before.constant);
+        update(&mut self.stiffness, law.stiffness, before.stiffness);
+        update(&mut self.damping, law.damping, before.damping);
+    }
+
+    fn lane(&self, lane: usize) -> Affine {
+        let [constant, stiffness, damping] = [self.constant, self.stiffness, self.damping].map(|law| law.lane(lane));
+        Affine { constant, stiffness, damping }
+    }
+
+    #[inline(always)]
+    fn at(&self, q: Lanes<S>, u: Lanes<S>) -> Lanes<S> {
+        self.constant - self.stiffness * q - self.damping * u
+    }
+}
+
+impl<S: Simd> Articulated<S> {
+    /// Which motors are at their bounds if everything goes on as it did.
+    #[inline(always)]
+    pub(super) fn guess_bounds(&mut self) {
+        for i in 0..self.motors.len() {
+            let Some(motor) = &mut self.motors[i] else { continue };
+            motor.side = motor.side.like(0.0);
+            motor.look(self.scratch.middle.q[i], self.scratch.middle.u[self.root + i], false);
+            self.take(i);
+        }
+    }
+
+    /// Whether every motor is on the side where the step's mean state, as it was just solved, has it. Those that are not change
+    /// sides.
+    #[inline(always)]
+    pub(super) fn bounds_hold(&mut self, look: usize) -> bool {
+        let mut hold = true;
+        for i in 0..self.motors.len() {
+            let Some(motor) = &mut self.motors[i] else { continue };
+            let (d, s) = (self.root + i, &self.scratch);
+            let (share, now) = (s.share[d], self.now.u[d]);
+            let mean = now + share * (s.next[d] - now);
+            if motor.look(self.now.q[i] + share * mean * self.dt_s, mean, look < LET_GO) {
+                hold = false;
+                self.take(i);
+            }
+        }
+        hold
+    }
+
+    /// Lets the joint feel its motor as it is now.
+    #[inline(always)]
+    fn take(&mut self, i: usize) {
+        let Some(motor) = &self.motors[i] else { return };
+        let (law, inner) = (motor.law(), &mut self.inner[i]);
+        (inner.constant, inner.stiffness, inner.damping) = (law.constant, law.stiffness, law.damping);
+    }
+}
