@@ -166,13 +166,19 @@ fn finish(
     Ok(Ended { run, report, files, waiting })
 }
 
+/// The model as the run adapted it, driven by the best controller that was tried.
+pub(crate) fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
+    let (model, state) = (&experiment.model, run.state());
+    let simulation = (model.simulations(), state.simulation());
+    let best = state.best_tested().map(|best| (model.controllers(), best.trial.controller.as_slice()));
+    let text = adapt::adapted_with_drive(experiment.source(), simulation, best, run.folder());
+    text.map_err(|e| Failure::new("output", e.to_string(), None))
+}
+
 fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
     let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
     let mut files = vec![run.write("history.json", text.as_bytes())?];
-    let space = experiment.model.simulations();
-    let adapted = adapt::adapted(experiment.source(), space, run.state().simulation(), run.folder());
-    let adapted = adapted.map_err(|e| Failure::new("output", e.to_string(), None))?;
-    files.push(run.write("adapted.toml", adapted.as_bytes())?);
+    files.push(run.write("adapted.toml", adapted(experiment, run)?.as_bytes())?);
     files.extend(figures::write(experiment, run, report)?);
     Ok(files)
 }

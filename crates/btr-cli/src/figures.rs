@@ -1,5 +1,6 @@
 //! Files that people look at: the paper's figures 3 and 5 of this run, and its logs for robot viewers.
 
+use crate::coevolution::adapted;
 use crate::failure::Failure;
 use crate::plot::paper::{Figure3, Generation, Individual, Parameter, Tracking, figure3, figure5};
 use btr_core::coevolve::{self, Side};
@@ -41,12 +42,10 @@ pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Resu
 
 fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
     let (robot, ..) = experiment.model.at(run.state().simulation(), 0);
-    let (space, s) = (experiment.model.simulations(), run.state().simulation());
-    let adapted = btr_physics::adapt::adapted(experiment.source(), space, s, run.folder());
     Ok(Meta {
         base_link: robot.links.first().map(|link| link.name.clone()),
         urdf: Some(urdf::to_urdf(&robot)),
-        model_toml: Some(adapted.map_err(|e| Failure::new("output", e.to_string(), None))?),
+        model_toml: Some(adapted(experiment, run)?),
         notes: [("seed".to_owned(), experiment.seed.to_string())].into(),
     })
 }

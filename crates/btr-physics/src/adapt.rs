@@ -3,10 +3,13 @@
 use crate::experiment::{SimulationSection, Source};
 use btr_core::space::Space;
 use std::path::{Component, Path, PathBuf};
-use toml_edit::{DocumentMut, TomlError, Value};
+use toml_edit::{DocumentMut, Item, Table, TomlError, Value};
 
 /// Sections that steer a run and do not belong to a model.
-const NOT_MODEL: [&str; 5] = ["reality", "coevolve", "drive", "fitness", "distances"];
+const NOT_MODEL: [&str; 3] = ["reality", "coevolve", "distances"];
+
+/// What a model is told and how it is judged; where nobody searched controllers, these are not part of a result.
+const TASK: [&str; 2] = ["drive", "fitness"];
 
 /// Said above the parameters of an adapted model.
 const WHAT_WINS: &str = "# As fitted: these values win over those under [robot] and [actuators].";
@@ -30,13 +33,58 @@ const NAMES_FILES: [(&str, &str); 6] = [
 /// A file that is not TOML; it was read before, so this does not happen.
 pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
-    for section in NOT_MODEL {
-        document.remove(section);
+    TASK.iter().for_each(|section| drop(document.remove(section)));
+    Ok(model_text(document, source, (space, s), into))
+}
+
+/// The same with what the model is told and how it is judged. The drive is that of `controller`, a point of C with its space,
+/// and searches nothing; without a controller it stays as it is.
+///
+/// # Errors
+/// See [`adapted`].
+pub fn adapted_with_drive(
+    source: &Source,
+    simulation: (&Space, &[f64]),
+    controller: Option<(&Space, &[f64])>,
+    into: &Path,
+) -> Result<String, TomlError> {
+    let mut document = source.text.parse::<DocumentMut>()?;
+    if let Some((space, c)) = controller {
+        fix_drive(&mut document, named(space, c));
     }
+    Ok(model_text(document, source, simulation, into))
+}
+
+/// A document as a model file in the folder `into`, with these values of what is in doubt.
+fn model_text(mut document: DocumentMut, source: &Source, (space, s): (&Space, &[f64]), into: &Path) -> String {
+    NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
-    write_values(&mut document, space.dims().iter().map(|dim| dim.name.as_str()).zip(s.iter().copied()));
+    write_values(&mut document, named(space, s));
     say_what_wins(&mut document);
-    Ok(with_schema(&document.to_string(), source.folder(), into))
+    with_schema(&document.to_string(), source.folder(), into)
+}
+
+/// The numbers of a point with their names.
+fn named<'a>(space: &'a Space, point: &'a [f64]) -> impl Iterator<Item = (&'a str, f64)> {
+    space.dims().iter().map(|dim| dim.name.as_str()).zip(point.iter().copied())
+}
+
+/// Fixes what a drive searched, beside what it had fixed.
+fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a str, f64)>) {
+    let Some(drive) = document.get_mut("drive").and_then(|drive| drive.as_table_like_mut()) else { return };
+    for key in ["search", "start_from_nominal"] {
+        drive.remove(key);
+    }
+    let mut values = values.peekable();
+    if values.peek().is_none() {
+        return;
+    }
+    let mut set = Table::new();
+    let fixed = drive.remove("set");
+    let fixed = fixed.iter().filter_map(|set| set.as_table_like()).flat_map(|set| set.iter());
+    fixed.for_each(|(name, value)| drop(set.insert(name, value.clone())));
+    values.for_each(|(name, value)| drop(set.insert(name, toml_edit::value(value))));
+    drive.insert("set", Item::Table(set));
 }
 
 /// The text of a file of whose parameters in doubt these have other values; all else is as it was.

@@ -1,6 +1,7 @@
 //! The built `btr`, as its users meet it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod adapted;
 mod bad_input;
 mod check;
 mod compare;
