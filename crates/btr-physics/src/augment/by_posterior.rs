@@ -272,9 +272,9 @@ impl<'a> Asking<'a> {
     /// The numbers of the effect that was added as number `k`.
     fn parameters(&self, state: &State, k: usize) -> Vec<Estimate> {
         let known = self.model.simulations().len();
-        let counts = state.added.iter().map(|added| added.effect.card().params.len());
-        let from = known + counts.clone().take(k).sum::<usize>();
-        let count = counts.skip(k).next().unwrap_or(0);
+        let counts: Vec<usize> = state.added.iter().map(|added| added.effect.card().params.len()).collect();
+        let from = known + counts[..k].iter().sum::<usize>();
+        let count = counts[k];
         let belief = &state.fitted.estimated.belief;
         let trusted = state.fitted.estimated.explains;
         let dims = state.extended.simulations().dims()[from..from + count].iter().enumerate();
