@@ -22,12 +22,21 @@
 //!
 //! **Chosen here**, since the table is silent: homogeneous bodies; the roll axis of the left ankle like the right one's (the
 //! table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005 kg·m² of rotor
-//! inertia, 10 N·m in the legs and 3 N·m elsewhere; no joint limits. The 1 cm spheres lie inside their neighbours' boxes and
-//! get no contact shape.
+//! inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
+//!
+//! **Motors** are those of Aldebaran's documentation ("H25 - Motors - V 3.2", doc.aldebaran.com/1-14/family/nao_h25/
+//! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. What gears
+//! lose is not published and left out, so that a real joint is somewhat weaker; that a motor's torque falls with its speed is
+//! the effect `speed_torque_limit`. References may ask for no more than the no-load speed.
+//!
+//! **Ranges** are those of `nao_description/urdf/naoV32_generated_urdf` in github.com/ros-naoqi/nao_robot, which has these axes
+//! at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its two sides differ
+//! by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would end 0.0087 rad from
+//! zero; here they reach it, for the pose of the table.
 
 use crate::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// Time between two references of the real robot's controller, in s (paper, 4.2.1).
 pub const CONTROL_S: f64 = 0.055;
@@ -139,7 +148,9 @@ fn link(body: &Body, bodies: &[Body]) -> Link {
         parent,
         joint: Joint {
             armature: 0.005,
-            actuator: Actuator::Position { kp: 60.0, ki: 0.0, kd: 1.0, max_torque: max_torque(body.name) },
+            limits: range(body.name),
+            speed_limit: motor(body.name).no_load_speed(),
+            actuator: Actuator::Position { kp: 60.0, ki: 0.0, kd: 1.0, max_torque: motor(body.name).stall_torque() },
             ..Joint::new(body.name, JointKind::Revolute, origin, turned(body.axis))
         },
         mass_kg: body.mass_kg,
@@ -160,8 +171,60 @@ fn geometry(form: &Form) -> (Geometry, bool) {
     }
 }
 
-fn max_torque(name: &str) -> f64 {
-    if ["Hip", "Knee", "Ankle"].iter().any(|part| name.contains(part)) { 10.0 } else { 3.0 }
+/// A motor behind its gear.
+struct GearMotor {
+    no_load_rpm: f64,
+    stall_mnm: f64,
+    ratio: f64,
+}
+
+impl GearMotor {
+    /// At the joint, in rad/s.
+    fn no_load_speed(&self) -> f64 {
+        self.no_load_rpm * TAU / 60.0 / self.ratio
+    }
+
+    /// At the joint if gears lose nothing, in N·m.
+    fn stall_torque(&self) -> f64 {
+        1e-3 * self.stall_mnm * self.ratio
+    }
+}
+
+/// Which motor moves a body, by the name of its joint; the root has none and is given any.
+fn motor(name: &str) -> GearMotor {
+    let re_max_24 = |ratio| GearMotor { no_load_rpm: 8000.0, stall_mnm: 59.5, ratio };
+    let re_max_17 = |ratio| GearMotor { no_load_rpm: 11_900.0, stall_mnm: 15.1, ratio };
+    match of_either_side(name) {
+        "HipYawPitch" | "HipRoll" | "AnkleRoll" => re_max_24(201.3),
+        "HipPitch" | "KneePitch" | "AnklePitch" => re_max_24(130.85),
+        "HeadPitch" | "ShoulderRoll" | "ElbowRoll" => re_max_17(173.22),
+        _ => re_max_17(150.27),
+    }
+}
+
+/// The range of a body's joint, in rad.
+fn range(name: &str) -> (f64, f64) {
+    let (least, most) = match of_either_side(name) {
+        "HeadPitch" => (-0.671_952, 0.514_872),
+        "ShoulderRoll" => (0.0, 1.649_34),
+        "ElbowRoll" => (-1.562_07, 0.0),
+        "HipYawPitch" => (-1.145_29, 0.740_718),
+        "HipRoll" => (-0.379_435, 0.790_46),
+        "HipPitch" => (-1.535_89, 0.483_98),
+        "KneePitch" => (-0.092_327_9, 2.112_55),
+        "AnklePitch" => (-1.186_3, 0.922_581),
+        "AnkleRoll" => (-0.397_761, 0.768_992),
+        // Both of the head's and the arms' other joints turn equally far to either side.
+        _ => (-2.085_67, 2.085_67),
+    };
+    // The hips' yaw is one motor for both sides, about axes that mirror each other.
+    let turned_round = name.starts_with('R') && (name.ends_with("Roll") || name.ends_with("ElbowYaw"));
+    if turned_round { (-most, -least) } else { (least, most) }
+}
+
+/// The name without its side.
+fn of_either_side(name: &str) -> &str {
+    name.strip_prefix(['L', 'R']).unwrap_or(name)
 }
 
 /// A pure translation.
@@ -186,6 +249,49 @@ mod tests {
         assert_eq!(robot.links.len(), 23);
         assert_eq!(robot.movable().count(), 22);
         assert!((robot.mass_kg() - 4.34).abs() < 1e-9, "{}", robot.mass_kg());
+    }
+
+    /// Joint `i`'s partner on the other side, and how an angle of one reads on the other if the poses mirror each other in the
+    /// plane between left and right: as the axis, a vector of turning, does.
+    fn mirrored(robot: &Robot, i: usize) -> (usize, f64) {
+        let own = &robot.links[i];
+        let other = match own.name.split_at(1) {
+            ("L", rest) => format!("R{rest}"),
+            ("R", rest) => format!("L{rest}"),
+            _ => own.name.clone(),
+        };
+        let other = robot.link(&other).unwrap();
+        let axis = own.joint.axis;
+        let sign = Vector3::new(-axis.x, axis.y, -axis.z).dot(&robot.links[other].joint.axis);
+        assert!((sign.abs() - 1.0).abs() < 1e-12, "{}", own.name);
+        (other, sign)
+    }
+
+    #[test]
+    fn a_pose_is_within_limits_if_and_only_if_its_mirror_image_is() {
+        let robot = nao();
+        for (i, link) in robot.movable() {
+            let (other, sign) = mirrored(&robot, i);
+            let (other, (low, high)) = (&robot.links[other].joint, link.joint.limits);
+            let image = if sign > 0.0 { (low, high) } else { (-high, -low) };
+            assert_eq!(image, other.limits, "{}", link.name);
+            assert_eq!(link.joint.speed_limit.to_bits(), other.speed_limit.to_bits(), "{}", link.name);
+            assert!((low..=high).contains(&0.0), "the pose of the table: {}", link.name);
+        }
+    }
+
+    /// Degrees per second and N·m of the documentation of an older release (ii.tudelft.nl/naodoc, "Description of the motors").
+    #[test]
+    fn motors_are_as_fast_and_strong_at_the_joint_as_their_maker_says() {
+        let robot = nao();
+        for (name, speed, torque) in
+            [("LHipRoll", 238.45, 11.97), ("RKneePitch", 366.83, 7.78), ("LShoulderRoll", 412.19, 2.61)]
+        {
+            let joint = &robot.links[robot.link(name).unwrap()].joint;
+            let Actuator::Position { max_torque, .. } = joint.actuator else { panic!("{name} has a servo") };
+            assert!((joint.speed_limit.to_degrees() - speed).abs() < 0.02, "{name}: {}", joint.speed_limit);
+            assert!((max_torque - torque).abs() < 0.01, "{name}: {max_torque}");
+        }
     }
 
     #[test]

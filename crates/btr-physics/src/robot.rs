@@ -111,6 +111,9 @@ pub struct Joint {
     pub axis: Vector3<f64>,
     /// Smallest and largest position; infinite where unlimited.
     pub limits: (f64, f64),
+    /// How fast references may ask it to move, in rad/s (m/s); infinite where unlimited. Drives that plan a motion keep to it;
+    /// the dynamics do not know it.
+    pub speed_limit: f64,
     /// Position at the start.
     pub start: f64,
     /// Rotor inertia seen at the joint, in kg·m² (kg for slides).
@@ -284,6 +287,7 @@ impl Joint {
             origin,
             axis,
             limits: (f64::NEG_INFINITY, f64::INFINITY),
+            speed_limit: f64::INFINITY,
             start: 0.0,
             armature: 0.0,
             damping: 0.0,

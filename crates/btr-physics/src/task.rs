@@ -40,6 +40,27 @@ pub static TERMS: &[Term] = &[
         measure: |log| Ok(displacement(log, "base_y")?.abs()),
     },
     Term {
+        name: "heading",
+        unit: "rad",
+        help: "how far the base has turned about the vertical at the end, without sign",
+        needs: &["base_qw", "base_qx", "base_qy", "base_qz"],
+        measure: heading,
+    },
+    Term {
+        name: "peak_speed",
+        unit: "rad/s",
+        help: "the fastest that any joint moved (m/s for slides)",
+        needs: &[],
+        measure: |log| peak(log, "dq_"),
+    },
+    Term {
+        name: "peak_torque",
+        unit: "N·m",
+        help: "the largest torque of any motor, without sign (N for slides)",
+        needs: &[],
+        measure: |log| peak(log, "tau_"),
+    },
+    Term {
         name: "ball_distance",
         unit: "m",
         help: "how far the ball moved over the ground from start to end",
@@ -136,6 +157,25 @@ fn energy(log: &Log) -> Result<f64, LogError> {
     Ok(work_j)
 }
 
+/// The angle between where the base's x axis points at the start and at the end, seen from above.
+fn heading(log: &Log) -> Result<f64, LogError> {
+    let [w, x, y, z] = ["w", "x", "y", "z"].map(|part| log.values(&format!("base_q{part}")));
+    let (w, x, y, z) = (w?, x?, y?, z?);
+    let yaw = |k: usize| (2.0 * (x[k] * y[k] + w[k] * z[k])).atan2(1.0 - 2.0 * (y[k] * y[k] + z[k] * z[k]));
+    let turned = yaw(log.len().saturating_sub(1)) - yaw(0);
+    Ok(turned.sin().atan2(turned.cos()).abs())
+}
+
+/// The largest size of any value in the channels that begin so.
+fn peak(log: &Log, prefix: &str) -> Result<f64, LogError> {
+    let mut names = log.channels().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with(prefix)).peekable();
+    if names.peek().is_none() {
+        log.values(&format!("{prefix}<joint>"))?;
+    }
+    let mut sizes = names.map(|name| Ok(log.values(&name)?.iter().fold(0.0, |most: f64, value| most.max(value.abs()))));
+    sizes.try_fold(0.0, |most: f64, size| Ok(most.max(size?)))
+}
+
 fn upright_time(log: &Log) -> Result<f64, LogError> {
     let (z, qx, qy) = (log.values("base_z")?, log.values("base_qx")?, log.values("base_qy")?);
     let (Some(&start_z), Some(&start_s)) = (z.first(), log.clock_s().first()) else { return Ok(0.0) };
@@ -169,6 +209,26 @@ mod tests {
         assert_eq!(weights(&[("speed", 1.0)]).of(&log).unwrap(), 0.5);
         assert_eq!(weights(&[("energy", 1.0)]).of(&log).unwrap(), 4.0);
         assert_eq!(weights(&[("distance", 2.0), ("energy", -0.5)]).of(&log).unwrap(), -1.0);
+    }
+
+    #[test]
+    fn heading_is_the_shorter_turn_from_the_start() {
+        let yaw = |angles: [f64; 3]| {
+            let of = |part: fn(f64) -> f64| angles.map(|angle| part(angle / 2.0));
+            log(&[("base_qw", of(f64::cos)), ("base_qx", [0.0; 3]), ("base_qy", [0.0; 3]), ("base_qz", of(f64::sin))])
+        };
+        let heading = weights(&[("heading", 1.0)]);
+        assert!((heading.of(&yaw([0.1, 2.0, -0.2])).unwrap() - 0.3).abs() < 1e-12);
+        assert!((heading.of(&yaw([3.0, 0.0, -3.0])).unwrap() - (std::f64::consts::TAU - 6.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn peaks_are_the_largest_of_all_joints() {
+        let log = log(&[("tau_a", [0.0, -2.0, 2.0]), ("tau_b", [0.0, -3.0, 1.0]), ("dq_a", [9.0, 1.0, 3.0])]);
+        assert_eq!(weights(&[("peak_torque", 1.0)]).of(&log).unwrap(), 3.0);
+        assert_eq!(weights(&[("peak_speed", 1.0)]).of(&log).unwrap(), 9.0);
+        let error = weights(&[("peak_speed", 1.0)]).of(&self::log(&[])).unwrap_err();
+        assert_eq!(error.to_string(), "the log has no channel `dq_<joint>`");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Robots from URDF, and to URDF.
 //!
 //! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; planar,
-//! floating and spherical joints are refused; `<transmission>`, `<safety_controller>` and velocity limits are not read.
+//! floating and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read.
 //! Every joint is passive: the model's file says what drives it.
 
 mod error;
@@ -95,6 +95,7 @@ fn root_joint() -> Joint {
         origin: Isometry3::identity(),
         axis: Vector3::x(),
         limits: (f64::NEG_INFINITY, f64::INFINITY),
+        speed_limit: f64::INFINITY,
         start: 0.0,
         armature: 0.0,
         damping: 0.0,
@@ -132,7 +133,10 @@ fn joint(j: &urdf_rs::Joint, warnings: &mut Vec<UrdfWarning>) -> Result<Joint, U
         ratio: mimic.multiplier.unwrap_or(1.0),
         offset: mimic.offset.unwrap_or(0.0),
     });
-    Ok(Joint { name: j.name.clone(), kind, origin, axis, limits, start, damping, dry_friction, mimic, ..root_joint() })
+    // An absent velocity limit reads as zero, which no joint that moves means.
+    let speed_limit = if j.limit.velocity > 0.0 { j.limit.velocity } else { f64::INFINITY };
+    let (name, moves) = (j.name.clone(), Joint { kind, origin, axis, limits, start, ..root_joint() });
+    Ok(Joint { name, speed_limit, damping, dry_friction, mimic, ..moves })
 }
 
 /// Whoever follows a follower follows that one's leader.

@@ -156,15 +156,22 @@ fn a_kick_without_a_swing_leaves_the_ball_alone() {
     assert!((last(&log, "ball_x") - log.values("ball_x").unwrap()[0]).abs() < 1e-3);
 }
 
-/// Every controller of the spaces can be told to the servos, reachable or not.
+/// Every controller of the spaces can be told to the servos, reachable or not: within ranges and speeds.
 #[test]
-fn corners_of_the_controller_spaces_give_finite_references() {
+fn corners_of_the_controller_spaces_stay_within_ranges_and_speeds() {
     let robot = nao();
-    let mut command = [0.0; 22];
-    let mut check = |drive: &dyn Drive| {
-        for i in 0..120 {
-            drive.command(i as f64 * 0.05, &mut command);
-            assert!(command.iter().all(|angle| angle.abs() < 4.0), "{command:?}");
+    let check = |drive: &dyn Drive| {
+        let mut before = None;
+        for i in 0..110 {
+            let mut command = [0.0; 22];
+            drive.command(i as f64 * CONTROL_S, &mut command);
+            let was = before.replace(command).unwrap_or(command);
+            for ((q, was), (_, link)) in command.iter().zip(was).zip(robot.movable()) {
+                let (low, high) = link.joint.limits;
+                assert!((low..=high).contains(q), "{}: {q} rad", link.name);
+                let speed = (q - was).abs() / CONTROL_S;
+                assert!(speed < link.joint.speed_limit * (1.0 + 1e-9), "{}: {speed} rad/s", link.name);
+            }
         }
     };
     let corner = |space: &Space, bits: usize| {

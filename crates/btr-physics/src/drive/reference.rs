@@ -35,6 +35,19 @@ impl References {
         self.reached &= reached;
     }
 
+    /// Clips the references to the joints' ranges and speed limits, as the robot's own motion layer does: a joint that is asked
+    /// for more follows as fast as it may.
+    pub(super) fn clip(&mut self, robot: &Robot) {
+        let mut before = self.start_q.clone();
+        for row in self.values.chunks_mut(self.joints.max(1)) {
+            for ((q, before), (_, link)) in row.iter_mut().zip(&mut before).zip(robot.movable()) {
+                let (limits, most) = (link.joint.limits, link.joint.speed_limit * CONTROL_S);
+                *q = q.max(*before - most).min(*before + most).max(limits.0).min(limits.1);
+                *before = *q;
+            }
+        }
+    }
+
     /// The reference that was appended last.
     pub(super) fn last_mut(&mut self) -> &mut [f64] {
         let from = self.values.len().saturating_sub(self.joints);

@@ -81,6 +81,7 @@ pub(super) fn references(robot: &Robot, plan: &impl ZmpPlan, duration_s: f64) ->
         motion.push(&q, reached);
         posture.stiffen(&stance, &(middle + Vector3::new(x, y, 0.0)), carriage.stiffening, motion.last_mut());
     }
+    motion.clip(robot);
     Ok(motion)
 }
 

@@ -82,7 +82,8 @@ fn push_joint(out: &mut String, joint: &Joint, parent: &str, child: &str) {
         // URDF demands a range of slides, and an effort and a velocity of every range; 0 would mean none of either.
         if limited || joint.kind == JointKind::Prismatic {
             let (lower, upper) = (joint.limits.0.max(-FAR), joint.limits.1.min(FAR));
-            line!(out, "    <limit lower=\"{lower}\" upper=\"{upper}\" effort=\"{FAR}\" velocity=\"{FAR}\"/>");
+            let velocity = joint.speed_limit.min(FAR);
+            line!(out, "    <limit lower=\"{lower}\" upper=\"{upper}\" effort=\"{FAR}\" velocity=\"{velocity}\"/>");
         }
     }
     line!(out, "  </joint>");

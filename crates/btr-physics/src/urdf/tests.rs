@@ -37,6 +37,7 @@ fn a_joint_keeps_its_dynamics_limits_and_axis() {
     );
     assert_eq!(joint.axis, vector![0.0, 0.0, 1.0]);
     assert_eq!((joint.damping, joint.dry_friction, joint.limits), (0.5, 0.25, (0.5, 2.0)));
+    assert_eq!(joint.speed_limit.to_bits(), 3.0_f64.to_bits());
     assert_eq!(joint.start.to_bits(), 0.5_f64.to_bits(), "the start lies inside the limits");
     assert_eq!(joint.origin.translation.vector, vector![1.0, 2.0, 3.0]);
     // Roll about x first, then pitch about y, then yaw about z, all in the parent's axes.
