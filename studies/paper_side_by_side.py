@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """The paper's experiments as the paper has them, beside what btr makes of the same questions, seed by seed.
 
-    cargo build --release && python3 studies/paper_side_by_side.py [--seeds 10] [--nao-seeds 10] [--out runs/side-by-side]
+    cargo build --release && python3 studies/paper_side_by_side.py [--seeds 10] [--nao-seeds 10] [--out runs/by-side]
 
-For each seed it runs `robots/ant-paper.toml` and `robots/ant.toml` and prints the largest error of any length at the end,
-in percent of the truth; then `robots/nao-paper.toml` and the largest and the median error of its eight masses, beside those
-of the nominal masses that its search begins with. Median and range over the seeds are below each table. Runs that are in
-the output folder already are read, not repeated. Needs nothing but the standard library.
+For each seed it runs `robots/ant-paper.toml` and `robots/ant.toml` and prints the largest error of any length at the
+end, in percent of the truth; then `robots/nao-paper.toml` and the largest and the median error of its eight masses,
+beside those of the nominal masses that its search begins with. Median and range over the seeds are below each table.
+Runs that are in the output folder already are read, not repeated. Needs nothing but the standard library.
 """
 
 import argparse
@@ -19,8 +19,9 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 
 def errors(out: pathlib.Path, experiment: str, seed: int, btr: str, when: str = "") -> list[float]:
-    """A run's errors without sign in percent, at its end or (`when` is `_before`) its beginning; it is made where it is not
-    there yet."""
+    """A run's errors without sign in percent, at its end or (`when` is `_before`) its beginning.
+
+    The run is made where it is not there yet."""
     folder = out / f"{experiment}-{seed}"
     if not (folder / "history.json").exists():
         resume = ["--resume"] if (folder / "checkpoint.bin").exists() else []
@@ -44,7 +45,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--nao-seeds", type=int, default=10)
-    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "side-by-side")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "by-side")
     parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
     args = parser.parse_args()
     out = args.out.resolve()
@@ -59,7 +60,8 @@ def main() -> None:
             "nao-paper": [errors(out, "nao-paper", seed, args.btr) for seed in naos],
         }
         for what, of in (("worst", max), ("median", statistics.median)):
-            table(f"{what} error of the eight masses, %", {name: [of(each) for each in masses[name]] for name in masses})
+            columns = {name: [of(each) for each in runs] for name, runs in masses.items()}
+            table(f"{what} error of the eight masses, %", columns)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@
 
     python3 studies/phi_2_traps.py [WALK.csv]
 
-d(X, Y) = H(X|Y) + H(Y|X) in bits (equation 5 of the paper), at N = 4024 samples, 16 equal bins that both series share and
-that span both, as btr's distance `information` has them. Each row is a signal X; Y is X shuffled (as good as independent),
-X one sample late, X with Gaussian noise of 1 % of X's standard deviation or of its range, 1.5 X, X with an offset of a
-tenth of its range, and -X. The last block has bins of its own for each series. `btr simulate robots/nao-paper.toml -o
-WALK.csv` writes the walk; without it only made-up signals are shown. Needs NumPy.
+d(X, Y) = H(X|Y) + H(Y|X) in bits (equation 5 of the paper), at N = 4024 samples, 16 equal bins that both series share
+and that span both, as btr's distance `information` has them. Each row is a signal X; Y is X shuffled (as good as
+independent), X one sample late, X with Gaussian noise of 1 % of X's standard deviation or of its range, 1.5 X, X with
+an offset of a tenth of its range, and -X. The last block has bins of its own for each series. `btr simulate
+robots/nao-paper.toml -o WALK.csv` writes the walk; without it only made-up signals are shown. Needs NumPy.
 """
 
 import csv
@@ -69,7 +69,8 @@ def main() -> None:
     signals = made_up(rng)
     if len(sys.argv) > 1:
         signals |= recorded(pathlib.Path(sys.argv[1]))
-    print("signal                    | shuffled |  late | 1 % std | 1 % range | x 1.5 | offset |   -x | own: x 1.5, offset, -x")
+    heads = "shuffled |  late | 1 % std | 1 % range | x 1.5 | offset |   -x | own: x 1.5, offset, -x"
+    print(f"{'signal':25} | {heads}")
     for name, series in signals.items():
         x, late, span = series[1:], series[:-1], np.ptp(series)
         noise = rng.normal(size=len(x))
