@@ -1,0 +1,68 @@
+#!/usr/bin/env python3
+"""The paper's experiments as the paper has them, beside what btr makes of the same questions, seed by seed.
+
+    cargo build --release && python3 studies/paper_side_by_side.py [--seeds 10] [--nao-seeds 10] [--out runs/by-side]
+
+For each seed it runs `robots/ant-paper.toml` and `robots/ant.toml` and prints the largest error of any length at the
+end, in percent of the truth; then `robots/nao-paper.toml` and the largest and the median error of its eight masses,
+beside those of the nominal masses that its search begins with. Median and range over the seeds are below each table.
+Runs that are in the output folder already are read, not repeated. Needs nothing but the standard library.
+"""
+
+import argparse
+import json
+import pathlib
+import statistics
+import subprocess
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+
+def errors(out: pathlib.Path, experiment: str, seed: int, btr: str, when: str = "") -> list[float]:
+    """A run's errors without sign in percent, at its end or (`when` is `_before`) its beginning.
+
+    The run is made where it is not there yet."""
+    folder = out / f"{experiment}-{seed}"
+    if not (folder / "history.json").exists():
+        resume = ["--resume"] if (folder / "checkpoint.bin").exists() else []
+        command = [btr, "coevolve", f"robots/{experiment}.toml", "--quiet", "--seed", str(seed), "--out", str(folder)]
+        subprocess.run(command + resume, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+    run = json.loads((folder / "history.json").read_text())
+    return [abs(error) for error in run["revealed"]["error_percent" + when].values()]
+
+
+def table(title: str, columns: dict[str, list[float]]) -> None:
+    """Columns of numbers over the seeds, with their medians and ranges below."""
+    print(f"{title}\nseed | " + " | ".join(columns))
+    for seed, row in enumerate(zip(*columns.values()), start=1):
+        print(f"{seed:4} | " + " | ".join(f"{value:{len(name)}.2f}" for name, value in zip(columns, row)))
+    for name, values in columns.items():
+        print(f"{name}: median {statistics.median(values):.2f}, range {min(values):.2f} to {max(values):.2f}")
+    print(flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--nao-seeds", type=int, default=10)
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "by-side")
+    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    args = parser.parse_args()
+    out = args.out.resolve()
+
+    ants, naos = range(1, args.seeds + 1), range(1, args.nao_seeds + 1)
+    if ants:
+        worst = {name: [max(errors(out, name, seed, args.btr)) for seed in ants] for name in ("ant-paper", "ant")}
+        table("worst error of the four lengths, %", worst)
+    if naos:
+        masses = {
+            "nominal": [errors(out, "nao-paper", seed, args.btr, "_before") for seed in naos],
+            "nao-paper": [errors(out, "nao-paper", seed, args.btr) for seed in naos],
+        }
+        for what, of in (("worst", max), ("median", statistics.median)):
+            columns = {name: [of(each) for each in runs] for name, runs in masses.items()}
+            table(f"{what} error of the eight masses, %", columns)
+
+
+if __name__ == "__main__":
+    main()
