@@ -22,7 +22,7 @@ const STRIDE: f64 = 2.0;
 const SHRINK: f64 = 2.5;
 const GROW: f64 = 1.4;
 /// A belief that moves by less, and changes its width by less, is settled.
-const SETTLED: (f64, f64) = (0.5, 1.3);
+const SETTLED: (f64, f64) = (0.5, 1.6);
 /// Ensembles are so many times as wide as the belief: what jumps beside it (a foot that lands a time step earlier) would not be
 /// seen from within, and the belief would be too sure.
 pub(super) const WIDER: f64 = 1.5;
