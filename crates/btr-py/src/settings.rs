@@ -5,6 +5,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 
 /// Settings in the order in which they were given, each under the name that experiment files give it.
 pub(crate) type Settings<'py> = Vec<(String, Bound<'py, PyAny>)>;
@@ -14,6 +15,7 @@ enum Setting {
     Count(i64),
     Number(f64),
     Names(Vec<String>),
+    Numbers(BTreeMap<String, f64>),
 }
 
 /// A spec: `tag` says what it is called there (`algorithm`, `name`). `said` is how the caller calls a setting.
@@ -42,6 +44,7 @@ fn value(said: &str, setting: &Bound<'_, PyAny>) -> PyResult<Value> {
         }
         Ok(Setting::Number(number)) => Ok(json!(number)),
         Ok(Setting::Names(names)) => Ok(json!(names)),
+        Ok(Setting::Numbers(numbers)) => Ok(json!(numbers)),
         Err(_) => Err(PyTypeError::new_err(format!("{said} cannot be {}", setting.repr()?))),
     }
 }

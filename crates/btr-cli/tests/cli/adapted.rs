@@ -41,7 +41,7 @@ fn an_ant_that_was_adapted_does_what_the_loop_simulated() {
 #[test]
 fn a_walk_that_was_adapted_does_what_the_loop_simulated() {
     let settings = "--set coevolve.iterations=1 --set coevolve.controllers.generations=2 \
-                    --set coevolve.simulators.generations=3 --set simulation.duration_s=1.5";
+                    --set coevolve.posterior.turns=2 --set simulation.duration_s=1.5";
     does_what_the_loop_simulated(&Lab::new(), &shipped("nao.toml"), settings);
 }
 

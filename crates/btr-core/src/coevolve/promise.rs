@@ -67,10 +67,12 @@ fn student_95(count: usize) -> Option<f64> {
     match count {
         0..3 => None,
         3..11 => FEW.get(count - 3).copied(),
-        _ => Some(
-            z + (z.powi(3) + z) / (4.0 * freedom)
-                + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * freedom.powi(2)),
-        ),
+        _ => {
+            let first = (z.powi(3) + z) / 4.0;
+            let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
+            let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
+            Some(z + first / freedom + second / freedom.powi(2) + third / freedom.powi(3))
+        }
     }
 }
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
+from types import MappingProxyType
 from typing import Any, TypeVar, Union
 
 import numpy as np
@@ -25,7 +26,7 @@ from btr._btr import Log
 from btr._inputs import floats, wrong
 from btr.logs import LogLike, load_log
 
-__all__ = ["dtw", "fitness", "information", "normalised_rmse", "rmse", "spectrum"]
+__all__ = ["dtw", "fitness", "information", "normalised_rmse", "rmse", "spectrum", "whitened"]
 
 Series = Union[ArrayLike, Mapping[str, ArrayLike], LogLike]
 """An array of shape (samples,) or (samples, channels), series of shape (samples,) by name, or a log."""
@@ -129,6 +130,21 @@ def dtw(
     """A sample may be moved by `band`, a share of the whole series. Longer series than `samples` are averaged in blocks
     first. Each channel is warped by itself."""
     return _distance("dtw", real, simulated, dt_s, clock_s, band=band, samples=samples, channels=channels)
+
+
+@_as_in_experiments
+def whitened(
+    real: Series,
+    simulated: Series,
+    *,
+    noise: Mapping[str, float] = MappingProxyType({}),
+    channels: str | Sequence[str] = (),
+    dt_s: float | None = None,
+    clock_s: ArrayLike | None = None,
+) -> float:
+    """`noise` is the standard deviation of each channel's noise in its unit, by name or pattern (`{"q_*": 0.0005}`); where it
+    says nothing, it is estimated from the real readings. Channels are not weighed by anything else."""
+    return _distance("whitened", real, simulated, dt_s, clock_s, noise=dict(noise), channels=channels)
 
 
 def _distance(
