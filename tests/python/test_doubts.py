@@ -147,8 +147,10 @@ def test_a_robot_that_gives_nothing_is_left_alone_after_three_tests(pendulum: bt
 
 @pytest.mark.parametrize("name", ["ant-series", "nao", "nao-kick", "disengage"])
 def test_what_the_loop_asks_of_a_controller_is_what_it_simulates(name: str, tmp_path: Path) -> None:
+    # The Nao's run estimates simulators, and searches none.
+    small = {key: value for key, value in SMALL.items() if name != "nao" or "simulators" not in key}
     # An end between two references.
-    experiment = btr.load_model(ROBOTS / f"{name}.toml", {**SMALL, "simulation.duration_s": 0.79})
+    experiment = btr.load_model(ROBOTS / f"{name}.toml", {**small, "simulation.duration_s": 0.79})
     names = [dim["name"] for dim in experiment.controllers]
 
     class Enough(Exception):
