@@ -66,7 +66,7 @@ pub enum Rule {
     Disagreement,
     /// Needs `[coevolve.posterior]`. As long as some parameter is not told to its `resolution`, or simulations do not explain
     /// the tests, the one of `candidates` controllers (the fittest of the search, and others drawn from C that are no worse
-    /// than half of those) from which most is to be learnt: the expected gain of information about S (D. V. Lindley, 1956),
+    /// than half of those) from which most is to be learnt: the expected gain of information about S,
     /// where motion that nobody can foretell counts for nothing. Then the fittest.
     Informative,
 }
