@@ -121,6 +121,7 @@ pub struct PosteriorPhase {
     pub quantile: f64,
     /// Controllers are tried in simulations at least this far apart, as a share of the bounds' width (one standard
     /// deviation): S is never all that is in doubt.
+    #[serde(deserialize_with = "settings::probability")]
     pub least_doubt: f64,
 }
 
