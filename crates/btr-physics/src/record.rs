@@ -17,12 +17,13 @@ struct Series {
     role: Role,
     deviation: f64,
     quantum: f64,
-    values: Vec<Vec<f64>>,
+    /// Instant after instant: hundreds of series that grow at once would be as many places in memory, which evict each other.
+    values: Vec<f64>,
 }
 
 impl Series {
     fn new(names: Vec<String>, units: Vec<&'static str>, role: Role, samples: usize) -> Self {
-        let values = names.iter().map(|_| Vec::with_capacity(samples)).collect();
+        let values = Vec::with_capacity(names.len() * samples);
         Series { names, units, role, deviation: 0.0, quantum: 0.0, values }
     }
 
@@ -31,14 +32,22 @@ impl Series {
         self
     }
 
-    fn push(&mut self, i: usize, value: f64) {
-        self.values[i].push(value);
+    /// The values of an instant, as many as there are channels; all of nothing where there are no channels.
+    fn push(&mut self, values: impl IntoIterator<Item = f64>) {
+        self.values.extend(values.into_iter().take(self.names.len()));
     }
 
-    fn push_all(&mut self, values: &[f64]) {
-        for (series, &value) in self.values.iter_mut().zip(values) {
-            series.push(value);
-        }
+    /// The values of the last instant.
+    fn last_mut(&mut self) -> &mut [f64] {
+        let from = self.values.len().saturating_sub(self.names.len());
+        &mut self.values[from..]
+    }
+
+    /// Channel by channel: name, unit and values.
+    fn channels(self) -> impl Iterator<Item = (String, &'static str, Vec<f64>)> {
+        let (values, count) = (self.values, self.names.len());
+        let channels = self.names.into_iter().zip(self.units).enumerate();
+        channels.map(move |(i, (name, unit))| (name, unit, values.iter().skip(i).step_by(count).copied().collect()))
     }
 }
 
@@ -110,45 +119,45 @@ impl Recorder {
 
     /// Samples what belongs to an instant.
     pub(crate) fn state(&mut self, engine: &dyn Dynamics, control: &Control) {
-        for i in 0..self.commands.names.len() {
-            self.commands.push(i, control.command(i));
-        }
-        self.positions.push_all(engine.positions());
-        self.velocities.push_all(engine.velocities());
+        let joints = self.commands.names.len();
+        self.commands.push((0..joints).map(|i| control.command(i)));
+        self.positions.push(engine.positions().iter().copied());
+        self.velocities.push(engine.velocities().iter().copied());
         let base = engine.base();
         if self.sensors.imu {
             let gyro = base.pose.rotation.inverse() * base.angular_rad_s;
-            self.gyro.push_all(gyro.as_slice());
+            self.gyro.push(gyro.iter().copied());
         }
         let (p, q) = (base.pose.translation.vector, base.pose.rotation);
-        self.base.push_all(&[p.x, p.y, p.z, q.w, q.i, q.j, q.k]);
+        self.base.push([p.x, p.y, p.z, q.w, q.i, q.j, q.k]);
         if let Some(ball) = engine.ball() {
-            self.ball.push_all(ball.coords.as_slice());
+            self.ball.push(ball.iter().copied());
         }
     }
 
     /// Samples what belongs to the last step.
     pub(crate) fn forces(&mut self, engine: &dyn Dynamics, control: &Control) {
-        for i in 0..self.torques.names.len() {
-            let torque = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
-            self.torques.push(i, control.told(i).unwrap_or_else(torque));
-        }
+        let torque = |i: usize| {
+            let worked_out = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
+            control.told(i).unwrap_or_else(worked_out)
+        };
+        let motors = self.torques.names.len();
+        self.torques.push((0..motors).map(torque));
         if self.sensors.imu {
             let base = engine.base();
             let acceleration = (base.velocity_m_s - self.velocity_before_m_s) / self.dt_s;
             let felt = base.pose.rotation.inverse() * (acceleration - self.gravity_m_s2);
-            self.accelerometer.push_all(felt.as_slice());
+            self.accelerometer.push(felt.iter().copied());
         }
-        for foot in 0..self.feet.names.len() {
-            self.feet.push(foot, engine.foot_force_n(foot));
-        }
+        let feet = self.feet.names.len();
+        self.feet.push((0..feet).map(|foot| engine.foot_force_n(foot)));
     }
 
     /// Puts right the torques of the sample at which the step begins that was prepared last: what a digital servo works out at
     /// an instant is logged at that instant.
     pub(crate) fn told(&mut self, control: &Control) {
-        for (i, values) in self.torques.values.iter_mut().enumerate() {
-            if let (Some(last), Some(torque)) = (values.last_mut(), control.told(i)) {
+        for (i, last) in self.torques.last_mut().iter_mut().enumerate() {
+            if let Some(torque) = control.told(i) {
                 *last = torque;
             }
         }
@@ -178,8 +187,9 @@ impl Recorder {
             for (i, name) in series.names.iter().enumerate() {
                 noise.push((name.clone(), [kind as u64, i as u64], series.deviation, series.quantum));
             }
-            for ((name, unit), values) in series.names.into_iter().zip(series.units).zip(series.values) {
-                log.insert(name, unit, series.role, values)?;
+            let role = series.role;
+            for (name, unit, values) in series.channels() {
+                log.insert(name, unit, role, values)?;
             }
         }
         sense(&mut log)?;
