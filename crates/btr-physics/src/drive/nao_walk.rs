@@ -14,10 +14,13 @@ use std::f64::consts::PI;
 
 /// The robot stands this long before its weight begins to shift, in s.
 const STAND_S: f64 = 0.5;
-/// Steps in which the step length grows to its full value.
-const RAMP_STEPS: usize = 4;
+/// Steps in which the step length grows to its full value, and in which it falls back to nothing.
+const RAMP_UP: usize = 4;
+const RAMP_DOWN: usize = 2;
+/// The robot has this long after its last step to come to rest, in s.
+const STOP_S: f64 = 0.5;
 
-/// A walk straight ahead, from a stand, worked out beforehand.
+/// A walk straight ahead, from a stand to a stand, worked out beforehand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NaoWalk {
     references: References,
@@ -33,7 +36,7 @@ impl NaoWalk {
             // How far each foot lands before the other.
             Dim::new("step_length", "m", 0.005, 0.08).nominal(0.04),
             // From one landing to the next.
-            Dim::new("step_period", "s", 0.3, 1.0).nominal(0.45),
+            Dim::new("step_period", "s", 0.2, 1.0).nominal(0.45),
             // Share of the period in which both feet stand and the ZMP wanders.
             Dim::new("double_support", "1", 0.05, 0.7).nominal(0.15),
             // How far the ZMP goes to each side; the feet's middles are at 0.06.
@@ -42,6 +45,8 @@ impl NaoWalk {
             Dim::new("com_height", "m", 0.2, 0.27).nominal(0.24),
             // The ZMP before the middle of the supporting sole.
             Dim::new("zmp_forward", "m", -0.03, 0.03).nominal(0.0),
+            // The ZMP to the left of the middle between the feet: what keeps a robot on course that is heavier on one side.
+            Dim::new("zmp_left", "m", -0.02, 0.02).nominal(0.0),
             // The torso's pitch.
             Dim::new("lean", "rad", -0.2, 0.3).nominal(0.0),
             Dim::new("arm_swing", "rad", 0.0, 0.8).nominal(0.2),
@@ -50,13 +55,13 @@ impl NaoWalk {
         ])
     }
 
-    /// The walk of `robot` with `values` in the order of [`NaoWalk::space`], for `duration_s` seconds (then the pose is
-    /// held). The masses and servos of `robot` are what the controller believes; the robot it drives may have others.
+    /// The walk of `robot` with `values` in the order of [`NaoWalk::space`], for `duration_s` seconds with the stands before
+    /// and after it (then the pose is held). The masses and servos of `robot` are what the controller believes; the robot it drives may have others.
     ///
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.
     pub fn new(robot: &Robot, values: &[f64], duration_s: f64) -> Result<Self, MotionError> {
-        Ok(NaoWalk { references: references(robot, &Plan::new(values)?, duration_s)? })
+        Ok(NaoWalk { references: references(robot, &Plan::new(values, duration_s)?, duration_s)? })
     }
 
     /// The references, which also know the pose in which the walk begins.
@@ -75,7 +80,7 @@ impl Drive for NaoWalk {
     }
 }
 
-/// The walk's parameters; each is explained in [`NaoWalk::space`].
+/// The walk's parameters, each explained in [`NaoWalk::space`], and its steps.
 struct Plan {
     step_length_m: f64,
     step_period_s: f64,
@@ -83,50 +88,82 @@ struct Plan {
     sway_m: f64,
     step_height_m: f64,
     zmp_forward_m: f64,
+    zmp_left_m: f64,
     arm_swing_rad: f64,
     carriage: Carriage,
+    /// How far forward the foot that landed last stands, after each step; first at the start.
+    landings_m: Vec<f64>,
 }
 
 impl Plan {
-    fn new(values: &[f64]) -> Result<Self, SpaceError> {
+    fn new(values: &[f64], duration_s: f64) -> Result<Self, SpaceError> {
         let space = NaoWalk::space()?;
         space.check(values)?;
         let value = |name: &str| space.index_of(name).map_or(f64::NAN, |i| values[i]);
+        let (step_length_m, step_period_s) = (value("step_length"), value("step_period"));
+        // Also turns a NaN into no step at all.
+        let steps = ((duration_s - STAND_S - STOP_S) / step_period_s).max(0.0) as usize;
         Ok(Plan {
-            step_length_m: value("step_length"),
-            step_period_s: value("step_period"),
+            step_length_m,
+            step_period_s,
             double_support: value("double_support"),
             sway_m: value("sway"),
             step_height_m: value("step_height"),
             zmp_forward_m: value("zmp_forward"),
+            zmp_left_m: value("zmp_left"),
             arm_swing_rad: value("arm_swing"),
             carriage: Carriage {
                 com_height_m: value("com_height"),
                 lean_rad: value("lean"),
                 stiffening: value("stiffening"),
             },
+            landings_m: landings_m(steps, step_length_m),
         })
     }
 
-    /// The step that goes on at `time_s` (None while standing) and which share of it is over.
+    /// The step that goes on at `time_s` (None while standing) and which share of it is over. One that comes after the last
+    /// brings the ZMP back to the middle.
     fn step(&self, time_s: f64) -> Option<(usize, f64)> {
         let steps = (time_s - STAND_S) / self.step_period_s;
-        (steps >= 0.0).then(|| (steps as usize, steps.fract()))
+        let number = (steps.max(0.0) as usize).min(self.steps());
+        (steps >= 0.0).then(|| (number, (steps - number as f64).min(1.0)))
+    }
+
+    fn steps(&self) -> usize {
+        self.landings_m.len() - 1
     }
 
     /// How far forward the foot that swings in step `step` lands; the feet at the start have negative numbers.
     fn landing_m(&self, step: isize) -> f64 {
         let landed = usize::try_from(step + 1).unwrap_or(0);
-        let in_ramp = landed.min(RAMP_STEPS) as f64;
-        let ramped = in_ramp * (in_ramp + 1.0) / (2.0 * RAMP_STEPS as f64);
-        self.step_length_m * (ramped + landed.saturating_sub(RAMP_STEPS) as f64)
+        self.landings_m[landed.min(self.steps())]
     }
 
-    /// Where the ZMP rests in step `step`. Even steps swing the left foot and stand on the right one.
+    /// Where the ZMP rests in step `step`. Even steps swing the left foot and stand on the right one; after the last one it
+    /// rests between the feet.
     fn support(&self, step: usize) -> [f64; 2] {
-        let side = if step.is_multiple_of(2) { -1.0 } else { 1.0 };
-        [self.landing_m(step as isize - 1) + self.zmp_forward_m, side * self.sway_m]
+        let side = match step {
+            step if step == self.steps() => 0.0,
+            step if step.is_multiple_of(2) => -1.0,
+            _ => 1.0,
+        };
+        [self.landing_m(step as isize - 1) + self.zmp_forward_m, side * self.sway_m + self.zmp_left_m]
     }
+}
+
+/// Where the feet land: steps that grow to `step_length_m`, and shrink until the last one brings both feet side by side.
+fn landings_m(steps: usize, step_length_m: f64) -> Vec<f64> {
+    let share = |landed: usize| {
+        let up = landed as f64 / RAMP_UP as f64;
+        let down = (steps - landed) as f64 / RAMP_DOWN as f64;
+        up.min(down).min(1.0)
+    };
+    let mut landings_m = vec![0.0];
+    landings_m.extend((1..=steps).scan(0.0, |at_m, landed| {
+        *at_m += step_length_m * share(landed);
+        Some(*at_m)
+    }));
+    landings_m
 }
 
 impl ZmpPlan for Plan {
@@ -135,7 +172,7 @@ impl ZmpPlan for Plan {
     }
 
     fn zmp(&self, time_s: f64) -> [f64; 2] {
-        let standing = [self.zmp_forward_m, 0.0];
+        let standing = [self.zmp_forward_m, self.zmp_left_m];
         let Some((step, share)) = self.step(time_s) else { return standing };
         let from = step.checked_sub(1).map_or(standing, |before| self.support(before));
         let to = self.support(step);
