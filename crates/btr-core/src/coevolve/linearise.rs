@@ -17,6 +17,8 @@ use rayon::prelude::*;
 
 /// Members that stand no farther apart than this in some direction do not stand apart.
 const FLAT: f64 = 1e-12;
+/// In so many parts an ensemble is divided to ask how well all others foretell each.
+const FOLDS: usize = 8;
 /// Samples that are looked at together.
 const CHUNK: usize = 1024;
 
@@ -70,6 +72,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 pub(super) struct Ensemble {
     /// Mean of the members.
     pub mean: DVector<f64>,
+    /// Where each of them stands, row by row.
+    places: DMatrix<f64>,
     /// Rows average into slopes: errors regressed on the members' places are these columns' combinations of their rows.
     slopes: DMatrix<f64>,
     /// An orthonormal basis of where the members stand about their mean.
@@ -83,12 +87,18 @@ pub(super) struct Ensemble {
 impl Ensemble {
     /// Of points of the unit cube; `None` for fewer than two more than there are dimensions.
     pub(super) fn of(members: &[Unit]) -> Option<Self> {
-        let (count, dims) = (members.len(), members.first()?.len());
+        let dims = members.first()?.len();
+        Self::at(DMatrix::from_fn(members.len(), dims, |i, k| members[i][k]))
+    }
+
+    fn at(places: DMatrix<f64>) -> Option<Self> {
+        let (count, dims) = places.shape();
         if count < dims + 3 {
             return None;
         }
-        let mean = DVector::from_fn(dims, |k, _| members.iter().map(|unit| unit[k]).sum::<f64>() / count as f64);
-        let apart = DMatrix::from_fn(count, dims, |i, k| members[i][k] - mean[k]);
+        let mean = places.row_mean().transpose();
+        let mut apart = places.clone();
+        apart.row_iter_mut().for_each(|mut place| place -= mean.transpose());
         let parts = apart.svd(true, true);
         let (axes, across) = (parts.u?, parts.v_t?);
         // A direction in which nobody stands apart has no slope.
@@ -96,7 +106,13 @@ impl Ensemble {
         let slopes = &axes * DMatrix::from_diagonal(&inverse) * across;
         let centring = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
         let leftover = centring - &axes * axes.transpose();
-        Some(Ensemble { mean, slopes, axes, leftover, freedom: (count - dims - 1) as f64 })
+        Some(Ensemble { mean, places, slopes, axes, leftover, freedom: (count - dims - 1) as f64 })
+    }
+
+    /// The members' combination that the regression has for a place.
+    fn regressed(&self, at: &DVector<f64>) -> DVector<f64> {
+        let average = DVector::from_element(self.places.nrows(), 1.0 / self.places.nrows() as f64);
+        average + &self.slopes * (at - &self.mean)
     }
 
     /// What a test says: an information matrix and a gradient at the ensemble's mean.
@@ -107,16 +123,41 @@ impl Ensemble {
         Told {
             information: noise.product(&self.slopes, &self.slopes),
             gradient: noise.product(&self.slopes, &DMatrix::from_columns(&[average])).column(0).into_owned(),
+            astray: self.astray(shown),
         }
+    }
+
+    /// How far simulations would lead the gradient astray if one of them were the robot, by what no slope foretells: its mean
+    /// outer product, over members that did not take part in the regression. Of an ensemble with too few members to leave some
+    /// out nothing is known.
+    fn astray(&self, shown: &Shown) -> DMatrix<f64> {
+        // Draws come in pairs about the mean, which stay together.
+        let of_fold = |fold: usize| (0..self.places.nrows()).partition(|i| i / 2 % FOLDS != fold);
+        let folds: Vec<(Vec<usize>, Vec<usize>)> = (0..FOLDS).map(of_fold).collect();
+        let pulls = folds.par_iter().filter_map(|(taking_part, others)| self.pulls(shown, taking_part, others));
+        let pulls: Vec<DMatrix<f64>> = pulls.collect();
+        let count: usize = pulls.iter().map(DMatrix::ncols).sum();
+        let zero = DMatrix::zeros(self.slopes.ncols(), self.slopes.ncols());
+        pulls.iter().fold(zero, |sum, pulls| sum + pulls * pulls.transpose() / count as f64)
+    }
+
+    /// Where some members, one per column, would pull the gradient that others have regressed, if they were the robot and stood
+    /// where the regression expects them.
+    fn pulls(&self, shown: &Shown, taking_part: &[usize], others: &[usize]) -> Option<DMatrix<f64>> {
+        let regression = Ensemble::at(self.places.select_rows(taking_part))?;
+        let beside = shown.gram.select_rows(taking_part);
+        let among = beside.select_columns(taking_part);
+        let noise = Unpredictable::of(&regression.leftover, &among, regression.freedom);
+        let unforeseen = |&k: &usize| beside.column(k) - &among * regression.regressed(&self.places.row(k).transpose());
+        let products = DMatrix::from_columns(&others.iter().map(unforeseen).collect::<Vec<_>>());
+        let seen = &noise.weight * (&regression.leftover * &products);
+        Some(regression.slopes.transpose() * products - (&noise.seen * &regression.slopes).transpose() * seen)
     }
 
     /// Chi-squared per sample on a test of the point `at`, as the regression foretells it, beside what is unpredictable.
     pub(super) fn foretold(&self, shown: &Shown, at: &DVector<f64>) -> f64 {
-        let count = shown.gram.nrows();
-        let average = DVector::from_element(count, 1.0 / count as f64);
-        let combined = average + &self.slopes * (at - &self.mean);
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
-        let combined = DMatrix::from_columns(&[combined]);
+        let combined = DMatrix::from_columns(&[self.regressed(at)]);
         noise.product(&combined, &combined)[(0, 0)] / shown.samples
     }
 
@@ -189,6 +230,8 @@ pub(super) struct Told {
     pub information: DMatrix<f64>,
     /// Slope of half its chi-squared at the ensemble's mean.
     pub gradient: DVector<f64>,
+    /// Covariance of what the gradient errs by because of what is unpredictable, as far as the weights do not know it.
+    pub astray: DMatrix<f64>,
 }
 
 /// An ensemble's view of one test beside which further simulations are held: see [`along`](Probed::along).
@@ -215,8 +258,7 @@ impl Probed {
         let weights: Vec<f64> = variances.iter().map(|variance| (1.0 + variance).sqrt().recip()).collect();
         rows.iter_mut().for_each(|row| row.iter_mut().zip(&weights).for_each(|(error, weight)| *error *= weight));
         let gram = gram_of(&rows);
-        let average = DVector::from_element(rows.len(), 1.0 / rows.len() as f64);
-        let here = average + &ensemble.slopes * (at - &ensemble.mean);
+        let here = ensemble.regressed(at);
         let mut errors = vec![0.0; weights.len()];
         for (row, share) in rows.iter().zip(here.iter()) {
             add_scaled(&mut errors, row, *share);
