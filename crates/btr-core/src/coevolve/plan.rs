@@ -128,7 +128,7 @@ pub struct PosteriorPhase {
 impl Default for PosteriorPhase {
     fn default() -> Self {
         PosteriorPhase {
-            members: 64,
+            members: 48,
             turns: 20,
             restarts: 2,
             resolution: 0.05,
