@@ -5,7 +5,7 @@ use crate::doubts::{TestDoubt, doubts};
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::reality::Revealed;
-use btr_core::coevolve::{Augmentation, Coevolution, Entry, Gap, Generation, Iteration, StopReason};
+use btr_core::coevolve::{Augmentation, Coevolution, Drift, Entry, Gap, Generation, Iteration, StopReason};
 use btr_core::log::{Log, Role};
 use btr_core::world::{Simulator, WorldError};
 use indexmap::IndexMap;
@@ -32,6 +32,10 @@ pub struct Report {
     pub diagnosis: Option<Cause>,
     /// How S has grown.
     pub augmentations: Vec<Augmentation>,
+    /// How the robot has changed during the run.
+    pub drifts: Vec<Drift>,
+    /// Number of the last real test where nothing explains it beside those before it, and nobody knows why.
+    pub suspicion: Option<usize>,
     /// Real tests spent, failed ones included.
     pub real_tests: usize,
     /// Real fitness less what was promised, over the real tests.
@@ -150,6 +154,8 @@ pub fn report(
         disengaged: state.disengaged(),
         diagnosis,
         augmentations: state.history().augmentations.clone(),
+        drifts: state.history().drifts.clone(),
+        suspicion: state.suspicion().map(|entry| entry.trial.number),
         reality_gap: Gap::of(state.ledger()),
         real_tests: state.ledger().spent(),
         simulated_evaluations: state.cost().evaluations,

@@ -6,7 +6,7 @@ use crate::coevolution::{self, Ended, Watch};
 use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
 use crate::progress::Progress;
 use crate::table::{Table, maybe, number};
-use btr_core::coevolve::{Coevolution, Step, StopReason};
+use btr_core::coevolve::{Change, Coevolution, Step, StopReason};
 use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
 use btr_physics::augment::Cause;
@@ -178,6 +178,7 @@ fn show(report: &Report) {
     for grown in &report.augmentations {
         println!("S has grown after iteration {}: {}", grown.after_iteration, grown.parameters.join(", "));
     }
+    show_drift(report);
     if report.disengaged {
         show_disengagement(report);
     } else if !at_bound.is_empty() {
@@ -261,6 +262,29 @@ fn show_posterior(report: &Report) {
     for open in &estimate.open_directions {
         let parts = open.parameters.iter().map(|(name, share)| format!("{share:+.2} {name}"));
         println!("hardly told at all: {}", parts.collect::<Vec<_>>().join(" "));
+    }
+}
+
+/// When the robot has changed, and in what.
+fn show_drift(report: &Report) {
+    for drift in &report.drifts {
+        let change = |c: &Change| {
+            format!("{} {} -> {} ({} sd)", c.parameter, number(c.before), number(c.after), number(c.deviations))
+        };
+        let changed: Vec<String> = drift.changed.iter().map(change).collect();
+        let what = match (drift.explained, changed.is_empty()) {
+            (true, false) => changed.join(", "),
+            (true, true) => "what has changed is not told yet".to_owned(),
+            (false, _) => "S does not hold what has changed".to_owned(),
+        };
+        println!("the robot has changed before test {}: {what}", drift.before_test);
+    }
+    if let Some(test) = report.suspicion {
+        println!(
+            "nothing explains test {test} beside those before it: the robot has changed, or S lacks something; one more \
+             iteration repeats test {} to tell",
+            test.saturating_sub(1)
+        );
     }
 }
 

@@ -52,7 +52,7 @@ pub struct Estimated {
     pub unpredictable: Vec<f64>,
     /// How many readings were compared; one that is unpredictable counts for less.
     pub samples: f64,
-    /// Whether `chi` is at the noise.
+    /// Whether each test is explained to the noise.
     pub explains: bool,
 }
 
@@ -123,11 +123,10 @@ impl Setting<'_> {
             Some((&covariance * pull, covariance))
         };
         let samples: f64 = there.iter().map(|seen| seen.shown.samples()).sum();
-        let squares = |at: &DVector<f64>| {
-            let of = |seen: &&Seen| seen.ensemble.foretold(&seen.shown, at) * seen.shown.samples();
-            there.iter().map(of).sum::<f64>()
-        };
-        let chi2 = squares(&best(1.0)?.0) / samples;
+        let at = best(1.0)?.0;
+        let of_tests = there.iter().map(|seen| (seen.ensemble.foretold(&seen.shown, &at), seen.shown.samples()));
+        let of_tests: Vec<(f64, f64)> = of_tests.collect();
+        let chi2 = of_tests.iter().map(|(chi2, samples)| chi2 * samples).sum::<f64>() / samples;
         if !chi2.is_finite() {
             return None;
         }
@@ -138,7 +137,8 @@ impl Setting<'_> {
         let of_test = |seen: &Option<Seen>| seen.as_ref().map_or(f64::NAN, |seen| seen.shown.unpredictable());
         let unpredictable = seen.iter().map(of_test).collect();
         let (belief, settled) = moved(belief, &mean, &covariance);
-        let explains = chi2.sqrt() <= noise_alone(samples);
+        // Each by itself: many tests would hide one that is not explained.
+        let explains = of_tests.iter().all(|(chi2, samples)| chi2.sqrt() <= noise_alone(*samples));
         Some(Turned { estimated: Estimated { belief, chi: chi2.sqrt(), unpredictable, samples, explains }, settled })
     }
 }

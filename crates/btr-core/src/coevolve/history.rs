@@ -1,6 +1,7 @@
 //! What happened: one record per generation, one per iteration, and why the run stopped.
 
 use super::disengage::Evidence;
+use super::drift::Drift;
 use super::posterior::{Belief, OpenDirection};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -137,4 +138,6 @@ pub struct History {
     pub iterations: Vec<Iteration>,
     /// How S has grown.
     pub augmentations: Vec<Augmentation>,
+    /// How the robot has changed.
+    pub drifts: Vec<Drift>,
 }

@@ -7,6 +7,7 @@
 mod abduction;
 mod correction;
 mod disengage;
+mod drift;
 mod estimation;
 mod evaluate;
 mod history;
@@ -21,6 +22,7 @@ mod transfer;
 pub use abduction::{Abduction, Extension, Fitted, Suspect};
 pub use correction::LinearCorrection;
 pub use disengage::Evidence;
+pub use drift::{Change, Drift};
 pub use estimation::Estimated;
 pub use evaluate::{Cost, phi};
 pub use history::{Augmentation, Estimate, Generation, History, Iteration, Side, StopReason};

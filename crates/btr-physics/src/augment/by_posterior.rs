@@ -120,7 +120,7 @@ pub(super) fn cause(
 /// Tests that gave a log, the last ones: they were chosen for what they tell.
 fn chosen(run: &Coevolution) -> Vec<&Entry> {
     let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
-    let usable: Vec<&Entry> = run.ledger().entries().iter().filter(gave_a_log).collect();
+    let usable: Vec<&Entry> = run.lately().iter().filter(gave_a_log).collect();
     usable[usable.len().saturating_sub(MOST_TESTS)..].to_vec()
 }
 

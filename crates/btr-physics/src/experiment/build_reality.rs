@@ -2,11 +2,11 @@
 
 use super::build::Builder;
 use super::build_model::noise;
-use super::file::{RealitySection, TwinParameters, TwinSection};
+use super::file::{DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection};
 use super::parse::FileError;
 use super::scenarios::Situations;
 use crate::model::Model;
-use crate::reality::{Command, Logs, Manual, Revealing, Store, Twin};
+use crate::reality::{Command, Logs, Manual, Revealing, Stage, Store, Twin};
 use btr_core::log::Log;
 use btr_core::random;
 use btr_core::space::{Space, SpaceError};
@@ -57,8 +57,44 @@ impl Builder<'_> {
 
     fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {
         let point = self.twin_point(twin, &model.simulations, seed)?;
+        let first = self.stage(twin, &[], 0, point)?;
+        let mut later = Vec::new();
+        let mut before = &first;
+        for (k, drift) in twin.drift.iter().enumerate() {
+            let effects: Vec<EffectSection> = twin.drift[..=k].iter().flat_map(|drift| drift.effects.clone()).collect();
+            let point = self.drifted(drift, &model.simulations, &before.parameters)?;
+            later.push(self.stage(twin, &effects, drift.test, point)?);
+            before = later.last().unwrap_or(&first);
+        }
+        Ok(Twin::new(first, later, random::derive(seed, &[TWIN_STREAM, 1]), store))
+    }
+
+    /// Where in S a twin stands after a change.
+    fn drifted(&self, drift: &DriftSection, space: &Space, before: &[f64]) -> Result<Vec<f64>, FileError> {
+        let mut point = before.to_vec();
+        for (name, times) in &drift.times {
+            let keys = ["reality", "drift", "times", name];
+            let Some(place) = space.index_of(name) else {
+                let known = space.dims().iter().map(|d| d.name.as_str());
+                return Err(self.unknown(&keys, "parameter of S", name, known));
+            };
+            point[place] *= times;
+        }
+        self.inside(space, &point, &["reality", "drift", "times"])?;
+        Ok(point)
+    }
+
+    /// The twin with the effects it has from the beginning, and others that came later.
+    fn stage(
+        &self,
+        twin: &TwinSection,
+        later: &[EffectSection],
+        from_test: usize,
+        parameters: Vec<f64>,
+    ) -> Result<Stage, FileError> {
         let mut hidden = self.model(Situations::single(self.file.simulation.duration_s))?;
         hidden.effects.extend(self.effects(&twin.effects, "reality.effects", &hidden.robot)?);
+        hidden.effects.extend(self.effects(later, "reality.drift.effects", &hidden.robot)?);
         hidden.setup.noise = noise(&twin.noise);
         if let Some(steps) = twin.steps_per_control {
             if steps == 0 {
@@ -70,8 +106,9 @@ impl Builder<'_> {
             }
             hidden.setup.dt_s = hidden.setup.control_s / f64::from(steps);
         }
-        let names = twin.effects.iter().map(|e| format!("{}@{}", e.effect, e.site)).collect();
-        Ok(Twin::new(hidden, point, names, random::derive(seed, &[TWIN_STREAM, 1]), store))
+        let effects = twin.effects.iter().chain(later);
+        let names = effects.map(|e| format!("{}@{}", e.effect, e.site)).collect();
+        Ok(Stage { from_test, model: hidden, parameters, hidden: names })
     }
 
     fn twin_point(&self, twin: &TwinSection, space: &Space, seed: u64) -> Result<Vec<f64>, FileError> {
@@ -96,14 +133,19 @@ impl Builder<'_> {
                 }
             }
         }
-        space.check(&point).map_err(|e| {
+        self.inside(space, &point, &keys)?;
+        Ok(point)
+    }
+
+    /// A twin is somewhere in S.
+    fn inside(&self, space: &Space, point: &[f64], keys: &[&str]) -> Result<(), FileError> {
+        space.check(point).map_err(|e| {
             let help = "a twin lives in S: widen the bounds in [parameters] or move the twin".to_owned();
             let keys = match &e {
-                SpaceError::Outside { name, .. } => vec!["reality", "parameters", name.as_str()],
+                SpaceError::Outside { name, .. } => [keys, &[name.as_str()]].concat(),
                 _ => keys.to_vec(),
             };
             self.error(&keys, format!("the hidden twin lies outside S: {e}"), Some(help))
-        })?;
-        Ok(point)
+        })
     }
 }

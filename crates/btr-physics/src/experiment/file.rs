@@ -359,6 +359,20 @@ pub struct TwinSection {
     pub steps_per_control: Option<u32>,
     /// Its sensors' noise.
     pub noise: NoiseSection,
+    /// How it changes during the run, in this order.
+    pub drift: Vec<DriftSection>,
+}
+
+/// A change of the twin: from then on it is another robot.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriftSection {
+    /// Number of the first real test of the changed robot, from 0.
+    pub test: usize,
+    /// Factors on parameters of S, by name.
+    pub times: IndexMap<String, f64>,
+    /// Effects that it has besides from then on.
+    pub effects: Vec<EffectSection>,
 }
 
 /// How the twin's parameters are chosen.

@@ -14,7 +14,7 @@ pub use command::Command;
 pub use logs::Logs;
 pub use manual::Manual;
 pub use store::{Store, StoreError};
-pub use twin::{Revealed, Twin};
+pub use twin::{Revealed, Stage, Twin};
 
 use btr_core::world::Reality;
 

@@ -8,16 +8,29 @@ use btr_core::world::{Outcome, Reality, Simulator, Trial};
 use indexmap::IndexMap;
 use serde::Serialize;
 
-/// A simulation that nobody looks into before the run is over.
+/// A simulation that nobody looks into before the run is over. It may change on the way.
 pub struct Twin {
-    model: Model,
-    parameters: Vec<f64>,
-    hidden: Vec<String>,
+    /// In the order in which they come; the first from the first test on.
+    stages: Vec<Stage>,
+    /// Number of the last test that it was asked for.
+    latest: usize,
     seed: u64,
     store: Store,
 }
 
-/// What the twin was, told at the end.
+/// What a twin is from some test on.
+pub struct Stage {
+    /// Number of its first real test.
+    pub from_test: usize,
+    /// Its own model: effects, time step, noise.
+    pub model: Model,
+    /// Where in S it stands.
+    pub parameters: Vec<f64>,
+    /// The effects that the model of the experiment does not have.
+    pub hidden: Vec<String>,
+}
+
+/// What the twin was in its last test, told at the end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Revealed {
     /// Its parameters by name, in the units of S.
@@ -27,9 +40,14 @@ pub struct Revealed {
 }
 
 impl Twin {
-    /// A twin with its own model (effects, time step, noise) at a point of S; `hidden` names the effects for the report.
-    pub fn new(model: Model, parameters: Vec<f64>, hidden: Vec<String>, seed: u64, store: Store) -> Self {
-        Twin { model, parameters, hidden, seed, store }
+    /// A twin that is at first what `first` says, and then what comes `later`, in the order of their first tests.
+    pub fn new(first: Stage, mut later: Vec<Stage>, seed: u64, store: Store) -> Self {
+        later.sort_by_key(|stage| stage.from_test);
+        Twin { stages: std::iter::once(first).chain(later).collect(), latest: 0, seed, store }
+    }
+
+    fn in_test(&self, number: usize) -> &Stage {
+        self.stages.iter().rfind(|stage| stage.from_test <= number).unwrap_or(&self.stages[0])
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, super::StoreError> {
@@ -37,7 +55,8 @@ impl Twin {
             return Ok(before);
         }
         let noise = btr_core::random::derive(self.seed, &[trial.number as u64]);
-        match self.model.simulate(&self.parameters, &trial.controller, trial.scenario, Some(noise)) {
+        let Stage { model, parameters, .. } = self.in_test(trial.number);
+        match model.simulate(parameters, &trial.controller, trial.scenario, Some(noise)) {
             Ok(log) => {
                 self.store.ask(trial, &log)?;
                 self.store.keep(trial, &log, &Meta::default())
@@ -49,16 +68,15 @@ impl Twin {
 
 impl Reality for Twin {
     fn test(&mut self, trial: &Trial) -> Outcome {
+        self.latest = self.latest.max(trial.number);
         or_pending(self.perform(trial))
     }
 }
 
 impl Revealing for Twin {
     fn reveal(&self) -> Option<Revealed> {
-        let names = self.model.simulations().dims().iter().map(|d| d.name.clone());
-        Some(Revealed {
-            parameters: names.zip(self.parameters.iter().copied()).collect(),
-            effects: self.hidden.clone(),
-        })
+        let Stage { model, parameters, hidden, .. } = self.in_test(self.latest);
+        let names = model.simulations().dims().iter().map(|d| d.name.clone());
+        Some(Revealed { parameters: names.zip(parameters.iter().copied()).collect(), effects: hidden.clone() })
     }
 }

@@ -1,5 +1,6 @@
 //! Step 3 as estimation: what the real tests leave open of S, instead of one best point. Where an estimate does not explain the
-//! tests, it is sought again from other starts.
+//! tests, it is sought again from other starts; but where what was believed has foretold tests before, [`drifts`](super::drifts)
+//! asks whether it is still the same robot.
 
 use super::{Coevolution, On, Phase, Step, Stream};
 use crate::coevolve::estimation::{Estimated, Setting, Turned, WIDER, surprises};
@@ -20,12 +21,14 @@ pub(super) struct Estimation {
     start: usize,
     /// The best of those.
     best: Option<Estimated>,
+    /// Whether what was believed had foretold tests before these ones.
+    surprised: bool,
 }
 
 impl Coevolution {
     /// Step 3 begins: all tests that count, from what is believed so far. It rests where everything is told already and the
     /// fresh tests came as foretold.
-    pub(super) fn begin_estimation(&mut self, on: &On<'_>, tests: Vec<usize>) -> Phase {
+    pub(super) fn begin_estimation(&mut self, on: &On<'_>, mut tests: Vec<usize>) -> Phase {
         let Some(phase) = self.plan.posterior.clone() else { return Phase::End };
         let is_fresh = |&k: &usize| self.state.ledger.entries()[k].trial.iteration == self.state.iteration;
         let fresh: Vec<usize> = tests.iter().copied().filter(is_fresh).collect();
@@ -37,11 +40,16 @@ impl Coevolution {
         let (chi, as_foretold) = surprises(&seen);
         self.state.phi_predicted = Some(chi).filter(|phi| phi.is_finite());
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
-        if as_foretold && self.all_is_told(&phase) {
+        self.resolve(as_foretold);
+        tests.retain(|&k| k >= self.state.since);
+        let told = self.all_is_told(&phase);
+        if as_foretold && told {
             self.state.phi = self.state.phi_predicted;
+            self.state.foretold = true;
             return Phase::End;
         }
-        Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None })
+        let surprised = told && self.state.foretold;
+        Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None, surprised })
     }
 
     /// What is estimated from some tests of the ledger.
@@ -86,6 +94,11 @@ impl Coevolution {
     fn ended(&mut self, on: &On<'_>, of: Estimation, estimated: Estimated, phase: &PosteriorPhase) -> Step {
         let better = |other: &Estimated| (estimated.explains, -estimated.chi) >= (other.explains, -other.chi);
         let best = if of.best.as_ref().is_none_or(better) { estimated } else { of.best.unwrap_or(estimated) };
+        if of.surprised && !best.explains {
+            self.suspect();
+            self.state.phi = Some(best.chi);
+            return self.settled(on, None);
+        }
         if best.explains || of.start >= phase.restarts {
             return self.settled(on, Some(best));
         }

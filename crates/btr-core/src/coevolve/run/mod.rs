@@ -2,6 +2,7 @@
 
 mod controllers;
 mod doubt;
+mod drifts;
 mod enlarge;
 mod estimate;
 mod reality_only;
@@ -136,6 +137,13 @@ pub struct State {
     prior: Unit,
     /// What the real tests say of S, where the plan asks for a posterior.
     estimated: Option<Estimated>,
+    /// Whether that has foretold a test that came after it.
+    foretold: bool,
+    /// Number of the first real test of the robot as it is now.
+    since: usize,
+    /// Number of the first real test that nothing explains beside those before it: an older one is repeated, to tell whether the
+    /// robot has changed or S lacks something.
+    suspicion: Option<usize>,
     rivals: Vec<Vec<f64>>,
     correction: LinearCorrection,
     ledger: Ledger,
@@ -170,6 +178,9 @@ impl Coevolution {
             start: simulation.clone(),
             prior: space.to_unit(&simulation),
             estimated: None,
+            foretold: false,
+            since: 0,
+            suspicion: None,
             iteration: 1,
             phase: Phase::Begin,
             simulation,
@@ -264,13 +275,17 @@ impl Coevolution {
 
     /// The test with the best real fitness: what the run recommends to use.
     pub fn best_tested(&self) -> Option<&Entry> {
-        let tested = self.state.ledger.entries().iter().filter(|e| e.fitness().is_some_and(f64::is_finite));
+        let tested = self.lately().iter().filter(|e| e.fitness().is_some_and(f64::is_finite));
         tested.max_by(|a, b| a.fitness().unwrap_or(f64::NAN).total_cmp(&b.fitness().unwrap_or(f64::NAN)))
     }
 
     fn begin(&mut self, on: &mut On<'_>) -> Step {
         if self.tests_left() == 0 {
             return self.stop(StopReason::RealTestsSpent);
+        }
+        if let Some(repeated) = self.to_repeat(on) {
+            self.state.phase = Phase::Transfer { queue: vec![repeated], next: 0, testing: None };
+            return self.step(on);
         }
         let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {

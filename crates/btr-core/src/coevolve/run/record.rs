@@ -14,6 +14,7 @@ const AT_BOUND: f64 = 1e-3;
 impl Coevolution {
     pub(super) fn record(&mut self, on: &On<'_>) -> Iteration {
         let evidence = self.evidence(on);
+        self.compare_with_before(on);
         let mine = self.state.ledger.of_iteration(self.state.iteration);
         let first = mine.iter().min_by_key(|e| e.trial.number);
         let space = on.simulator.simulations();

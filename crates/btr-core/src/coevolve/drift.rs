@@ -1,0 +1,98 @@
+//! A robot that changes during a run: something was put on it, a motor has worn.
+//!
+//! Who believed something of S that foretold a fresh test, and is then surprised, has either learnt too much from too little,
+//! or looks at another robot. It is another robot if no simulation explains the old tests and the new ones together, and the
+//! new ones alone contradict what was believed. From then on only they count.
+
+use super::ledger::Entry;
+use super::posterior::Posterior;
+use crate::space::Space;
+use serde::{Deserialize, Serialize};
+
+/// A parameter has changed whose values before and after differ by so many of their standard deviations: among a hundred
+/// parameters that have not, one does once in a hundred runs.
+const CHANGED: f64 = 4.0;
+
+/// The robot has changed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Drift {
+    /// Number of the first real test that shows it: it happened between this one and the one before.
+    pub before_test: usize,
+    /// The iteration in which it was noticed.
+    pub iteration: usize,
+    /// Parameters of S that differ beyond doubt as far as the tests since then tell, most certain first. None where S does not
+    /// hold what has changed.
+    pub changed: Vec<Change>,
+    /// Whether a simulation of S explains the tests since then.
+    pub explained: bool,
+    /// What was believed of the robot as it was.
+    pub(super) former: Posterior,
+}
+
+/// A parameter of S that has changed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    /// The parameter.
+    pub parameter: String,
+    /// What was believed before, in the units of S.
+    pub before: f64,
+    /// What is believed now.
+    pub after: f64,
+    /// The difference in multiples of its standard deviation.
+    pub deviations: f64,
+}
+
+impl Drift {
+    pub(super) fn seen(test: &Entry, former: Posterior) -> Self {
+        let (before_test, iteration) = (test.trial.number, test.trial.iteration);
+        Drift { before_test, iteration, changed: Vec::new(), explained: false, former }
+    }
+
+    /// Compares what is believed now with what was believed before.
+    pub(super) fn compare(&mut self, space: &Space, now: &Posterior, explained: bool) {
+        self.explained = explained;
+        self.changed = if explained { changes(space, &self.former, now) } else { Vec::new() };
+    }
+}
+
+/// Parameters of S of which two beliefs say different things.
+pub(super) fn changes(space: &Space, former: &Posterior, now: &Posterior) -> Vec<Change> {
+    let change = |(k, dim): (usize, &crate::space::Dim)| {
+        let (before, after) = (former.mean()[k], now.mean()[k]);
+        let deviations = (after - before).abs() / former.sd(k).hypot(now.sd(k)).max(f64::MIN_POSITIVE);
+        let told = Change {
+            parameter: dim.name.clone(),
+            before: dim.from_unit(before),
+            after: dim.from_unit(after),
+            deviations,
+        };
+        (deviations > CHANGED).then_some(told)
+    };
+    // Of dimensions that S has gained since, nothing was believed before.
+    let mut changes: Vec<Change> =
+        space.dims().iter().enumerate().take(former.mean().len()).filter_map(change).collect();
+    changes.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));
+    changes
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::space::Dim;
+    use nalgebra::{DMatrix, DVector};
+
+    fn belief(mean: [f64; 2], sd: f64) -> Posterior {
+        Posterior::new(DVector::from_row_slice(&mean), DMatrix::identity(2, 2) * sd.powi(2))
+    }
+
+    #[test]
+    fn only_what_differs_beyond_doubt_has_changed() {
+        let space = Space::new(vec![Dim::new("a", "kg", 0.0, 2.0), Dim::new("b", "kg", 0.0, 2.0)]).unwrap();
+        let changed = changes(&space, &belief([0.5, 0.5], 0.03), &belief([0.7, 0.8], 0.04));
+        assert_eq!(changed.len(), 1);
+        assert_eq!(changed[0].parameter, "b");
+        assert!((changed[0].before - 1.0).abs() < 1e-12 && (changed[0].after - 1.6).abs() < 1e-12);
+        assert!((changed[0].deviations - 6.0).abs() < 1e-9);
+    }
+}
