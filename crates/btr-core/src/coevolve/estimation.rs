@@ -5,7 +5,7 @@
 
 use super::evaluate::{self, Cost};
 use super::ledger::Entry;
-use super::linearise::{Ensemble, Shown, Told, surprise};
+use super::linearise::{Ensemble, Foretold, Shown, Told, surprise};
 use super::plan::PosteriorPhase;
 use super::posterior::{Posterior, root};
 use crate::distance::Distance;
@@ -52,6 +52,8 @@ pub struct Estimated {
     pub unpredictable: Vec<f64>,
     /// How many readings were compared; one that is unpredictable counts for less.
     pub samples: f64,
+    /// Minus twice the logarithm of the likelihood, less a constant.
+    pub deviance: f64,
     /// Whether each test is explained to the noise.
     pub explains: bool,
 }
@@ -124,9 +126,8 @@ impl Setting<'_> {
         };
         let samples: f64 = there.iter().map(|seen| seen.shown.samples()).sum();
         let at = best(1.0)?.0;
-        let of_tests = there.iter().map(|seen| (seen.ensemble.foretold(&seen.shown, &at), seen.shown.samples()));
-        let of_tests: Vec<(f64, f64)> = of_tests.collect();
-        let chi2 = of_tests.iter().map(|(chi2, samples)| chi2 * samples).sum::<f64>() / samples;
+        let of_tests: Vec<Foretold> = there.iter().map(|seen| seen.ensemble.foretold(&seen.shown, &at)).collect();
+        let chi2 = of_tests.iter().map(|test| test.chi2).sum::<f64>() / samples;
         if !chi2.is_finite() {
             return None;
         }
@@ -138,8 +139,10 @@ impl Setting<'_> {
         let unpredictable = seen.iter().map(of_test).collect();
         let (belief, settled) = moved(belief, &mean, &covariance);
         // Each by itself: many tests would hide one that is not explained.
-        let explains = of_tests.iter().all(|(chi2, samples)| chi2.sqrt() <= noise_alone(*samples));
-        Some(Turned { estimated: Estimated { belief, chi: chi2.sqrt(), unpredictable, samples, explains }, settled })
+        let at_the_noise = |test: &Foretold| (test.chi2 / test.samples).sqrt() <= noise_alone(test.samples);
+        let (explains, deviance) = (of_tests.iter().all(at_the_noise), of_tests.iter().map(|test| test.deviance).sum());
+        let chi = chi2.sqrt();
+        Some(Turned { estimated: Estimated { belief, chi, unpredictable, samples, deviance, explains }, settled })
     }
 }
 

@@ -29,6 +29,8 @@ pub(super) struct Shown {
     samples: f64,
     /// Root mean square of what is unpredictable, in multiples of the noise.
     unpredictable: f64,
+    /// Sum of ln(1 + variance) over the readings: what it costs to call them unpredictable.
+    log_variances: f64,
 }
 
 impl Shown {
@@ -42,7 +44,8 @@ impl Shown {
         let gram = gram_of(&rows);
         let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
         let unpredictable = (variances.iter().sum::<f64>() / there.len() as f64).sqrt();
-        Some(Shown { gram, samples, unpredictable })
+        let log_variances = variances.iter().map(|variance| variance.ln_1p()).sum();
+        Some(Shown { gram, samples, unpredictable, log_variances })
     }
 
     /// How many readings were compared; one that is unpredictable counts for less.
@@ -154,11 +157,12 @@ impl Ensemble {
         Some(regression.slopes.transpose() * products - (&noise.seen * &regression.slopes).transpose() * seen)
     }
 
-    /// Chi-squared per sample on a test of the point `at`, as the regression foretells it, beside what is unpredictable.
-    pub(super) fn foretold(&self, shown: &Shown, at: &DVector<f64>) -> f64 {
+    /// What is foretold of a test of the point `at`.
+    pub(super) fn foretold(&self, shown: &Shown, at: &DVector<f64>) -> Foretold {
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
         let combined = DMatrix::from_columns(&[self.regressed(at)]);
-        noise.product(&combined, &combined)[(0, 0)] / shown.samples
+        let chi2 = noise.product(&combined, &combined)[(0, 0)];
+        Foretold { chi2, samples: shown.samples, deviance: chi2 + shown.log_variances + noise.log_determinant }
     }
 
     /// The variance of each sample's errors that no place in S accounts for.
@@ -186,6 +190,17 @@ impl Ensemble {
     }
 }
 
+/// A test as a regression foretells it for some point.
+pub(super) struct Foretold {
+    /// chi-squared beside what is unpredictable.
+    pub chi2: f64,
+    /// How many readings that is over.
+    pub samples: f64,
+    /// Minus twice the logarithm of the likelihood, less a constant: who calls more of it unpredictable has the smaller
+    /// chi-squared and is no likelier for that.
+    pub deviance: f64,
+}
+
 /// Adds a multiple of some numbers to sums.
 fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
     sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += multiple * number);
@@ -207,15 +222,21 @@ struct Unpredictable<'a> {
     /// leftover · gram.
     seen: DMatrix<f64>,
     weight: DMatrix<f64>,
+    /// Logarithm of the covariance's determinant.
+    log_determinant: f64,
 }
 
 impl<'a> Unpredictable<'a> {
     fn of(leftover: &DMatrix<f64>, gram: &'a DMatrix<f64>, freedom: f64) -> Self {
         let seen = leftover * gram;
-        let inner = DMatrix::identity(gram.nrows(), gram.nrows()) * freedom + &seen * leftover;
+        let count = gram.nrows();
+        let inner = DMatrix::identity(count, count) * freedom + &seen * leftover;
         // Positive definite by construction; where rounding denies it, nothing is discounted for.
-        let weight = inner.cholesky().map_or_else(|| DMatrix::zeros(gram.nrows(), gram.nrows()), |f| f.inverse());
-        Unpredictable { gram, seen, weight }
+        let Some(factor) = inner.cholesky() else {
+            return Unpredictable { gram, seen, weight: DMatrix::zeros(count, count), log_determinant: 0.0 };
+        };
+        let log_determinant = factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln() - freedom.ln()).sum();
+        Unpredictable { gram, seen, weight: factor.inverse(), log_determinant }
     }
 
     fn product(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {

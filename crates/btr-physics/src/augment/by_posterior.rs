@@ -29,7 +29,7 @@ const GLANCE_TURNS: usize = 4;
 const FITTED: usize = 3;
 /// An effect is kept that explains at least this share of what is unexplained.
 const HELPS: f64 = 0.2;
-/// Two explanations whose chi-squared, with what their numbers cost, differs by less than this cannot be told apart.
+/// Two explanations whose deviance, with what their numbers cost, differs by less than this cannot be told apart.
 const ALIKE: f64 = 10.0;
 
 /// What the present S comes to, and what it is made of.
@@ -50,7 +50,7 @@ struct Glance {
 /// A suspect that was estimated.
 struct Tried<'a> {
     state: State<'a>,
-    /// chi-squared on the tests to learn from, with what its numbers cost.
+    /// See [`cost_of`].
     cost: f64,
 }
 
@@ -132,10 +132,9 @@ fn scales(model: &Model, learn: &[&Entry]) -> Result<Scales, WorldError> {
     Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
 
-/// chi-squared on the tests to learn from, with what each number costs (Schwarz's criterion).
+/// Deviance on the tests to learn from, with what each number costs (Schwarz's criterion).
 fn cost_of(fitted: &Fitted, space: &Space) -> f64 {
-    let samples = fitted.estimated.samples;
-    fitted.estimated.chi.powi(2) * samples + space.len() as f64 * samples.ln()
+    fitted.estimated.deviance + space.len() as f64 * fitted.estimated.samples.ln()
 }
 
 struct Asking<'a> {
@@ -256,7 +255,7 @@ impl<'a> Asking<'a> {
         let close = |other: &&Tried| other.cost - leader.cost < ALIKE;
         let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.state.added.last()?.name()));
         let weight = |other: &Tried| (-0.5 * (other.cost - leader.cost)).exp();
-        let without = before.fitted.estimated.chi.powi(2) * before.fitted.estimated.samples;
+        let without = cost_of(&before.fitted, before.extended.simulations());
         let all: f64 = tried.iter().map(weight).sum();
         Some(Found {
             effect: last.effect.card().name.to_owned(),
