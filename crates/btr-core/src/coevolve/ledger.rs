@@ -42,6 +42,17 @@ impl Entry {
         self.behaviour.as_ref()
     }
 
+    /// The same test, of which only this share of the log, from its beginning, is known.
+    #[must_use]
+    pub fn beginning(&self, share: f64) -> Entry {
+        let mut entry = self.clone();
+        if let Some(behaviour) = &mut entry.behaviour {
+            let samples = (share * behaviour.log.len() as f64).ceil() as usize;
+            behaviour.log = behaviour.log.part(0..samples.min(behaviour.log.len()));
+        }
+        entry
+    }
+
     /// f_r, unless the test failed.
     pub fn fitness(&self) -> Option<f64> {
         match self.verdict {

@@ -27,6 +27,9 @@ const TRIED: usize = 6;
 const GLANCE_TURNS: usize = 4;
 /// How many of those are estimated to the end.
 const FITTED: usize = 3;
+/// This share of each test is looked at first. A robot that falls goes on in ways that nothing foretells, but what makes it fall
+/// shows before.
+const BEGINNING: f64 = 0.3;
 /// An effect is kept that explains at least this share of what is unexplained.
 const HELPS: f64 = 0.2;
 /// Two explanations whose deviance, with what their numbers cost, differs by less than this cannot be told apart.
@@ -45,6 +48,7 @@ struct Glance {
     added: Vec<Added>,
     belief: Posterior,
     chi: f64,
+    explains: bool,
 }
 
 /// A suspect that was estimated.
@@ -70,16 +74,19 @@ pub(super) fn cause(
     }
     let (learn, held_out) = tests.split_at(tests.len() - usize::from(tests.len() > 1));
     let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
-    let abduction = Abduction {
+    let beginnings: Vec<Entry> = learn.iter().map(|test| test.beginning(BEGINNING)).collect();
+    let asked_of = |learn, held_out| Abduction {
         distance: distance.as_ref(),
-        learn: learn.to_vec(),
-        held_out: held_out.to_vec(),
-        phase: PosteriorPhase { restarts: 0, ..phase },
+        learn,
+        held_out,
+        phase: PosteriorPhase { restarts: 0, ..phase.clone() },
         seed: experiment.seed,
     };
+    let abduction = asked_of(learn.to_vec(), held_out.to_vec());
+    let early = asked_of(beginnings.iter().collect(), Vec::new());
     let scales = scales(model, learn).map_err(|e| e.to_string())?;
     let mut cost = Cost::default();
-    let asking = Asking { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
+    let asking = Asking { abduction, early, model, scales, way: &experiment.way, start: run.start().to_vec() };
     let mut ladder = Vec::new();
     let mut said = |step: String, fitted: &Fitted| {
         let rung = Rung { step, train: fitted.estimated.chi, held_out: fitted.held_out };
@@ -139,6 +146,8 @@ fn cost_of(fitted: &Fitted, space: &Space) -> f64 {
 
 struct Asking<'a> {
     abduction: Abduction<'a>,
+    /// The same of the tests' beginnings.
+    early: Abduction<'a>,
     model: &'a Model,
     scales: Scales,
     way: &'a Way,
@@ -158,9 +167,14 @@ impl<'a> Asking<'a> {
     /// One effect more; `None` where none helps enough.
     fn round(&self, state: &State<'a>, cost: &mut Cost) -> Option<(State<'a>, Found)> {
         let glances = self.glances(state, cost);
-        let likeliest = glances.iter().take(FITTED);
-        let mut fitted: Vec<Tried> =
-            likeliest.filter_map(|glance| self.tried(&glance.added, &glance.belief, cost)).collect();
+        let mut fitted: Vec<Tried> = Vec::new();
+        for glance in glances.iter().take(FITTED) {
+            // Where one explains all, those that do not even explain the beginnings are no rivals.
+            if !glance.explains && fitted.iter().any(|tried| tried.state.fitted.estimated.explains) {
+                break;
+            }
+            fitted.extend(self.tried(&glance.added, &glance.belief, cost));
+        }
         fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let before = state.fitted.estimated.chi.powi(2);
         let leader = fitted.first()?;
@@ -178,15 +192,15 @@ impl<'a> Asking<'a> {
         let mut glances: Vec<Glance> = Vec::new();
         for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
             self.way.heed();
-            let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
+            let suspects = self.early.screen(&state.extended, &state.prior, &base, &extensions, cost);
             for suspect in suspects.iter().take(TRIED) {
                 self.way.heed();
                 let extended = &spaces[suspect.extension];
                 let prior = self.prior(extended.simulations());
                 let from = self.abduction.beginning(&base, suspect, &prior);
-                let estimated = self.abduction.glance(extended, &prior, &from, GLANCE_TURNS, cost);
-                let Some(Estimated { chi, belief, .. }) = estimated else { continue };
-                glances.push(Glance { added: extended.added().to_vec(), belief, chi });
+                let estimated = self.early.glance(extended, &prior, &from, GLANCE_TURNS, cost);
+                let Some(Estimated { chi, belief, explains, .. }) = estimated else { continue };
+                glances.push(Glance { added: extended.added().to_vec(), belief, chi, explains });
             }
         }
         glances.sort_by(|a, b| a.chi.total_cmp(&b.chi));
