@@ -17,6 +17,8 @@ mod plan;
 mod posterior;
 mod promise;
 mod run;
+#[cfg(test)]
+mod toy;
 mod transfer;
 
 pub use abduction::{Abduction, Extension, Fitted, Suspect};

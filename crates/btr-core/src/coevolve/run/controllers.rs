@@ -55,7 +55,13 @@ impl Coevolution {
             .plan
             .transfers(on.simulator.controllers().len())
             .min(self.tests_left().div_ceil(on.simulator.scenarios()));
-        let candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
+        let mut candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
+        let informative = self.plan.transfer.rule == Rule::Informative;
+        if informative {
+            // All were judged by the same simulations: what the last generation had is no better for being last.
+            candidates.sort_by(|a, b| b.fitness.total_cmp(&a.fitness));
+        }
+        let fittest = candidates.first().map(|c| c.unit.clone());
         let mut queue = self.chosen(on, candidates, m);
         if self.explores() {
             let units: Vec<Unit> = queue.iter().map(|c| c.unit.clone()).collect();
@@ -64,6 +70,8 @@ impl Coevolution {
         }
         if let Some(first) = queue.first() {
             self.state.controller = Some(first.unit.clone());
+            // What was tried for what it tells is no place to look for something fit.
+            self.state.ahead = fittest.filter(|_| informative).or_else(|| self.state.controller.clone());
         }
         Phase::Transfer { queue, next: 0, testing: None }
     }

@@ -58,3 +58,69 @@ impl Coevolution {
         drift.compare(on.simulator.simulations(), &now.belief, now.explains);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::coevolve::plan::{
+        DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer,
+    };
+    use crate::coevolve::run::Step;
+    use crate::coevolve::toy::{Robot, Toy, whitened};
+    use crate::distance::DistanceSpec;
+    use crate::search::{CmaEsSettings, SearchSpec};
+
+    /// Eight iterations of one test each with `simulator`, on `robot`.
+    fn run(simulator: &Toy, mut robot: Robot) -> Coevolution {
+        let distance = whitened();
+        let search = SearchSpec::CmaEs(CmaEsSettings::default());
+        let plan = Plan {
+            method: Method::default(),
+            iterations: 8,
+            real_tests: None,
+            distance: DistanceSpec::Whitened(distance.clone()),
+            initial_simulation: Initial::default(),
+            controllers: Some(SearchPhase { generations: 5, search, carry_over: false, refine: 0 }),
+            transfer: Transfer { rule: Rule::Informative, count: Some(1), ..Transfer::default() },
+            simulators: None,
+            posterior: Some(PosteriorPhase::default()),
+            memory: Memory::default(),
+            phi_goal: None,
+            fitness_goal: None,
+            disengagement: DisengagementRule::default(),
+            self_augment: false,
+        };
+        let mut run = Coevolution::new(plan, robot.seed, simulator).unwrap();
+        let mut on = On { simulator, distance: &distance, reality: &mut robot };
+        while !matches!(run.step(&mut on), Step::Stopped(_)) {}
+        run
+    }
+
+    #[test]
+    fn a_robot_that_changes_is_told_from_one_that_does_not() {
+        let toy = Toy::driven(0.0);
+        for seed in 0..4 {
+            let robot = Robot::new(&toy, &[1.7, 1.13], seed);
+            assert_eq!(run(&toy, Robot { later: None, ..robot }).history().drifts, []);
+            let robot = Robot::new(&toy, &[1.7, 1.13], seed);
+            let changed = run(&toy, Robot { later: Some((4, vec![1.7, 1.25])), ..robot });
+            let [drift] = &changed.history().drifts[..] else { panic!("{:?}", changed.history().drifts) };
+            assert!(drift.before_test == 4 && drift.iteration == 5 && drift.explained, "{drift:?}");
+            assert_eq!(drift.changed.iter().map(|change| change.parameter.as_str()).collect::<Vec<_>>(), ["gain"]);
+            assert!((drift.changed[0].after - 1.25).abs() < 0.01, "{drift:?}");
+            // What the robot does no more is not recommended.
+            assert!(changed.best_tested().unwrap().trial.number >= 4);
+        }
+    }
+
+    #[test]
+    fn what_s_lacks_in_new_motions_is_no_change_of_the_robot() {
+        let (simulator, stuck) = (Toy::driven(0.0), Toy::driven(0.505));
+        for seed in 0..4 {
+            let run = run(&simulator, Robot::new(&stuck, &[1.7, 1.13], seed));
+            assert_eq!(run.history().drifts, []);
+            assert!(!run.history().iterations.last().unwrap().posterior.as_ref().unwrap().explained);
+        }
+    }
+}

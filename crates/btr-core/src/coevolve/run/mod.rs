@@ -131,6 +131,8 @@ pub struct State {
     simulation: Vec<f64>,
     /// c_{i−1}, then c_i, on the unit cube.
     controller: Option<Unit>,
+    /// Where the next search for controllers begins.
+    ahead: Option<Unit>,
     /// The simulator search as the last iteration left it.
     carried: Option<AnySearch>,
     /// s_0 on the unit cube: about what S is believed before any test.
@@ -184,6 +186,7 @@ impl Coevolution {
             iteration: 1,
             phase: Phase::Begin,
             simulation,
+            ahead: controller.clone(),
             controller,
             carried: None,
             rivals: Vec::new(),
@@ -290,7 +293,7 @@ impl Coevolution {
         let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {
             Some(phase) if !on.simulator.controllers().is_empty() => {
-                let search = phase.search.start(on.simulator.controllers().len(), self.state.controller.as_deref());
+                let search = phase.search.start(on.simulator.controllers().len(), self.state.ahead.as_deref());
                 if self.plan.method == Method::RealityOnly {
                     return self.next_real_generation(on, search);
                 }

@@ -28,6 +28,7 @@ impl Coevolution {
         if !units.is_empty() {
             let best = best_index(&costs);
             self.state.controller = Some(units[best].clone());
+            self.state.ahead = self.state.controller.clone();
             let point = on.simulator.controllers().from_unit(&units[best]);
             let label = (self.state.iteration, 1, Side::Controllers);
             self.state.history.generations.push(Generation::new(label, vec![point], &fitness));

@@ -1,0 +1,141 @@
+//! A toy whose truth is known, for the tests of estimates: two numbers seen through a swing, with a jump and, if wanted, a part
+//! that nobody can foretell.
+#![allow(clippy::unwrap_used)]
+
+use super::ledger::Ledger;
+use crate::distance::Whitened;
+use crate::log::{Log, Role};
+use crate::random;
+use crate::space::{Dim, Space};
+use crate::world::{Behaviour, Outcome, Reality, Simulator, Trial, WorldError};
+
+const SIGMA: f64 = 0.02;
+const ROWS: usize = 300;
+
+/// `rate` and `gain` of a swing, and how fast it drifts away; beyond its second half, a motion that a change of a millionth of
+/// either turns over.
+pub(super) struct Toy {
+    pub(super) space: Space,
+    controllers: Space,
+    chaotic: bool,
+    /// Swings below this amplitude are another robot's.
+    stuck_below: f64,
+}
+
+impl Toy {
+    pub(super) fn new(chaotic: bool, further: &[Dim]) -> Self {
+        let dims = [Dim::new("rate", "rad/s", 1.0, 3.0).nominal(2.0), Dim::new("gain", "1", 0.5, 1.5).nominal(1.0)];
+        let space = Space::new([&dims, further].concat()).unwrap();
+        Toy { space, controllers: Space::default(), chaotic, stuck_below: 0.0 }
+    }
+
+    /// One whose swing has an amplitude to choose; the smaller the fitter. Below some amplitude it is stuck in the middle.
+    pub(super) fn driven(stuck_below: f64) -> Self {
+        let controllers = Space::new(vec![Dim::new("amplitude", "1", 0.5, 1.5).nominal(1.0)]).unwrap();
+        Toy { controllers, stuck_below, ..Toy::new(false, &[]) }
+    }
+
+    fn readings(&self, s: &[f64], c: &[f64]) -> Vec<f64> {
+        let (rate, gain, drift) = (s[0], s[1], s.get(2).copied().unwrap_or(0.0));
+        let amplitude = c.first().copied().unwrap_or(1.0);
+        let reading = |k: usize| {
+            let t = 0.02 * k as f64;
+            let wild =
+                if self.chaotic && k > ROWS / 2 { 0.5 * (1e7 * (rate + 3.0 * gain) + 50.0 * t).sin() } else { 0.0 };
+            // A foot that lands a step earlier.
+            let landed = if t > 0.02 * (50.0 * gain).floor() { 0.05 } else { 0.0 };
+            let swing = amplitude * gain * (rate * t).sin();
+            let moved = if amplitude < self.stuck_below && swing.abs() < 0.2 { 0.0 } else { swing };
+            moved + landed + wild + drift * t
+        };
+        (0..ROWS).map(reading).collect()
+    }
+
+    fn behaviour(q: Vec<f64>, c: &[f64]) -> Behaviour {
+        let mut log = Log::new((0..ROWS).map(|k| 0.02 * k as f64).collect()).unwrap();
+        log.insert("q_toy", "rad", Role::Measured, q).unwrap();
+        Behaviour { log, fitness: -c.first().copied().unwrap_or(0.0) }
+    }
+}
+
+impl Simulator for Toy {
+    fn simulations(&self) -> &Space {
+        &self.space
+    }
+
+    fn controllers(&self) -> &Space {
+        &self.controllers
+    }
+
+    fn scenarios(&self) -> usize {
+        1
+    }
+
+    fn run(&self, s: &[f64], c: &[f64], _: usize) -> Result<Behaviour, WorldError> {
+        Ok(Toy::behaviour(self.readings(s, c), c))
+    }
+}
+
+/// A space of simulations that another one's are made of.
+pub(super) struct Made<F> {
+    pub(super) space: Space,
+    pub(super) of: Toy,
+    pub(super) by: F,
+}
+
+impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Simulator for Made<F> {
+    fn simulations(&self) -> &Space {
+        &self.space
+    }
+
+    fn controllers(&self) -> &Space {
+        &self.of.controllers
+    }
+
+    fn scenarios(&self) -> usize {
+        1
+    }
+
+    fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
+        self.of.run(&(self.by)(s), c, scenario)
+    }
+}
+
+/// A toy that errs, and may change.
+pub(super) struct Robot<'a> {
+    pub(super) toy: &'a Toy,
+    pub(super) truth: Vec<f64>,
+    /// From which test on it is another one.
+    pub(super) later: Option<(usize, Vec<f64>)>,
+    pub(super) seed: u64,
+}
+
+impl<'a> Robot<'a> {
+    pub(super) fn new(toy: &'a Toy, truth: &[f64], seed: u64) -> Self {
+        Robot { toy, truth: truth.to_vec(), later: None, seed }
+    }
+}
+
+impl Reality for Robot<'_> {
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        let mut rng = random::stream(self.seed, &[trial.number as u64]);
+        let noisy = |q: f64| q + SIGMA * crate::search::normal(&mut rng);
+        let later = self.later.as_ref().filter(|(from, _)| trial.number >= *from).map(|(_, truth)| truth);
+        let readings = self.toy.readings(later.unwrap_or(&self.truth), &trial.controller);
+        Outcome::Done(Toy::behaviour(readings.into_iter().map(noisy).collect(), &trial.controller))
+    }
+}
+
+pub(super) fn tested(robot: &mut Robot, tests: usize) -> Ledger {
+    let mut ledger = Ledger::default();
+    for number in 0..tests {
+        let trial = Trial { number, iteration: 1, controller: Vec::new(), scenario: 0 };
+        ledger.carry_out(trial, (None, None), robot).unwrap();
+    }
+    ledger
+}
+
+/// The distance that knows by how much the toy errs.
+pub(super) fn whitened() -> Whitened {
+    Whitened { noise: [("q_*".to_owned(), SIGMA)].into_iter().collect(), ..Whitened::default() }
+}
