@@ -69,7 +69,8 @@ mod tests {
     use crate::coevolve::run::Step;
     use crate::coevolve::toy::{Robot, Toy, whitened};
     use crate::distance::DistanceSpec;
-    use crate::search::{CmaEsSettings, SearchSpec};
+    use crate::search::SearchSpec;
+    use crate::search::cmaes::CmaEsSettings;
 
     /// Eight iterations of one test each with `simulator`, on `robot`.
     fn run(simulator: &Toy, mut robot: Robot) -> Coevolution {
@@ -116,11 +117,20 @@ mod tests {
 
     #[test]
     fn what_s_lacks_in_new_motions_is_no_change_of_the_robot() {
-        let (simulator, stuck) = (Toy::driven(0.0), Toy::driven(0.505));
-        for seed in 0..4 {
+        // Fitter and fitter swings come into the range where the robot is stuck.
+        let (simulator, stuck) = (Toy::driven(0.0), Toy::driven(0.5008));
+        let mut repeats = 0;
+        for seed in 0..8 {
             let run = run(&simulator, Robot::new(&stuck, &[1.7, 1.13], seed));
             assert_eq!(run.history().drifts, []);
-            assert!(!run.history().iterations.last().unwrap().posterior.as_ref().unwrap().explained);
+            let tests = run.ledger().entries();
+            let again = |k: usize| tests[k + 1..].iter().any(|later| later.trial.controller == tests[k].trial.controller);
+            // It may never come there; where it has, nothing explains that.
+            let repeated = (0..tests.len()).any(again);
+            let explained = run.history().iterations.last().unwrap().posterior.as_ref().unwrap().explained;
+            assert!(!(repeated && explained));
+            repeats += usize::from(repeated);
         }
+        assert!(repeats > 0);
     }
 }
