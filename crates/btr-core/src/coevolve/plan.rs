@@ -129,7 +129,7 @@ impl Default for PosteriorPhase {
     fn default() -> Self {
         PosteriorPhase {
             members: 48,
-            turns: 20,
+            turns: 12,
             restarts: 2,
             resolution: 0.05,
             samples: 6,
