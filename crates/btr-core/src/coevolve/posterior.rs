@@ -111,6 +111,11 @@ impl Posterior {
         self.covariance[(k, k)].max(0.0).sqrt()
     }
 
+    /// Logarithm of how much of the cube it leaves open, but for a constant.
+    pub(super) fn volume(&self) -> f64 {
+        root(&self.covariance).diagonal().iter().map(|width| width.ln()).sum()
+    }
+
     /// Whether the interval of a dimension is narrow enough.
     pub(super) fn tells(&self, k: usize, resolution: f64) -> bool {
         TWO_SIDED_95 * self.sd(k) <= resolution

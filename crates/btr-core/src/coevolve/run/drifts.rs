@@ -124,7 +124,8 @@ mod tests {
             let run = run(&simulator, Robot::new(&stuck, &[1.7, 1.13], seed));
             assert_eq!(run.history().drifts, []);
             let tests = run.ledger().entries();
-            let again = |k: usize| tests[k + 1..].iter().any(|later| later.trial.controller == tests[k].trial.controller);
+            let again =
+                |k: usize| tests[k + 1..].iter().any(|later| later.trial.controller == tests[k].trial.controller);
             // It may never come there; where it has, nothing explains that.
             let repeated = (0..tests.len()).any(again);
             let explained = run.history().iterations.last().unwrap().posterior.as_ref().unwrap().explained;

@@ -94,8 +94,11 @@ impl Coevolution {
     fn ended(&mut self, on: &On<'_>, of: Estimation, estimated: Estimated, phase: &PosteriorPhase) -> Step {
         let better = |other: &Estimated| (estimated.explains, -estimated.chi) >= (other.explains, -other.chi);
         let best = if of.best.as_ref().is_none_or(better) { estimated } else { of.best.unwrap_or(estimated) };
-        if of.surprised && !best.explains {
-            self.suspect();
+        if of.surprised && (!best.explains || best.belief.volume() > self.belief().volume()) {
+            // No test makes anything less known: one that is mostly unpredictable is explained, and teaches nothing.
+            if !best.explains {
+                self.suspect();
+            }
             self.state.phi = Some(best.chi);
             return self.settled(on, None);
         }
