@@ -14,7 +14,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint: name and version of the format.
-const MAGIC: &[u8; 8] = b"btr-cp\x00\x04";
+const MAGIC: &[u8; 8] = b"btr-cp\x00\x05";
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]

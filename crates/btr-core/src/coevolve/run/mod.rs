@@ -4,6 +4,7 @@ mod controllers;
 mod doubt;
 mod enlarge;
 mod estimate;
+mod map;
 mod reality_only;
 mod record;
 mod simulators;
@@ -15,12 +16,13 @@ use super::estimation::Estimated;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
+use super::map::MapError;
 use super::plan::{Initial, Method, Plan, Rule};
 use super::posterior::Posterior;
 use super::transfer::Scored;
 use crate::distance::Distance;
 use crate::random::{self, Rng};
-use crate::search::{AnySearch, LeastSquares, Unit};
+use crate::search::{AnySearch, LeastSquares, MapElites, Unit};
 use crate::world::{Reality, Simulator};
 use estimate::Estimation;
 use rand::RngExt;
@@ -52,7 +54,7 @@ pub enum Step {
 }
 
 /// A plan that cannot be carried out.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// Controllers to search, but no search for them.
     #[error("there are {0} controller parameters to search, but the plan has no [coevolve.controllers]")]
@@ -72,6 +74,9 @@ pub enum PlanError {
     /// No iteration at all.
     #[error("`iterations` must be at least 1")]
     NoIterations,
+    /// A map that cannot be made.
+    #[error(transparent)]
+    Map(#[from] MapError),
 }
 
 /// Labels of the random streams, one per consumer.
@@ -93,6 +98,8 @@ enum Stream {
 enum Phase {
     /// About to begin the iteration.
     Begin,
+    /// Step 1 of the first iteration, where the method makes a map of controllers.
+    Map { generation: usize },
     /// Step 1.
     Controllers { search: AnySearch, archive: Vec<Scored>, generation: usize },
     /// Step 2. `testing` is there when reality itself is the environment of the controller search.
@@ -137,6 +144,8 @@ pub struct State {
     /// What the real tests say of S, where the plan asks for a posterior.
     estimated: Option<Estimated>,
     rivals: Vec<Vec<f64>>,
+    /// The controllers of the method that makes a map of them.
+    map: Option<MapElites>,
     correction: LinearCorrection,
     ledger: Ledger,
     history: History,
@@ -176,6 +185,7 @@ impl Coevolution {
             controller,
             carried: None,
             rivals: Vec::new(),
+            map: None,
             correction: LinearCorrection::default(),
             ledger: Ledger::default(),
             history: History::default(),
@@ -201,6 +211,7 @@ impl Coevolution {
     pub fn step(&mut self, on: &mut On<'_>) -> Step {
         match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
+            Phase::Map { generation } => self.fill_map(on, generation),
             Phase::Controllers { search, archive, generation } => self.controllers(on, search, archive, generation),
             Phase::Transfer { queue, next, testing } => self.transfer(on, queue, next, testing),
             Phase::Simulators { search, tests, tried, generation } => {
@@ -272,6 +283,9 @@ impl Coevolution {
         if self.tests_left() == 0 {
             return self.stop(StopReason::RealTestsSpent);
         }
+        if self.plan.method == Method::QualityDiversity {
+            return self.begin_map(on);
+        }
         let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {
             Some(phase) if !on.simulator.controllers().is_empty() => {
@@ -296,6 +310,8 @@ impl Coevolution {
         let best = self.best_tested().and_then(Entry::fitness);
         self.state.phase = if goal.zip(best).is_some_and(|(goal, best)| best >= goal) {
             Phase::Stopped(StopReason::GoalReached)
+        } else if self.nothing_better(on) {
+            Phase::Stopped(StopReason::NothingBetter)
         } else if self.state.iteration >= self.plan.iterations {
             Phase::Stopped(StopReason::IterationsDone)
         } else if self.plan.disengagement.stop && self.disengaged() {
@@ -337,13 +353,23 @@ fn check(plan: &Plan, simulator: &dyn Simulator) -> Result<(), PlanError> {
         plan.posterior.is_none() && matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
     match () {
         () if plan.iterations == 0 => Err(PlanError::NoIterations),
-        () if c > 0 && plan.controllers.is_none() => Err(PlanError::NoControllerSearch(c)),
+        () if c > 0 && plan.controllers.is_none() && plan.method != Method::QualityDiversity => {
+            Err(PlanError::NoControllerSearch(c))
+        }
         () if s > 0 && needs_simulators && plan.simulators.is_none() => Err(PlanError::NoSimulatorSearch(s)),
         () if plan.posterior.is_some() && !plan.distance.build().whitens() => Err(PlanError::NoLikelihood),
         () if plan.posterior.is_none() && plan.transfer.rule == Rule::Informative => Err(PlanError::NoPosterior),
         () if c == 0 && plan.method != Method::BackToReality => Err(PlanError::NothingToControl),
+        () if plan.method == Method::QualityDiversity => Ok(check_map(plan, simulator)?),
         () => Ok(()),
     }
+}
+
+fn check_map(plan: &Plan, simulator: &dyn Simulator) -> Result<(), MapError> {
+    if plan.posterior.is_some() {
+        return Err(MapError::Posterior);
+    }
+    plan.map.as_ref().ok_or(MapError::Missing)?.check(simulator)
 }
 
 fn stream(seed: u64, what: Stream, iteration: u64, generation: u64) -> Rng {
