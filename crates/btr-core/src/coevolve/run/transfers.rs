@@ -84,7 +84,9 @@ impl Coevolution {
         if let Some(search) = testing {
             return self.told(on, queue, search);
         }
-        if self.in_vain(on, true) {
+        // Of a map one controller is tried at a time; that the first one falls over says nothing of the others.
+        let goes_on = self.plan.method == Method::QualityDiversity && self.state.ledger.spent() > 0;
+        if !goes_on && self.in_vain(on, true) {
             return self.stop(StopReason::NoRealData);
         }
         match self.plan.method {
