@@ -4,12 +4,14 @@
 use btr_core::coevolve::{Coevolution, On, Plan, State, Step};
 use btr_tests::{Hidden, Oscillator, finish, plan};
 
-const METHODS: [&str; 5] = [
+const METHODS: [&str; 6] = [
     "transfer = { rule = 'neighbourhood', count = 4 }\nmemory = { worst = 2 }\ninitial_simulation = 'random'",
     "transfer = { rule = 'disagreement', count = 2 }\ndistance = 'information'",
     "method = 'estimation_exploration'\ndistance = 'dtw'\ntransfer = { count = 1 }",
     "method = 'reality_only'\nreal_tests = 50",
     "distance = 'rmse'\nsimulators = { generations = 2, refine = 12, search = { algorithm = 'cma_es', population = 6 } }",
+    "method = 'quality_diversity'\n\
+        map = { generations = 4, population = 8, cells = 4, descriptors = { amplitude = [0.0, 2.0], phase = [-3.0, 3.0] } }",
 ];
 
 fn small(changes: &str) -> Plan {

@@ -2,7 +2,7 @@
 
 use crate::args::Global;
 use crate::table::{maybe, number};
-use btr_core::coevolve::{Coevolution, Generation, Iteration, Plan, Side};
+use btr_core::coevolve::{Coevolution, Generation, Iteration, Method, Plan, Side};
 use btr_physics::model::Model;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
@@ -140,7 +140,10 @@ fn done(state: &Coevolution) -> f64 {
 /// Generations per iteration of one of the searches.
 fn generations(plan: &Plan, side: Side) -> usize {
     match side {
-        Side::Controllers => plan.controllers.as_ref().map_or(1, |phase| phase.generations),
+        Side::Controllers => match (&plan.map, &plan.controllers) {
+            (Some(map), _) if plan.method == Method::QualityDiversity => map.generations,
+            (_, phase) => phase.as_ref().map_or(1, |phase| phase.generations),
+        },
         Side::Simulators => plan.simulator_generations(),
     }
 }

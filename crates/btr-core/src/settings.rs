@@ -17,6 +17,11 @@ pub(crate) fn maybe_positive<'de, D: Deserializer<'de>>(deserializer: D) -> Resu
     checked_if_given(deserializer, |x| *x > 0.0 && f64::is_finite(*x), "a positive number")
 }
 
+/// A finite number that is not negative.
+pub(crate) fn not_negative<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    checked(deserializer, |x| *x >= 0.0 && f64::is_finite(*x), "a number of 0 or more")
+}
+
 /// A share of something, above 0 and up to 1.
 pub(crate) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     checked(deserializer, |x| *x > 0.0 && *x <= 1.0, "a share above 0 and up to 1")

@@ -49,6 +49,12 @@ fn rounded(time_s: f64) -> f64 {
     (1e4 * time_s).round() / 1e4
 }
 
+/// A number that is read off a log, for instance a distance walked.
+///
+/// # Errors
+/// A channel that the log lacks.
+pub type Measure = fn(&Log) -> Result<f64, LogError>;
+
 /// A family of simulations and the task set in them.
 ///
 /// `scenario` counts the situations in which controllers are tried: recorded drives, terrains, initial conditions. Most
@@ -65,6 +71,11 @@ pub trait Simulator: Sync {
     /// # Errors
     /// A point outside its space, or a simulation that blew up.
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError>;
+    /// What this name measures of a behaviour's log; `None` where it means nothing here.
+    fn measure(&self, name: &str) -> Option<Measure> {
+        let _ = name;
+        None
+    }
     /// How many runs are best asked for at once.
     fn side_by_side(&self) -> usize {
         1

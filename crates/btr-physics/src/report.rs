@@ -5,7 +5,7 @@ use crate::doubts::{TestDoubt, doubts};
 use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::reality::Revealed;
-use btr_core::coevolve::{Augmentation, Coevolution, Drift, Entry, Gap, Generation, Iteration, StopReason};
+use btr_core::coevolve::{Augmentation, Coevolution, Drift, Entry, Gap, Generation, Iteration, Outlook, StopReason};
 use btr_core::log::{Log, Role};
 use btr_core::world::{Simulator, WorldError};
 use indexmap::IndexMap;
@@ -52,12 +52,26 @@ pub struct Report {
     pub logs: Vec<LogScore>,
     /// The same identification by other distances.
     pub by_distance: Vec<ByDistance>,
+    /// The map of controllers, where the method makes one.
+    pub map: Option<MapReport>,
     /// The ledger of real tests.
     pub tests: Vec<Entry>,
     /// What is bad about them.
     pub doubts: Vec<TestDoubt>,
     /// Every generation.
     pub generations: Vec<Generation>,
+}
+
+/// The controllers of `quality_diversity`, each the fittest of its kind, and what the real tests let them promise.
+#[derive(Clone, Debug, Serialize)]
+pub struct MapReport {
+    /// The axes by name: from where to where.
+    pub descriptors: IndexMap<String, [f64; 2]>,
+    /// Cells that have a controller.
+    pub filled: usize,
+    /// Cells and controllers.
+    #[serde(flatten)]
+    pub outlook: Outlook,
 }
 
 /// A controller that was tried and is recommended.
@@ -164,10 +178,17 @@ pub fn report(
         revealed: experiment.reality.reveal().map(|truth| comparison(experiment, state, truth)).transpose()?,
         logs: log_scores(experiment, state)?,
         by_distance,
+        map: map(experiment, state),
         tests: state.ledger().entries().to_vec(),
         doubts: doubts(experiment, state.ledger().entries()),
         generations: state.history().generations.clone(),
     })
+}
+
+fn map(experiment: &Experiment, state: &Coevolution) -> Option<MapReport> {
+    let outlook = state.outlook(experiment.model.as_ref())?;
+    let descriptors = state.plan().map.as_ref()?.descriptors.clone();
+    Some(MapReport { descriptors, filled: outlook.elites.len(), outlook })
 }
 
 fn recommended(experiment: &Experiment, state: &Coevolution) -> Option<Recommended> {

@@ -1,6 +1,7 @@
 //! Tasks: the experimenter's judgement f(B) of a behaviour, as a weighted sum of terms read off a log.
 
 use btr_core::log::{Log, LogError};
+use btr_core::world::Measure;
 use indexmap::IndexMap;
 
 /// One thing that can be judged.
@@ -13,7 +14,7 @@ pub struct Term {
     pub help: &'static str,
     /// Channels that a log must have for it.
     pub needs: &'static [&'static str],
-    measure: fn(&Log) -> Result<f64, LogError>,
+    measure: Measure,
 }
 
 /// Every term there is.
@@ -82,6 +83,11 @@ pub static TERMS: &[Term] = &[
         measure: upright_time,
     },
 ];
+
+/// What the term of this name measures; `None` where there is no such term.
+pub fn measure(name: &str) -> Option<Measure> {
+    TERMS.iter().find(|term| term.name == name).map(|term| term.measure)
+}
 
 /// cos 60°: the z component of the base's up vector below which it counts as fallen.
 const FALLEN_UP: f64 = 0.5;

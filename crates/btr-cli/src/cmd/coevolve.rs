@@ -6,7 +6,7 @@ use crate::coevolution::{self, Ended, Watch};
 use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
 use crate::progress::Progress;
 use crate::table::{Table, maybe, number};
-use btr_core::coevolve::{Change, Coevolution, Step, StopReason};
+use btr_core::coevolve::{Change, Coevolution, Promise, Step, StopReason};
 use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
 use btr_physics::augment::Cause;
@@ -187,6 +187,7 @@ fn show(report: &Report) {
     if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
         println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
     }
+    show_map(report);
     show_gap(report);
     show_posterior(report);
     if let Some(revealed) = report.revealed.as_ref().filter(|_| report.iterations.iter().any(|it| it.phi.is_some())) {
@@ -199,6 +200,7 @@ fn show(report: &Report) {
 fn reason_text(reason: &StopReason) -> &'static str {
     match reason {
         StopReason::GoalReached => "the goal was reached",
+        StopReason::NothingBetter => "no controller of the map promises much more than the best one tried",
         StopReason::IterationsDone => "all iterations are done",
         StopReason::RealTestsSpent => "the real tests are spent",
         StopReason::Disengaged => "disengaged",
@@ -208,7 +210,7 @@ fn reason_text(reason: &StopReason) -> &'static str {
 
 fn iterations(report: &Report) -> Table {
     let judged = !report.fitness.is_empty();
-    let doubted = report.iterations.iter().any(|it| it.posterior.is_some());
+    let doubted = report.iterations.iter().any(|it| it.fitness_ci95.is_some());
     let fitness: &[&str] = match (judged, doubted) {
         (false, _) => &[],
         (true, true) => &["f promised", "95 %", "f real", "best real"],
@@ -226,6 +228,23 @@ fn iterations(report: &Report) -> Table {
         table.row(row);
     }
     table
+}
+
+/// How much of the map is filled, and what became of its promises.
+fn show_map(report: &Report) {
+    let Some(map) = &report.map else { return };
+    let elites = &map.outlook.elites;
+    let most = |of: &dyn Fn(&Promise) -> Option<f64>| maybe(elites.iter().filter_map(of).max_by(f64::total_cmp));
+    let mut table = Table::new(&["cells", "filled", "best simulated", "best promised", "best real", "tests"]);
+    table.row(vec![
+        map.outlook.cells.to_string(),
+        map.filled.to_string(),
+        most(&|elite| Some(elite.simulated)),
+        most(&|elite| Some(elite.promised)),
+        most(&|elite| elite.real),
+        report.real_tests.to_string(),
+    ]);
+    println!("\nthe map of controllers\n{}", table.render());
 }
 
 /// From where to where.

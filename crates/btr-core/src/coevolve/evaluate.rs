@@ -23,7 +23,7 @@ impl Cost {
         self.failures += other.failures;
     }
 
-    fn count<T>(&mut self, results: &[Result<T, WorldError>]) {
+    pub(super) fn count<T>(&mut self, results: &[Result<T, WorldError>]) {
         self.evaluations += results.len() as u64;
         self.failures += results.iter().filter(|r| r.is_err()).count() as u64;
     }
@@ -90,7 +90,7 @@ pub(super) fn behaviours(
 }
 
 /// Runs all jobs, those of each scenario side by side, and makes what is wanted of each, in their order.
-fn make_all(simulator: &dyn Simulator, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+pub(super) fn make_all(simulator: &dyn Simulator, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&k| jobs[k].scenario);
     let few = |ks: &[usize]| {

@@ -78,7 +78,7 @@ pub struct Iteration {
     pub i: usize,
     /// What the simulation of that time promised for the controller c_i.
     pub fitness_sim: Option<f64>,
-    /// 95 % prediction interval of that over what the posterior left open; `None` without a posterior.
+    /// 95 % prediction interval of that over what the posterior or the map left open; `None` without either.
     pub fitness_ci95: Option<[f64; 2]>,
     /// What c_i did in reality.
     pub fitness_real: Option<f64>,
@@ -108,6 +108,8 @@ pub struct Iteration {
 pub enum StopReason {
     /// A real test reached the fitness that was asked for.
     GoalReached,
+    /// No controller of the map promises much more than the best one that was tried.
+    NothingBetter,
     /// All iterations were done.
     IterationsDone,
     /// The budget of real tests is spent.

@@ -27,7 +27,7 @@ pub struct Entry {
     pub trial: Trial,
     /// What f the simulation of that time had promised; `None` where there was no simulation.
     pub promised: Option<f64>,
-    /// 95 % prediction interval of that, over what the posterior left open then; `None` without a posterior.
+    /// 95 % prediction interval of that, over what the posterior or the map left open then; `None` without either.
     pub promised_ci95: Option<[f64; 2]>,
     /// What came of it.
     pub verdict: Verdict,

@@ -1,5 +1,6 @@
 //! The plan of a run: everything the experimenter decides before it starts (the paper's step 0).
 
+use super::map::MapPhase;
 use crate::distance::DistanceSpec;
 use crate::search::SearchSpec;
 use crate::settings;
@@ -20,6 +21,9 @@ pub enum Method {
     LinearCorrection,
     /// No simulation at all: the same controller search spends its evaluations in reality.
     RealityOnly,
+    /// Cully, Clune, Tarapore and Mouret: a map of diverse controllers is made in the simulation as it is; real tests, one per
+    /// iteration, find those that reality thinks well of. For a robot that is damaged, or otherwise unlike its model.
+    QualityDiversity,
 }
 
 /// The simulation the first iteration starts from.
@@ -200,6 +204,9 @@ pub struct Plan {
     /// Step 1. Needed where there are controllers to search.
     #[serde(default)]
     pub controllers: Option<SearchPhase>,
+    /// Steps 1 and 2 of `quality_diversity`.
+    #[serde(default)]
+    pub map: Option<MapPhase>,
     /// Step 2.
     #[serde(default)]
     pub transfer: Transfer,

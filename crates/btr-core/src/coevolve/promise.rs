@@ -60,7 +60,7 @@ fn spread(x: &[f64], mean: f64) -> f64 {
 
 /// The 97.5 % point of Student's t for a mean of so many numbers: of its tables for few, of its expansion about the normal
 /// distribution's in the inverse of the degrees of freedom for more, which is exact to three digits there.
-fn student_95(count: usize) -> Option<f64> {
+pub(super) fn student_95(count: usize) -> Option<f64> {
     const FEW: [f64; 8] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
     let z: f64 = 1.959_964;
     let freedom = count.checked_sub(1)? as f64;

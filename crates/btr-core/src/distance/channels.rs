@@ -131,7 +131,7 @@ pub(super) fn root_mean_square(errors: &[f64]) -> f64 {
 }
 
 /// Whether a name fits a pattern, in which `*` stands for any characters once.
-pub(super) fn matches(pattern: &str, name: &str) -> bool {
+pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
         Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),

@@ -20,6 +20,7 @@ mod whitened;
 pub(crate) use fft::peak_rate;
 
 pub use channels::Channels;
+pub(crate) use channels::matches;
 pub use dtw::{Dtw, dtw};
 pub use fit::{NormalisedRmse, fit_percent};
 pub use fitness::Fitness;

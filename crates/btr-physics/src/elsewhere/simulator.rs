@@ -7,7 +7,7 @@ use crate::experiment::Source;
 use crate::model::Model;
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Space;
-use btr_core::world::{Behaviour, Job, Made, Simulator, Wanted, WorldError};
+use btr_core::world::{Behaviour, Job, Made, Measure, Simulator, Wanted, WorldError};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -127,6 +127,10 @@ impl Simulator for ServedModel<'_> {
 
     fn scenarios(&self) -> usize {
         self.local.scenarios()
+    }
+
+    fn measure(&self, name: &str) -> Option<Measure> {
+        self.local.measure(name)
     }
 
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {

@@ -8,7 +8,7 @@ use crate::elsewhere::Way;
 use crate::model::{Model, Scenario};
 use crate::reality::{Asked, Called, Revealing, Unanswered};
 use btr_core::check;
-use btr_core::coevolve::{Coevolution, Plan, PlanError};
+use btr_core::coevolve::{Coevolution, Plan};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
 use btr_core::world::{Trial, WorldError};
@@ -226,23 +226,6 @@ pub(crate) fn told(log: &Log, references: &Log) -> Log {
     told
 }
 
-fn remedy(error: &PlanError) -> String {
-    match error {
-        PlanError::NoControllerSearch(_) => {
-            "controllers = { generations = 10, search = { algorithm = \"ga\", population = 20 } }; or set them in [drive]"
-        }
-        PlanError::NoSimulatorSearch(_) => {
-            "simulators = { generations = 20, search = { algorithm = \"cma_es\", population = 12 } }, or posterior = {}; or empty \
-             [parameters]"
-        }
-        PlanError::NothingToControl => "give [drive] a search, or take method = \"back_to_reality\"",
-        PlanError::NoLikelihood => "distance = \"whitened\", and the sensors' noise under [noise]",
-        PlanError::NoPosterior => "add [coevolve.posterior], or take rule = \"disagreement\"",
-        PlanError::NoIterations => "iterations = 10",
-    }
-    .to_owned()
-}
-
 fn missing(source: &Source, section: &str) -> FileError {
     source.error(&[], &format!("there is no [{section}]"), Some(needs(section)))
 }
@@ -322,7 +305,8 @@ impl Builder<'_> {
             let message = "other distances need a fixed drive: with each of them other controllers would be tried";
             return Err(self.error(&["distances"], message, Some(help)));
         }
-        Coevolution::new(plan.clone(), 0, model).map_err(|e| self.error(&["coevolve"], &e, Some(remedy(&e))))?;
+        Coevolution::new(plan.clone(), 0, model).map_err(|e| self.refused(&e, model))?;
+        self.check_descriptors(plan, model)?;
         let mut distances = std::iter::once(&plan.distance).chain(&self.file.distances);
         let refine = plan.simulators.as_ref().is_some_and(|phase| phase.refine > 0);
         if refine && distances.all(|distance| distance.build().as_squares().is_none()) {

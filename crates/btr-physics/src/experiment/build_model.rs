@@ -8,7 +8,7 @@ use crate::parameter::Target;
 use crate::robot::{Actuator, Base, DutyLoop, Joint, Robot, Sampling};
 use crate::sensor::Noise;
 use crate::sim::{Ball, Ground, Sensors, Setup};
-use crate::task::{Fitness, TERMS};
+use crate::task::{Fitness, TERMS, Term};
 use crate::urdf::{self, UrdfError};
 use crate::{ant, nao, parameter, pendulum, site};
 use btr_core::log::Log;
@@ -243,18 +243,22 @@ impl Builder<'_> {
         let fitness = Fitness::new(&self.file.fitness)
             .map_err(|e| self.unknown(&["fitness", &e.name], "fitness term", &e.name, TERMS.iter().map(|t| t.name)))?;
         for term in TERMS.iter().filter(|t| self.file.fitness.contains_key(t.name)) {
-            let lacks = |channel: &&&str| match channel.split_once('_') {
-                Some(("base", _)) => robot.base == Base::Fixed,
-                Some(("ball", _)) => self.file.simulation.ball.is_none(),
-                _ => false,
-            };
-            if let Some(channel) = term.needs.iter().find(lacks) {
-                let message = format!("`{}` needs the channel {channel}, which this model does not have", term.name);
-                let help = "a free base gives base_*, a [simulation.ball] gives ball_*".to_owned();
-                return Err(self.error(&["fitness", term.name], message, Some(help)));
-            }
+            self.check_channels_of(term, robot, &["fitness", term.name])?;
         }
         Ok(fitness)
+    }
+
+    /// Whether this model has the channels that a term needs, which stands at these keys.
+    pub(super) fn check_channels_of(&self, term: &Term, robot: &Robot, keys: &[&str]) -> Result<(), FileError> {
+        let lacks = |channel: &&&str| match channel.split_once('_') {
+            Some(("base", _)) => robot.base == Base::Fixed,
+            Some(("ball", _)) => self.file.simulation.ball.is_none(),
+            _ => false,
+        };
+        let Some(channel) = term.needs.iter().find(lacks) else { return Ok(()) };
+        let message = format!("`{}` needs the channel {channel}, which this model does not have", term.name);
+        let help = "a free base gives base_*, a [simulation.ball] gives ball_*".to_owned();
+        Err(self.error(keys, message, Some(help)))
     }
 }
 

@@ -9,6 +9,7 @@ mod file;
 mod log_source;
 mod parse;
 mod pieces;
+mod plan_error;
 mod replays;
 mod scenarios;
 mod single;

@@ -8,12 +8,13 @@ use crate::engine::Dynamics;
 use crate::restart::{self, Restart};
 use crate::robot::{JointKind, Robot};
 use crate::sim::{self, Setup};
+use crate::task;
 use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::parallel;
 use btr_core::smooth;
 use btr_core::space::Space;
-use btr_core::world::{Behaviour, Job, Simulator, WorldError};
+use btr_core::world::{Behaviour, Job, Measure, Simulator, WorldError};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
@@ -206,6 +207,10 @@ impl Model {
 }
 
 impl Simulator for Model {
+    fn measure(&self, name: &str) -> Option<Measure> {
+        task::measure(name)
+    }
+
     fn side_by_side(&self) -> usize {
         abreast::at_most()
     }

@@ -85,6 +85,7 @@ mod tests {
             controllers: Some(SearchPhase { generations: 5, search, carry_over: false, refine: 0 }),
             transfer: Transfer { rule: Rule::Informative, count: Some(1), ..Transfer::default() },
             simulators: None,
+            map: None,
             posterior: Some(PosteriorPhase::default()),
             memory: Memory::default(),
             phi_goal: None,
@@ -106,7 +107,9 @@ mod tests {
             assert_eq!(run(&toy, Robot { later: None, ..robot }).history().drifts, []);
             let robot = Robot::new(&toy, &[1.7, 1.13], seed);
             let changed = run(&toy, Robot { later: Some((4, vec![1.7, 1.25])), ..robot });
-            let [drift] = &changed.history().drifts[..] else { panic!("{:?}", changed.history().drifts) };
+            let drifts = &changed.history().drifts;
+            assert_eq!(drifts.len(), 1, "{drifts:?}");
+            let drift = &drifts[0];
             assert!(drift.before_test == 4 && drift.iteration == 5 && drift.explained, "{drift:?}");
             assert_eq!(drift.changed.iter().map(|change| change.parameter.as_str()).collect::<Vec<_>>(), ["gain"]);
             assert!((drift.changed[0].after - 1.25).abs() < 0.01, "{drift:?}");

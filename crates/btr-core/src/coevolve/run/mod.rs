@@ -5,6 +5,7 @@ mod doubt;
 mod drifts;
 mod enlarge;
 mod estimate;
+mod map;
 mod reality_only;
 mod record;
 mod simulators;
@@ -16,12 +17,13 @@ use super::estimation::Estimated;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
+use super::map::MapError;
 use super::plan::{Initial, Method, Plan, Rule};
 use super::posterior::Posterior;
 use super::transfer::Scored;
 use crate::distance::Distance;
 use crate::random::{self, Rng};
-use crate::search::{AnySearch, LeastSquares, Unit};
+use crate::search::{AnySearch, LeastSquares, MapElites, Unit};
 use crate::world::{Reality, Simulator};
 use estimate::Estimation;
 use rand::RngExt;
@@ -53,7 +55,7 @@ pub enum Step {
 }
 
 /// A plan that cannot be carried out.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// Controllers to search, but no search for them.
     #[error("there are {0} controller parameters to search, but the plan has no [coevolve.controllers]")]
@@ -73,6 +75,9 @@ pub enum PlanError {
     /// No iteration at all.
     #[error("`iterations` must be at least 1")]
     NoIterations,
+    /// A map that cannot be made.
+    #[error(transparent)]
+    Map(#[from] MapError),
 }
 
 /// Labels of the random streams, one per consumer.
@@ -94,6 +99,8 @@ enum Stream {
 enum Phase {
     /// About to begin the iteration.
     Begin,
+    /// Step 1 of the first iteration, where the method makes a map of controllers.
+    Map { generation: usize },
     /// Step 1.
     Controllers { search: AnySearch, archive: Vec<Scored>, generation: usize },
     /// Step 2. `testing` is there when reality itself is the environment of the controller search.
@@ -147,6 +154,8 @@ pub struct State {
     /// robot has changed or S lacks something.
     suspicion: Option<usize>,
     rivals: Vec<Vec<f64>>,
+    /// The controllers of the method that makes a map of them.
+    map: Option<MapElites>,
     correction: LinearCorrection,
     ledger: Ledger,
     history: History,
@@ -190,6 +199,7 @@ impl Coevolution {
             controller,
             carried: None,
             rivals: Vec::new(),
+            map: None,
             correction: LinearCorrection::default(),
             ledger: Ledger::default(),
             history: History::default(),
@@ -215,6 +225,7 @@ impl Coevolution {
     pub fn step(&mut self, on: &mut On<'_>) -> Step {
         match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
+            Phase::Map { generation } => self.fill_map(on, generation),
             Phase::Controllers { search, archive, generation } => self.controllers(on, search, archive, generation),
             Phase::Transfer { queue, next, testing } => self.transfer(on, queue, next, testing),
             Phase::Simulators { search, tests, tried, generation } => {
@@ -290,6 +301,9 @@ impl Coevolution {
             self.state.phase = Phase::Transfer { queue: vec![repeated], next: 0, testing: None };
             return self.step(on);
         }
+        if self.plan.method == Method::QualityDiversity {
+            return self.begin_map(on);
+        }
         let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {
             Some(phase) if !on.simulator.controllers().is_empty() => {
@@ -314,6 +328,8 @@ impl Coevolution {
         let best = self.best_tested().and_then(Entry::fitness);
         self.state.phase = if goal.zip(best).is_some_and(|(goal, best)| best >= goal) {
             Phase::Stopped(StopReason::GoalReached)
+        } else if self.nothing_better(on) {
+            Phase::Stopped(StopReason::NothingBetter)
         } else if self.state.iteration >= self.plan.iterations {
             Phase::Stopped(StopReason::IterationsDone)
         } else if self.plan.disengagement.stop && self.disengaged() {
@@ -355,13 +371,23 @@ fn check(plan: &Plan, simulator: &dyn Simulator) -> Result<(), PlanError> {
         plan.posterior.is_none() && matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
     match () {
         () if plan.iterations == 0 => Err(PlanError::NoIterations),
-        () if c > 0 && plan.controllers.is_none() => Err(PlanError::NoControllerSearch(c)),
+        () if c > 0 && plan.controllers.is_none() && plan.method != Method::QualityDiversity => {
+            Err(PlanError::NoControllerSearch(c))
+        }
         () if s > 0 && needs_simulators && plan.simulators.is_none() => Err(PlanError::NoSimulatorSearch(s)),
         () if plan.posterior.is_some() && !plan.distance.build().whitens() => Err(PlanError::NoLikelihood),
         () if plan.posterior.is_none() && plan.transfer.rule == Rule::Informative => Err(PlanError::NoPosterior),
         () if c == 0 && plan.method != Method::BackToReality => Err(PlanError::NothingToControl),
+        () if plan.method == Method::QualityDiversity => Ok(check_map(plan, simulator)?),
         () => Ok(()),
     }
+}
+
+fn check_map(plan: &Plan, simulator: &dyn Simulator) -> Result<(), MapError> {
+    if plan.posterior.is_some() {
+        return Err(MapError::Posterior);
+    }
+    plan.map.as_ref().ok_or(MapError::Missing)?.check(simulator)
 }
 
 fn stream(seed: u64, what: Stream, iteration: u64, generation: u64) -> Rng {

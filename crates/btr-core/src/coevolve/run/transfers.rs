@@ -40,7 +40,7 @@ impl Coevolution {
 
     /// Whether no real test gave anything that could be used: to find a simulation with, or a fitness alone.
     fn in_vain(&self, on: &On<'_>, explores: bool) -> bool {
-        let compares = explores && self.plan.method != Method::LinearCorrection;
+        let compares = explores && !matches!(self.plan.method, Method::LinearCorrection | Method::QualityDiversity);
         let is_of_use = |entry: &Entry| match entry.behaviour() {
             // What cannot be compared with itself cannot be compared with anything.
             Some(real) if compares => on.distance.distance(real, real).is_finite(),
@@ -50,8 +50,11 @@ impl Coevolution {
         !self.state.ledger.entries().iter().any(is_of_use)
     }
 
-    /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior.
+    /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior or a map.
     fn promised(&mut self, on: &On<'_>, controller: &Scored) -> (Option<f64>, Option<[f64; 2]>) {
+        if self.plan.method == Method::QualityDiversity {
+            return self.promised_by_map(on, controller);
+        }
         if self.plan.posterior.is_none() || !controller.fitness.is_finite() {
             return (Some(controller.fitness).filter(|fitness| fitness.is_finite()), None);
         }
@@ -81,7 +84,9 @@ impl Coevolution {
         if let Some(search) = testing {
             return self.told(on, queue, search);
         }
-        if self.in_vain(on, true) {
+        // Of a map one controller is tried at a time; that the first one falls over says nothing of the others.
+        let goes_on = self.plan.method == Method::QualityDiversity && self.state.ledger.spent() > 0;
+        if !goes_on && self.in_vain(on, true) {
             return self.stop(StopReason::NoRealData);
         }
         match self.plan.method {
@@ -89,6 +94,7 @@ impl Coevolution {
                 self.correct(on);
                 self.state.phase = Phase::End;
             }
+            Method::QualityDiversity => self.state.phase = Phase::End,
             _ if !on.simulator.simulations().is_empty() => {
                 self.state.phase = self.begin_simulators(on, self.state.iteration);
             }

@@ -1,0 +1,135 @@
+//! What a map promises of its controllers, by the real tests there are.
+
+use super::descriptor::Axis;
+use super::gaussian_process::GaussianProcess;
+use super::phase::MapPhase;
+use crate::coevolve::ledger::Entry;
+use crate::coevolve::promise::student_95;
+use crate::search::map_elites::Elite;
+use crate::search::{MapElites, Unit};
+use crate::stats;
+use crate::world::Simulator;
+use serde::Serialize;
+
+/// A controller of the map, and what is believed of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Promise {
+    /// The controller in the units of C.
+    pub controller: Vec<f64>,
+    /// Of what kind it is, in the units of the map's axes; what lies outside their bounds is on the edge.
+    pub descriptor: Vec<f64>,
+    /// Its fitness in the simulation the map was made in.
+    pub simulated: f64,
+    /// The fitness it promises in reality, by all real tests so far.
+    pub promised: f64,
+    /// 95 % prediction interval of a real test's fitness.
+    pub promised_ci95: Option<[f64; 2]>,
+    /// Its real fitness, the mean over its scenarios; `None` where it was not tried, or a test of it failed.
+    pub real: Option<f64>,
+    #[serde(skip)]
+    pub(in crate::coevolve) unit: Unit,
+    #[serde(skip)]
+    deviation: f64,
+    #[serde(skip)]
+    tried: bool,
+}
+
+/// A map and what it promises.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outlook {
+    /// How many cells it has.
+    pub cells: u64,
+    /// The controllers of those that are filled, in the order of the cells.
+    pub elites: Vec<Promise>,
+}
+
+/// What came of trying a controller: no test, a failure, or its fitness.
+enum Tried {
+    Never,
+    Failed,
+    Real(f64),
+}
+
+impl Outlook {
+    /// By these real tests. One that failed counts as no better than the worst of the map.
+    pub(in crate::coevolve) fn of(
+        map: &MapElites,
+        phase: &MapPhase,
+        simulator: &dyn Simulator,
+        tests: &[&Entry],
+    ) -> Self {
+        let axes = phase.axes(simulator);
+        let known: Vec<(&Elite, Vec<f64>, Tried)> = map
+            .elites()
+            .map(|(_, elite)| {
+                let controller = simulator.controllers().from_unit(&elite.unit);
+                let tried = tried(&controller, tests);
+                (elite, controller, tried)
+            })
+            .collect();
+        let simulated: Vec<f64> = known.iter().map(|(elite, ..)| -elite.cost).collect();
+        let least = simulated.iter().copied().fold(f64::INFINITY, f64::min);
+        let differences: Vec<(&[f64], f64)> = known
+            .iter()
+            .filter_map(|(elite, _, tried)| match tried {
+                Tried::Never => None,
+                Tried::Failed => Some((elite.descriptor.as_slice(), least + elite.cost)),
+                Tried::Real(real) => Some((elite.descriptor.as_slice(), real + elite.cost)),
+            })
+            .collect();
+        // Before any test, reality may differ from the map by as much as the map's controllers do from each other.
+        let process = GaussianProcess::new((phase.length_scale, phase.noise), stats::std(&simulated), &differences);
+        let elites =
+            known.into_iter().map(|(elite, controller, tried)| promise(&process, &axes, elite, controller, &tried));
+        Outlook { cells: map.grid().count(), elites: elites.collect() }
+    }
+
+    /// The controller to try next, of those that were not tried yet: the greatest promise, in favour of which so many
+    /// standard deviations count. The first one among equals.
+    pub(in crate::coevolve) fn next(&self, explore: f64) -> Option<&Promise> {
+        let worth = |promise: &Promise| promise.promised + explore * promise.deviation;
+        let untried = self.elites.iter().filter(|promise| !promise.tried);
+        untried.reduce(|best, other| if worth(other) > worth(best) { other } else { best })
+    }
+
+    /// Whether nothing is left to try, or no controller promises much more than the best one did: `enough` is the share of
+    /// the greatest promise that is as good as it.
+    pub(in crate::coevolve) fn satisfied(&self, enough: f64) -> bool {
+        let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
+        let real = most(&mut self.elites.iter().filter_map(|promise| promise.real));
+        let promised = most(&mut self.elites.iter().map(|promise| promise.promised));
+        self.elites.iter().all(|promise| promise.tried) || real >= promised - (1.0 - enough) * promised.abs()
+    }
+
+    /// What is promised of a point of the unit cube, if it is in the map.
+    pub(in crate::coevolve) fn promise(&self, unit: &[f64]) -> Option<&Promise> {
+        self.elites.iter().find(|promise| promise.unit == unit)
+    }
+}
+
+fn tried(controller: &[f64], tests: &[&Entry]) -> Tried {
+    let mine = tests.iter().filter(|entry| entry.trial.controller == controller);
+    let fitness: Option<Vec<f64>> = mine.map(|entry| entry.fitness().filter(|f| f.is_finite())).collect();
+    match fitness.as_deref() {
+        None => Tried::Failed,
+        Some([]) => Tried::Never,
+        Some(fitness) => Tried::Real(stats::mean(fitness)),
+    }
+}
+
+fn promise(process: &GaussianProcess, axes: &[Axis], elite: &Elite, controller: Vec<f64>, tried: &Tried) -> Promise {
+    let (difference, deviation) = process.at(&elite.descriptor);
+    let promised = difference - elite.cost;
+    let half = student_95(process.numbers()).map(|t| t * process.of_a_test(deviation));
+    Promise {
+        controller,
+        descriptor: axes.iter().zip(&elite.descriptor).map(|(axis, u)| axis.value(*u)).collect(),
+        simulated: -elite.cost,
+        promised,
+        promised_ci95: half.map(|half| [promised - half, promised + half]),
+        real: if let Tried::Real(real) = tried { Some(*real) } else { None },
+        unit: elite.unit.clone(),
+        deviation,
+        tried: !matches!(tried, Tried::Never),
+    }
+}

@@ -1,0 +1,133 @@
+//! The settings of a map, and what may be wrong with them.
+
+use super::descriptor::{self, Axis};
+use crate::search::MapElites;
+use crate::search::map_elites::{Grid, Variation};
+use crate::settings;
+use crate::world::Simulator;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// An archive of diverse controllers, and how the robot's own are chosen from it (`method = "quality_diversity"`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MapPhase {
+    /// The axes of the map: what tells one kind of controller from another, from the least to the greatest value that is told
+    /// apart. A name is a fitness term, or one of C's parameters; with a `*` for any characters it is the mean of those that
+    /// fit.
+    pub descriptors: IndexMap<String, [f64; 2]>,
+    /// Cells along each axis; each keeps the fittest controller of its kind.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub cells: usize,
+    /// Generations of the search that fills the map.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub generations: usize,
+    /// Controllers per generation.
+    #[serde(deserialize_with = "settings::at_least_one")]
+    pub population: usize,
+    /// Standard deviation of a mutation, as a share of each parameter's range.
+    #[serde(deserialize_with = "settings::positive")]
+    pub mutation: f64,
+    /// Standard deviation of a step along the line to another controller of the map, as a share of the way to it.
+    #[serde(deserialize_with = "settings::not_negative")]
+    pub line: f64,
+    /// How far what a test tells reaches, where each axis of the map has length 1.
+    #[serde(deserialize_with = "settings::positive")]
+    pub length_scale: f64,
+    /// Standard deviation by which the fitness of a real test differs from one time to the next, as a share of that by which
+    /// reality differs from the map.
+    #[serde(deserialize_with = "settings::not_negative")]
+    pub noise: f64,
+    /// What counts of a controller in the choice of the next test: what it promises, plus so many standard deviations.
+    #[serde(deserialize_with = "settings::not_negative")]
+    pub explore: f64,
+    /// The run is over once the best real fitness is at least this share of the greatest promise.
+    #[serde(deserialize_with = "settings::share")]
+    pub enough: f64,
+}
+
+impl Default for MapPhase {
+    fn default() -> Self {
+        MapPhase {
+            descriptors: IndexMap::new(),
+            cells: 5,
+            generations: 100,
+            population: 200,
+            mutation: 0.02,
+            line: 0.2,
+            length_scale: 0.4,
+            noise: 0.03,
+            explore: 0.5,
+            enough: 0.9,
+        }
+    }
+}
+
+/// A map that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MapError {
+    /// A method that needs a map, without one.
+    #[error("the method `quality_diversity` needs [coevolve.map]")]
+    Missing,
+    /// A map without axes.
+    #[error("[coevolve.map] has no descriptors: nothing tells one kind of controller from another")]
+    NoDescriptors,
+    /// An axis of which nobody knows what it is.
+    #[error("there is no descriptor `{name}`")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+    },
+    /// An axis without an extent.
+    #[error("descriptor `{name}`: bounds [{least}, {most}] must be finite and least < most")]
+    Bounds {
+        /// The axis.
+        name: String,
+        /// Its lower end.
+        least: f64,
+        /// Its upper end.
+        most: f64,
+    },
+    /// More cells than can be counted.
+    #[error("{cells} cells along each of {axes} axes are more than can be counted")]
+    TooManyCells {
+        /// Cells along each axis.
+        cells: usize,
+        /// Axes.
+        axes: usize,
+    },
+    /// A map is made in one simulation, which stays as it is.
+    #[error("the method `quality_diversity` keeps its simulation and has no use for [coevolve.posterior]")]
+    Posterior,
+}
+
+impl MapPhase {
+    /// Whether a map can be made of these settings.
+    pub(in crate::coevolve) fn check(&self, simulator: &dyn Simulator) -> Result<(), MapError> {
+        if self.descriptors.is_empty() {
+            return Err(MapError::NoDescriptors);
+        }
+        for (name, &[least, most]) in &self.descriptors {
+            if !(least.is_finite() && most.is_finite() && least < most) {
+                return Err(MapError::Bounds { name: name.clone(), least, most });
+            }
+            if descriptor::axis(name, [least, most], simulator).is_none() {
+                return Err(MapError::Unknown { name: name.clone() });
+            }
+        }
+        let (cells, axes) = (self.cells, self.descriptors.len());
+        Grid::new(axes, cells).map(|_| ()).ok_or(MapError::TooManyCells { cells, axes })
+    }
+
+    /// An empty map of controllers in `dims` dimensions.
+    pub(in crate::coevolve) fn start(&self, dims: usize) -> Option<MapElites> {
+        let variation = Variation { step: self.mutation, line: self.line };
+        Some(MapElites::new(dims, Grid::new(self.descriptors.len(), self.cells)?, self.population, variation))
+    }
+
+    /// The axes, in their order.
+    pub(in crate::coevolve) fn axes(&self, simulator: &dyn Simulator) -> Vec<Axis> {
+        self.descriptors.iter().filter_map(|(name, bounds)| descriptor::axis(name, *bounds, simulator)).collect()
+    }
+}
