@@ -68,6 +68,23 @@ fn least_squares_need_a_sum_of_squares() {
 }
 
 #[test]
+fn maps_that_cannot_be_made() {
+    let map = |map: &str| with("iterations = 2\n", &format!("iterations = 2\nmethod = \"quality_diversity\"\n{map}\n"));
+    let told = [
+        "",
+        "map = {}",
+        "map = { descriptors = { enrgy = [0.0, 1.0] } }",
+        "map = { descriptors = { speed = [0.0, 1.0] } }",
+        "map = { descriptors = { energy = [1.0, 1.0] } }",
+        "map = { descriptors = { energy = [1.0] } }",
+        "map = { cells = 0, descriptors = { energy = [0.0, 1.0] } }",
+        "map = { enough = 1.5, descriptors = { energy = [0.0, 1.0] } }",
+        "posterior = {}\nmap = { descriptors = { energy = [0.0, 1.0] } }",
+    ];
+    insta::assert_snapshot!("map", told.map(map).join("\n"));
+}
+
+#[test]
 fn bounds() {
     let wrong = [
         "\"mass@bob\" = { bounds = [2.0, 1.0] }",

@@ -5,6 +5,12 @@ use serde_json::Value;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+/// A map of the small experiment's controllers.
+const MAP: &str = "iterations = 5
+method = \"quality_diversity\"
+map = { generations = 5, population = 10, cells = 3, descriptors = { peak_speed = [0.0, 9.0], \"amplitude@*\" = [0.0, 1.0] } }
+";
+
 #[test]
 fn a_run_leaves_its_results_and_tells_them_as_json() {
     let lab = Lab::new();
@@ -51,6 +57,25 @@ fn the_terminal_shows_the_same_story() {
     {
         assert!(told.contains(part), "{part} is missing in\n{told}");
     }
+}
+
+#[test]
+fn a_map_of_controllers_is_made_tried_and_told() {
+    let lab = Lab::with(&[("iterations = 2\n", MAP)]);
+    let told = lab.ok("coevolve small.toml --out run");
+    for part in ["the map of controllers", "f promised", "no controller of the map promises much more"] {
+        assert!(told.contains(part), "{part} is missing in\n{told}");
+    }
+    let history: Value = serde_json::from_str(&lab.read("run/history.json")).unwrap();
+    let (map, tests) = (&history["map"], history["tests"].as_array().unwrap());
+    let elites = map["elites"].as_array().unwrap();
+    assert_eq!((&map["cells"], map["filled"].as_u64()), (&9.into(), Some(elites.len() as u64)));
+    assert_eq!(map["descriptors"].as_object().unwrap().keys().collect::<Vec<_>>(), ["peak_speed", "amplitude@*"]);
+    let tried = elites.iter().filter(|elite| elite["real"].is_number()).count();
+    assert_eq!((tried, history["real_tests"].as_u64()), (tests.len(), Some(tests.len() as u64)));
+    assert!(tests.iter().all(|test| test["promised_ci95"].is_array()), "{tests:?}");
+    // It ends where it began, with what it knew.
+    assert_eq!(lab.ok("coevolve small.toml --out run --resume"), told);
 }
 
 #[test]

@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn a_map_fills_and_finds_the_best_of_each_kind() {
         let mut map = empty(3, 2, 5);
-        for g in 0..200 {
+        for g in 0..1000 {
             generation(&mut map, 1, g);
         }
         assert_eq!(map.elites().len() as u64, map.grid().count());

@@ -1,5 +1,6 @@
 //! The state machine that turns the loop.
 
+mod check;
 mod controllers;
 mod doubt;
 mod drifts;
@@ -17,14 +18,14 @@ use super::estimation::Estimated;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
-use super::map::MapError;
-use super::plan::{Initial, Method, Plan, Rule};
+use super::plan::{Initial, Method, Plan};
 use super::posterior::Posterior;
 use super::transfer::Scored;
 use crate::distance::Distance;
 use crate::random::{self, Rng};
 use crate::search::{AnySearch, LeastSquares, MapElites, Unit};
 use crate::world::{Reality, Simulator};
+pub use check::PlanError;
 use estimate::Estimation;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -52,32 +53,6 @@ pub enum Step {
     Waiting(String),
     /// The run is over.
     Stopped(StopReason),
-}
-
-/// A plan that cannot be carried out.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PlanError {
-    /// Controllers to search, but no search for them.
-    #[error("there are {0} controller parameters to search, but the plan has no [coevolve.controllers]")]
-    NoControllerSearch(usize),
-    /// Simulations to search, but no search for them.
-    #[error("there are {0} simulation parameters to search, but the plan has no [coevolve.simulators]")]
-    NoSimulatorSearch(usize),
-    /// A method that searches controllers, on a fixed drive.
-    #[error("this method searches controllers, but the experiment's drive has no parameters")]
-    NothingToControl,
-    /// A posterior without a likelihood.
-    #[error("[coevolve.posterior] needs a distance that knows the noise")]
-    NoLikelihood,
-    /// A rule of transfer that goes by a posterior, without one.
-    #[error("the rule `informative` needs [coevolve.posterior]")]
-    NoPosterior,
-    /// No iteration at all.
-    #[error("`iterations` must be at least 1")]
-    NoIterations,
-    /// A map that cannot be made.
-    #[error(transparent)]
-    Map(#[from] MapError),
 }
 
 /// Labels of the random streams, one per consumer.
@@ -174,7 +149,7 @@ impl Coevolution {
     /// # Errors
     /// A plan that does not fit what is to be searched.
     pub fn new(plan: Plan, seed: u64, simulator: &dyn Simulator) -> Result<Self, PlanError> {
-        check(&plan, simulator)?;
+        check::check(&plan, simulator)?;
         let space = simulator.simulations();
         let simulation = match plan.initial_simulation {
             Initial::Nominal => space.nominal(),
@@ -363,31 +338,6 @@ impl Coevolution {
     fn stream(&self, what: Stream, generation: usize) -> Rng {
         stream(self.state.seed, what, self.state.iteration as u64, generation as u64)
     }
-}
-
-fn check(plan: &Plan, simulator: &dyn Simulator) -> Result<(), PlanError> {
-    let (c, s) = (simulator.controllers().len(), simulator.simulations().len());
-    let needs_simulators =
-        plan.posterior.is_none() && matches!(plan.method, Method::BackToReality | Method::EstimationExploration);
-    match () {
-        () if plan.iterations == 0 => Err(PlanError::NoIterations),
-        () if c > 0 && plan.controllers.is_none() && plan.method != Method::QualityDiversity => {
-            Err(PlanError::NoControllerSearch(c))
-        }
-        () if s > 0 && needs_simulators && plan.simulators.is_none() => Err(PlanError::NoSimulatorSearch(s)),
-        () if plan.posterior.is_some() && !plan.distance.build().whitens() => Err(PlanError::NoLikelihood),
-        () if plan.posterior.is_none() && plan.transfer.rule == Rule::Informative => Err(PlanError::NoPosterior),
-        () if c == 0 && plan.method != Method::BackToReality => Err(PlanError::NothingToControl),
-        () if plan.method == Method::QualityDiversity => Ok(check_map(plan, simulator)?),
-        () => Ok(()),
-    }
-}
-
-fn check_map(plan: &Plan, simulator: &dyn Simulator) -> Result<(), MapError> {
-    if plan.posterior.is_some() {
-        return Err(MapError::Posterior);
-    }
-    plan.map.as_ref().ok_or(MapError::Missing)?.check(simulator)
 }
 
 fn stream(seed: u64, what: Stream, iteration: u64, generation: u64) -> Rng {
