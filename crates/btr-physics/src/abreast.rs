@@ -136,7 +136,7 @@ impl<'a> Run<'a> {
                 return;
             }
         }
-        self.control.listen(time_s);
+        self.control.listen(time_s, engine);
         if step == 1 {
             self.recorder.forces(engine, &self.control);
         }
@@ -201,7 +201,7 @@ fn rest(engine: &mut dyn Dynamics, runs: &mut [Run]) {
     for left in (1..=runs.first().map_or(0, |run| run.rests)).rev() {
         each(engine, runs, &mut |run, engine| {
             let time_s = -(left as f64) * run.setup.dt_s;
-            run.control.listen(time_s);
+            run.control.listen(time_s, engine);
             run.control.act(time_s, engine);
         });
         engine.step();

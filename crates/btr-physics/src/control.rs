@@ -96,9 +96,9 @@ impl<'a> Control<'a> {
         Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed, states })
     }
 
-    /// Takes in the references that are valid at `time_s`.
-    pub(crate) fn listen(&mut self, time_s: f64) {
-        self.reference.advance(time_s);
+    /// Takes in the references that are valid at `time_s`, the present.
+    pub(crate) fn listen(&mut self, time_s: f64, engine: &dyn Dynamics) {
+        self.reference.advance(time_s, engine);
         let share = self.reference.share(time_s);
         for (i, joint) in self.joints.iter_mut().enumerate() {
             joint.command = if joint.led { self.reference.led(i, share) } else { self.reference.last[i] };
@@ -207,7 +207,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Asks the drive when another reference is due.
-    fn advance(&mut self, time_s: f64) {
+    fn advance(&mut self, time_s: f64, engine: &dyn Dynamics) {
         // The share of a tick absorbs rounding: a step's time is a multiple of dt, a reference's one of control_s.
         let tick = (time_s / self.control_s + 1e-6).floor() as usize;
         if tick == self.tick {
@@ -216,17 +216,20 @@ impl<'a> Reference<'a> {
         if self.tick.checked_add(1) == Some(tick) {
             std::mem::swap(&mut self.last, &mut self.next);
         } else {
-            self.ask(tick);
+            self.ask(tick, engine);
             std::mem::swap(&mut self.last, &mut self.next);
         }
-        self.ask(tick + 1);
+        self.ask(tick + 1, engine);
         self.tick = tick;
     }
 
     /// What is told from this tick to the one after it, into `next`.
-    fn ask(&mut self, tick: usize) {
+    fn ask(&mut self, tick: usize, engine: &dyn Dynamics) {
         let (start_s, end_s) = (tick as f64 * self.control_s, (tick + 1) as f64 * self.control_s);
         self.drive.over(start_s, end_s, &mut self.next);
+        if self.drive.senses() {
+            self.drive.react(start_s, engine, &mut self.next);
+        }
     }
 
     /// The prescribed motion of joint `i` in the step that begins at `time_s`.

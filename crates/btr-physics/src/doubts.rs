@@ -116,7 +116,8 @@ fn otherwise(experiment: &Experiment, entry: &Entry, log: &Log) -> Vec<Finding> 
         return Vec::new();
     }
     let references = model.references(&trial.controller, trial.scenario);
-    let commands = references.ok().and_then(|references| asked(&references, log));
+    // What a policy tells depends on what the robot sensed.
+    let commands = references.ok().filter(|_| !model.drive.senses()).and_then(|references| asked(&references, log));
     let begins = model.beginning(&trial.controller, trial.scenario);
     let elsewhere = begins.map(|robot| elsewhere(&robot, &model.setup.noise, log)).unwrap_or_default();
     commands.into_iter().chain(partial(known.duration_s, model.setup.control_s, log)).chain(elsewhere).collect()

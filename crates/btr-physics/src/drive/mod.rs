@@ -5,6 +5,7 @@ mod hold;
 mod nao_kick;
 mod nao_walk;
 mod plan;
+mod policy;
 mod posture;
 mod reference;
 mod replay;
@@ -16,12 +17,14 @@ pub use hold::Hold;
 pub use nao_kick::NaoKick;
 pub use nao_walk::NaoWalk;
 pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};
+pub use policy::{PolicyPlan, SENSES};
 pub use posture::{Posture, Stance};
 pub use reference::References;
 pub use replay::Replay;
 pub use sine::Sine;
 pub use zmp_motion::MotionError;
 
+use crate::engine::Dynamics;
 use crate::robot::Robot;
 use btr_core::smooth::Motion;
 
@@ -50,6 +53,17 @@ pub trait Drive: Send + Sync {
     fn place(&self, robot: &mut Robot) {
         let _ = robot;
     }
+
+    /// Whether what the robot senses changes what it is told.
+    fn senses(&self) -> bool {
+        false
+    }
+
+    /// Corrects the references for `time_s` by what the robot senses now, one tick before; only asked where it
+    /// [`senses`](Self::senses).
+    fn react(&self, time_s: f64, engine: &dyn Dynamics, command: &mut [f64]) {
+        let _ = (time_s, engine, command);
+    }
 }
 
 impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
@@ -67,5 +81,13 @@ impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
 
     fn place(&self, robot: &mut Robot) {
         (**self).place(robot);
+    }
+
+    fn senses(&self) -> bool {
+        (**self).senses()
+    }
+
+    fn react(&self, time_s: f64, engine: &dyn Dynamics, command: &mut [f64]) {
+        (**self).react(time_s, engine, command);
     }
 }

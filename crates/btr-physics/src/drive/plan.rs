@@ -1,5 +1,6 @@
 //! Drives by name, and which of their numbers are searched.
 
+use super::policy::{Policy, PolicyPlan};
 use super::{Drive, Hold, NaoKick, NaoWalk, Replay, Sine};
 use crate::robot::Robot;
 use btr_core::space::{Dim, Space, SpaceError};
@@ -14,6 +15,7 @@ pub const DRIVES: &[(&str, &str)] = &[
     ("sine", "r_i = theta_i + a_i sin(omega t + psi_i) on every joint, as the paper's ant; C is a_i and psi_i"),
     ("nao_walk", "a walk for the Nao: ZMP targets turned into targets of the centre of mass"),
     ("nao_kick", "a kick for the Nao with its right foot"),
+    ("policy", "what the robot senses corrects another drive (`around`): linear, or with a layer of `hidden` units"),
     ("replay", "the commands of a recorded log, held between samples"),
 ];
 
@@ -34,6 +36,13 @@ pub enum DriveKind {
     NaoWalk,
     /// The Nao's kick.
     NaoKick,
+    /// What the robot senses corrects another drive.
+    Policy {
+        /// The other drive.
+        around: Box<DriveKind>,
+        /// What it goes by and what it steers.
+        policy: PolicyPlan,
+    },
     /// Recorded commands.
     Replay(Arc<Replay>),
 }
@@ -49,7 +58,18 @@ impl DriveKind {
             DriveKind::Sine { .. } => sine_dims(robot),
             DriveKind::NaoWalk => NaoWalk::space()?.dims().to_vec(),
             DriveKind::NaoKick => NaoKick::space()?.dims().to_vec(),
+            DriveKind::Policy { around, policy } => [around.dims(robot)?, policy.dims(robot)].concat(),
         })
+    }
+
+    /// A sine's bounds, and those of a policy's weights, are only those of a search that states none; the other drives hold for
+    /// theirs alone.
+    fn takes_any_value(&self) -> bool {
+        match self {
+            DriveKind::Policy { around, .. } => around.takes_any_value(),
+            DriveKind::Hold | DriveKind::Sine { .. } => true,
+            DriveKind::NaoWalk | DriveKind::NaoKick | DriveKind::Replay(_) => false,
+        }
     }
 
     fn at(&self, robot: &Robot, values: &[f64], duration_s: f64) -> Result<Box<dyn Drive>, WorldError> {
@@ -65,6 +85,10 @@ impl DriveKind {
                 Box::new(NaoWalk::new(robot, values, duration_s).map_err(|e| refused(e.to_string()))?)
             }
             DriveKind::NaoKick => Box::new(NaoKick::new(robot, values).map_err(|e| refused(e.to_string()))?),
+            DriveKind::Policy { around, policy } => {
+                let (own, weights) = values.split_at(values.len() - policy.dims(robot).len());
+                Box::new(Policy::new(policy, around.at(robot, own, duration_s)?, robot, weights))
+            }
             DriveKind::Replay(replay) => Box::new(replay.clone()),
         })
     }
@@ -135,8 +159,7 @@ impl DrivePlan {
         for (name, value) in set {
             values[index(name)?] = *value;
         }
-        // A sine's bounds are only those of a search that states none; the other drives hold for theirs alone.
-        if !(matches!(kind, DriveKind::Sine { .. }) && values.iter().all(|x| x.is_finite())) {
+        if !(kind.takes_any_value() && values.iter().all(|x| x.is_finite())) {
             all.check(&values)?;
         }
         let mut dims = Vec::new();
@@ -151,6 +174,11 @@ impl DrivePlan {
         let plan = DrivePlan { kind, values, searched, space: Space::new(dims)? };
         plan.at(robot, &plan.space.nominal(), 1.0)?;
         Ok(plan)
+    }
+
+    /// Whether what the robot senses changes what it is told: then [`at`](Self::at) alone does not say its references.
+    pub fn senses(&self) -> bool {
+        matches!(self.kind, DriveKind::Policy { .. })
     }
 
     /// C.

@@ -152,6 +152,8 @@ impl Experiment {
     pub fn from_the_beginning(&self, trial: &Trial, log: &Log) -> Result<Log, WorldError> {
         match self.model.scenarios[trial.scenario].replay {
             Some(_) => Ok(log.clone()),
+            // What a policy told the robot in rows that are lost, nobody knows.
+            None if self.model.drive.senses() => Ok(log.clone()),
             None => Ok(whole(log, &self.model.references(&trial.controller, trial.scenario)?)),
         }
     }
@@ -162,7 +164,10 @@ impl Experiment {
         if known.replay.is_some() {
             return Ok(known.clone());
         }
-        let references = self.model.references(&trial.controller, trial.scenario)?;
+        let mut references = self.model.references(&trial.controller, trial.scenario)?;
+        if self.model.drive.senses() {
+            references = corrected(&references, log);
+        }
         // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample, is held
         // only where it is something else than what was asked for.
         let as_asked = check::asked(&references, log).is_none();
@@ -224,6 +229,19 @@ pub(crate) fn told(log: &Log, references: &Log) -> Log {
         let _ = told.insert(name, &channel.unit, Role::Command, values);
     }
     told
+}
+
+/// References as a policy corrected them, by what a log says at their ticks.
+fn corrected(references: &Log, log: &Log) -> Log {
+    let mut corrected = references.clone();
+    let ticks_s = references.clock_s();
+    for (name, channel) in references.channels() {
+        let Some(told) = log.channel(name) else { continue };
+        let values = btr_core::log::interpolate(log.clock_s(), &told.values, ticks_s);
+        // The length is the clock's own.
+        let _ = corrected.insert(name, &channel.unit, Role::Command, values);
+    }
+    corrected
 }
 
 fn missing(source: &Source, section: &str) -> FileError {

@@ -3,8 +3,9 @@
 use super::build::Builder;
 use super::file::{DriveSection, SearchedSection};
 use super::parse::FileError;
-use crate::drive::{DRIVES, DriveError, DriveKind, DrivePlan, Replay};
+use crate::drive::{DRIVES, DriveError, DriveKind, DrivePlan, PolicyPlan, Replay, SENSES};
 use crate::robot::Robot;
+use crate::site;
 use indexmap::IndexMap;
 use std::sync::Arc;
 
@@ -37,13 +38,53 @@ impl Builder<'_> {
     }
 
     fn drive_kind(&self, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
-        match section.kind.as_str() {
+        let own = [
+            ("around", section.around.is_some()),
+            ("sensors", section.sensors.is_some()),
+            ("joints", section.joints.is_some()),
+            ("hidden", section.hidden.is_some()),
+        ];
+        match own.iter().find(|(_, stated)| *stated && section.kind != "policy") {
+            Some((key, _)) => Err(self.error(&["drive", key], format!("only a policy has `{key}`"), None)),
+            None if section.kind == "policy" => self.policy(section, robot),
+            None => self.open_loop(&section.kind, "kind", section, robot),
+        }
+    }
+
+    fn policy(&self, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
+        let around = self.open_loop(section.around.as_deref().unwrap_or("hold"), "around", section, robot)?;
+        let sensors = section.sensors.clone().unwrap_or_else(|| vec!["tilt".to_owned(), "gyro".to_owned()]);
+        let known = || SENSES.iter().map(|sense| sense.0);
+        if let Some(other) = sensors.iter().find(|name| known().all(|known| known != **name)) {
+            return Err(self.unknown(&["drive", "sensors"], "sense", other, known()));
+        }
+        if sensors.iter().any(|name| name == "clock") && section.omega_rad_s.is_none() {
+            return Err(self.error(&["drive", "sensors"], "a clock needs omega_rad_s", None));
+        }
+        let joints = section.joints.clone().unwrap_or_else(|| "*".to_owned());
+        let mut names = robot.movable().map(|(_, link)| link.joint.name.as_str());
+        if !names.any(|name| site::matches(&joints, name)) {
+            return Err(self.unknown(
+                &["drive", "joints"],
+                "joint",
+                &joints,
+                robot.movable().map(|(_, l)| &*l.joint.name),
+            ));
+        }
+        let (hidden, omega_rad_s) = (section.hidden.unwrap_or(0), section.omega_rad_s.unwrap_or(0.0));
+        let policy = PolicyPlan { sensors, joints, hidden, omega_rad_s };
+        Ok(DriveKind::Policy { around: Box::new(around), policy })
+    }
+
+    /// A drive that goes by the time alone; `key` says where its kind stands.
+    fn open_loop(&self, kind: &str, key: &str, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
+        match kind {
             "hold" => Ok(DriveKind::Hold),
             "nao_walk" => Ok(DriveKind::NaoWalk),
             "nao_kick" => Ok(DriveKind::NaoKick),
             "sine" => match section.omega_rad_s {
                 Some(omega_rad_s) => Ok(DriveKind::Sine { omega_rad_s }),
-                None => Err(self.error(&["drive", "kind"], "a sine drive needs omega_rad_s", None)),
+                None => Err(self.error(&["drive", key], "a sine drive needs omega_rad_s", None)),
             },
             "replay" => {
                 let path =
@@ -53,7 +94,7 @@ impl Builder<'_> {
                     .map_err(|e| self.error(&["drive", "log"], &e, Some(e.help())))?;
                 Ok(DriveKind::Replay(Arc::new(Replay::new(&log, robot))))
             }
-            other => Err(self.unknown(&["drive", "kind"], "drive", other, DRIVES.iter().map(|d| d.0))),
+            other => Err(self.unknown(&["drive", key], "drive", other, DRIVES.iter().map(|d| d.0))),
         }
     }
 }

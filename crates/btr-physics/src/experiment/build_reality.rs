@@ -43,6 +43,11 @@ impl Builder<'_> {
                 }
                 Box::new(Command::new(command.clone(), model.clone(), store))
             }
+            RealitySection::Manual {} if model.drive.senses() => {
+                let why = "nobody can play a policy by hand: its references depend on what the robot senses";
+                let help = "kind = \"command\", with a program that runs the policy on the robot";
+                return Err(self.error(&["reality", "kind"], why, Some(help.to_owned())));
+            }
             RealitySection::Manual {} => Box::new(Manual::new(model.clone(), store)),
         })
     }

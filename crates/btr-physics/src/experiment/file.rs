@@ -296,10 +296,18 @@ fn everywhere() -> String {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSection {
-    /// `sine`, `nao_walk`, `nao_kick`, `hold`, or `replay` (the command channels of `log`).
+    /// `sine`, `nao_walk`, `nao_kick`, `hold`, `policy`, or `replay` (the command channels of `log`).
     pub kind: String,
-    /// Sine: angular frequency in rad/s.
+    /// Sine, and the clock of a policy: angular frequency in rad/s.
     pub omega_rad_s: Option<f64>,
+    /// Policy: the kind of the drive that it corrects; `hold` if not stated.
+    pub around: Option<String>,
+    /// Policy: what it goes by, of `tilt`, `gyro`, `positions`, `velocities`, `feet` and `clock`; `tilt` and `gyro` if not stated.
+    pub sensors: Option<Vec<String>>,
+    /// Policy: the joints that it corrects, as a pattern; all if not stated.
+    pub joints: Option<String>,
+    /// Policy: hidden units. It is linear without them.
+    pub hidden: Option<usize>,
     /// Replay: the log, relative to this file.
     pub log: Option<PathBuf>,
     /// Fixed values by name; parameters left out have their nominal value.

@@ -94,7 +94,8 @@ impl Model {
         if !self.has_contact() && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
-    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty.
+    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty. Of a policy these are the
+    /// references that it corrects.
     ///
     /// # Errors
     /// A point outside C.
