@@ -135,10 +135,11 @@ impl Setting<'_> {
         if !chi2.is_finite() {
             return None;
         }
-        // What is not explained widens what is believed; so does what simulations could not foretell of each other.
+        // What is not explained widens what is believed; so does what simulations could not foretell of each other, as far as it
+        // is more than they count it for.
         let (mean, covariance) = best(chi2.max(1.0))?;
         let astray: DMatrix<f64> = told.iter().map(|told| &told.astray).sum();
-        let covariance = &covariance + &covariance * astray * &covariance;
+        let covariance = &covariance + &covariance * astray * &covariance / chi2.max(1.0);
         let of_test = |seen: &Option<Seen>| seen.as_ref().map_or(f64::NAN, |seen| seen.shown.unpredictable());
         let unpredictable = seen.iter().map(of_test).collect();
         let (belief, settled) = moved(belief, &mean, &covariance);

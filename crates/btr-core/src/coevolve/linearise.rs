@@ -25,6 +25,8 @@ const CHUNK: usize = 1024;
 /// An ensemble's errors on one test: their inner products, member by member.
 pub(super) struct Shown {
     gram: DMatrix<f64>,
+    /// Covariance of the gradient by the sensors' noise alone.
+    heard: DMatrix<f64>,
     /// How many readings there are, those that are unpredictable for less.
     samples: f64,
     /// Root mean square of what is unpredictable, in multiples of the noise.
@@ -42,10 +44,11 @@ impl Shown {
             row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
         }
         let gram = gram_of(&rows);
+        let heard = ensemble.heard(&rows, &variances, &gram);
         let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
         let unpredictable = (variances.iter().sum::<f64>() / there.len() as f64).sqrt();
         let log_variances = variances.iter().map(|variance| variance.ln_1p()).sum();
-        Some(Shown { gram, samples, unpredictable, log_variances })
+        Some(Shown { gram, heard, samples, unpredictable, log_variances })
     }
 
     /// How many readings were compared; one that is unpredictable counts for less.
@@ -123,25 +126,50 @@ impl Ensemble {
         let count = shown.gram.nrows();
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
         let average = DVector::from_element(count, 1.0 / count as f64);
-        Told {
-            information: noise.product(&self.slopes, &self.slopes),
-            gradient: noise.product(&self.slopes, &DMatrix::from_columns(&[average])).column(0).into_owned(),
-            astray: self.astray(shown),
-        }
+        let information = noise.product(&self.slopes, &self.slopes);
+        let gradient = noise.product(&self.slopes, &DMatrix::from_columns(&[average])).column(0).into_owned();
+        // The weights count what is unpredictable as noise already.
+        let astray = self.astray(shown).map_or_else(
+            || DMatrix::zeros(gradient.len(), gradient.len()),
+            |astray| astray + &shown.heard - &information,
+        );
+        Told { information, gradient, astray }
+    }
+
+    /// Covariance of the gradient that [`told`](Self::told) gives by the sensors' noise alone, whose variance is a share
+    /// 1 / (1 + variance) of what each reading counts.
+    fn heard(&self, rows: &[Vec<f64>], variances: &[f64], gram: &DMatrix<f64>) -> DMatrix<f64> {
+        let noise = Unpredictable::of(&self.leftover, gram, self.freedom);
+        let combined = &self.slopes - &self.leftover * &noise.weight * &noise.seen * &self.slopes;
+        let dims = combined.ncols();
+        let chunk = |(n, variances): (usize, &[f64])| {
+            let columns = combined.column_iter().map(|shares| {
+                let mut column = vec![0.0; variances.len()];
+                let from = n * CHUNK;
+                for (row, share) in rows.iter().zip(shares.iter()) {
+                    add_scaled(&mut column, &row[from..from + variances.len()], *share);
+                }
+                column.iter_mut().zip(variances).for_each(|(x, variance)| *x /= (1.0 + variance).sqrt());
+                column
+            });
+            let columns: Vec<Vec<f64>> = columns.collect();
+            DMatrix::from_fn(dims, dims, |i, j| dot(&columns[i], &columns[j]))
+        };
+        let chunks: Vec<DMatrix<f64>> = variances.par_chunks(CHUNK).enumerate().map(chunk).collect();
+        chunks.iter().sum()
     }
 
     /// How far simulations would lead the gradient astray if one of them were the robot, by what no slope foretells: its mean
-    /// outer product, over members that did not take part in the regression. Of an ensemble with too few members to leave some
-    /// out nothing is known.
-    fn astray(&self, shown: &Shown) -> DMatrix<f64> {
+    /// outer product, over members that did not take part in the regression. `None` for an ensemble with too few members to
+    /// leave some out.
+    fn astray(&self, shown: &Shown) -> Option<DMatrix<f64>> {
         // Draws come in pairs about the mean, which stay together.
         let of_fold = |fold: usize| (0..self.places.nrows()).partition(|i| i / 2 % FOLDS != fold);
         let folds: Vec<(Vec<usize>, Vec<usize>)> = (0..FOLDS).map(of_fold).collect();
         let pulls = folds.par_iter().filter_map(|(taking_part, others)| self.pulls(shown, taking_part, others));
         let pulls: Vec<DMatrix<f64>> = pulls.collect();
         let count: usize = pulls.iter().map(DMatrix::ncols).sum();
-        let zero = DMatrix::zeros(self.slopes.ncols(), self.slopes.ncols());
-        pulls.iter().fold(zero, |sum, pulls| sum + pulls * pulls.transpose() / count as f64)
+        (count > 0).then(|| pulls.iter().map(|pulls| pulls * pulls.transpose() / count as f64).sum())
     }
 
     /// Where some members, one per column, would pull the gradient that others have regressed, if they were the robot and stood
@@ -251,7 +279,7 @@ pub(super) struct Told {
     pub information: DMatrix<f64>,
     /// Slope of half its chi-squared at the ensemble's mean.
     pub gradient: DVector<f64>,
-    /// Covariance of what the gradient errs by because of what is unpredictable, as far as the weights do not know it.
+    /// Covariance of what the gradient errs by, less what the information has of it.
     pub astray: DMatrix<f64>,
 }
 
