@@ -1,9 +1,13 @@
 """What studies share: asking btr, and the data that they may use where it is there."""
 
 import argparse
+import csv
 import json
+import math
+import statistics
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +22,63 @@ def ask(btr: str, *words: str) -> dict:
     if not said["ok"]:
         raise SystemExit(f"{' '.join([btr, *words])}\n{done.stdout}{done.stderr}")
     return said
+
+
+def coevolved(btr: str, folder: Path, experiment: Path, seed: int, settings: dict[str, str] | None = None) -> dict:
+    """The history of an experiment's run, which is made first, or gone on with, where the folder has none yet.
+
+    The seconds that this took are in `seconds.txt` beside it."""
+    if not (folder / "history.json").exists():
+        command = [btr, "coevolve", str(experiment), "--quiet", "--seed", str(seed), "--out", str(folder)]
+        command += [word for key, value in (settings or {}).items() for word in ("--set", f"{key}={value}")]
+        command += ["--resume"] if (folder / "checkpoint.bin").exists() else []
+        began = time.monotonic()
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        # 1: the run is over and says that it disengaged or missed its goal.
+        if done.returncode not in (0, 1):
+            raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
+        (folder / "seconds.txt").write_text(f"{time.monotonic() - began:.1f}")
+    return json.loads((folder / "history.json").read_text())
+
+
+def coevolved_text(btr: str, folder: Path, text: str, seed: int) -> dict:
+    """The same of an experiment that is no file yet; it is kept in the folder as `asked.toml`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    experiment = folder / "asked.toml"
+    experiment.write_text(text)
+    return coevolved(btr, folder, experiment, seed)
+
+
+def seconds(folder: Path) -> float:
+    """How long a run took."""
+    return float((folder / "seconds.txt").read_text())
+
+
+def simulated(btr: str, model: Path, log: Path, duration_s: float) -> list[dict[str, float]]:
+    """What a model does with its own drive, sample by sample; `log` is written over."""
+    command = [btr, "simulate", str(model), "-o", str(log), "--overwrite", "-q"]
+    subprocess.run([*command, "--set", f"simulation.duration_s={duration_s:.3f}"], cwd=ROOT, check=True)
+    with log.open() as file:
+        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+
+
+def heading_deg(row: dict[str, float]) -> float:
+    """Where a robot's base heads, by a row of a log."""
+    w, x, y, z = (row[f"base_q{axis}"] for axis in "wxyz")
+    return math.degrees(math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
+
+
+def worst_error(run: dict) -> float:
+    """The largest error of any parameter of a run against a hidden twin, in percent."""
+    return max(abs(error) for error in run["revealed"]["error_percent"].values())
+
+
+def quartiles(values: list[float]) -> tuple[float, float, float]:
+    """Lower quartile, median and upper quartile, interpolated between the values."""
+    if len(values) < 2:
+        return values[0], values[0], values[0]
+    lower, middle, upper = statistics.quantiles(values, n=4, method="inclusive")
+    return lower, middle, upper
 
 
 def run(study: Callable[[str, Path], None], data: Path, doc: str | None) -> None:

@@ -12,15 +12,13 @@ read, not repeated. Needs nothing but the standard library.
 from __future__ import annotations
 
 import argparse
-import json
 import pathlib
 import random
 import re
 import statistics
-import subprocess
-import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from asking import BTR, ROOT, coevolved_text, seconds
+
 LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
 DAMAGES = {"limp": ("torque_limit", 0.05), "stuck": ("coulomb_friction", 3.0)}
 """Effect and torque in N·m; the ant's motors give 3."""
@@ -49,48 +47,33 @@ def without_map(text: str, method: str, iterations: int, population: int, genera
     )
 
 
-def run(folder: pathlib.Path, text: str, seed: int, btr: str) -> tuple[dict, float]:
-    """The history of a run, which is made first where it is not there yet, and the seconds it took."""
-    clock = folder / "seconds.txt"
-    if not (folder / "history.json").exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        experiment = folder / "asked.toml"
-        experiment.write_text(text)
-        began = time.monotonic()
-        command = [btr, "coevolve", str(experiment), "--quiet", "--seed", str(seed), "--out", str(folder)]
-        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if done.returncode not in (0, 1):
-            raise SystemExit(done.stderr)
-        clock.write_text(f"{time.monotonic() - began:.1f}")
-    return json.loads((folder / "history.json").read_text()), float(clock.read_text())
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--experiment", type=pathlib.Path, default=ROOT / "robots" / "ant-damaged.toml")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "damaged")
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
     out, text = args.out.resolve(), args.experiment.read_text()
     print("seed | damage | best simulated: promised, real | map: promised, first test, best, tests | reality alone | within | s")
     rows = []
     for seed in range(args.first, args.first + args.seeds):
         asked, damage = damaged(text, seed)
-        history, seconds = run(out / f"map-{seed}", asked, seed, args.btr)
+        history = coevolved_text(args.btr, out / f"map-{seed}", asked, seed)
+        took_s = seconds(out / f"map-{seed}")
         evaluations = len(history["generations"]) * len(history["generations"][0]["scores"])
         simulated = without_map(asked, "back_to_reality", 1, 50, evaluations // 50)
-        best, _ = run(out / f"simulated-{seed}", simulated, seed, args.btr)
-        alone, _ = run(out / f"alone-{seed}", without_map(asked, "reality_only", 1, 10, 1), seed, args.btr)
+        best = coevolved_text(args.btr, out / f"simulated-{seed}", simulated, seed)
+        alone = coevolved_text(args.btr, out / f"alone-{seed}", without_map(asked, "reality_only", 1, 10, 1), seed)
         test, tests = best["tests"][0], history["tests"]
         real = [one["recommended"]["fitness_real"] for one in (history, alone)]
         within = history["reality_gap"]["within"]
         rows.append((test["promised"], best["recommended"]["fitness_real"], tests[0]["verdict"]["done"]["fitness"],
-                     real[0], len(tests), real[1], *within, seconds))
+                     real[0], len(tests), real[1], *within, took_s))
         print(
             f"{seed:4} | {damage:14} | {rows[-1][0]:.3f} {rows[-1][1]:+.3f} | {tests[0]['promised']:.3f} {rows[-1][2]:+.3f} "
-            f"{real[0]:+.3f} {len(tests):2} | {real[1]:+.3f} | {within[0]}/{within[1]} | {seconds:.0f}",
+            f"{real[0]:+.3f} {len(tests):2} | {real[1]:+.3f} | {within[0]}/{within[1]} | {took_s:.0f}",
             flush=True,
         )
     columns = list(zip(*rows))

@@ -16,36 +16,22 @@ Needs nothing but the standard library.
 from __future__ import annotations
 
 import argparse
-import json
 import pathlib
 import random
 import statistics
-import subprocess
-import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from asking import BTR, ROOT, coevolved_text, seconds
+
 MASSES = [f"{side}{link}" for side in "RL" for link in ("ShoulderRoll", "HipRoll", "HipPitch", "KneePitch")]
 """Links of which `robots/nao-drift.toml` does not know the mass."""
 LEGS = [f"{side}{joint}" for side in "RL" for joint in ("HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")]
 """Joints whose friction a walk can feel."""
 
 
-def run(out: pathlib.Path, name: str, text: str, seed: int, btr: str) -> tuple[dict, float]:
-    """The history of a run, which is made first where it is not there yet, and the seconds it took."""
-    folder = out / f"{name}-{seed}"
-    clock = folder / "seconds.txt"
-    if not (folder / "history.json").exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        experiment = folder / "asked.toml"
-        experiment.write_text(text)
-        began = time.monotonic()
-        command = [btr, "coevolve", str(experiment), "--quiet", "--seed", str(seed), "--out", str(folder)]
-        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if done.returncode not in (0, 1):
-            raise SystemExit(done.stderr)
-        clock.write_text(f"{time.monotonic() - began:.1f}")
-    seconds = float(clock.read_text()) if clock.exists() else float("nan")
-    return json.loads((folder / "history.json").read_text()), seconds
+def run(args: argparse.Namespace, name: str, text: str, seed: int) -> tuple[dict, float]:
+    """The history of a run, and the seconds it took."""
+    folder = args.out / f"{name}-{seed}"
+    return coevolved_text(args.btr, folder, text, seed), seconds(folder)
 
 
 def alone(text: str) -> str:
@@ -61,8 +47,8 @@ def inside(text: str, args: argparse.Namespace) -> None:
     told = kept = masses = within = promises = better = disengaged = good = 0
     worst_of_all, seconds_of_all, gaps = [], [], []
     for seed in range(args.first, args.first + args.seeds):
-        history, seconds = run(args.out, "nao", text, seed, args.btr)
-        baseline, _ = run(args.out, "alone", alone(text), seed, args.btr)
+        history, took_s = run(args, "nao", text, seed)
+        baseline, _ = run(args, "alone", alone(text), seed)
         truth, last = history["revealed"]["parameters"], history["iterations"][-1]
         beliefs = last["posterior"]["parameters"]
         errors = {name: 100 * abs(belief["value"] / truth[name] - 1) for name, belief in beliefs.items()}
@@ -77,11 +63,11 @@ def inside(text: str, args: argparse.Namespace) -> None:
         within, promises = within + gap["within"][0], promises + gap["within"][1]
         better, disengaged, good = better + (fitness > other), disengaged + history["disengaged"], good + holds
         worst_of_all.append(worst)
-        seconds_of_all.append(seconds)
+        seconds_of_all.append(took_s)
         gaps.append(gap["mean"])
         print(
             f"{seed:4} | {worst:6.2f} {len(sure)} {sum(covered)} | {holds} {gap['within'][0]}/{gap['within'][1]} "
-            f"| {fitness:.3f} {other:.3f} | {history['real_tests']} | {seconds:.0f}",
+            f"| {fitness:.3f} {other:.3f} | {history['real_tests']} | {took_s:.0f}",
             flush=True,
         )
     print(f"disengaged: {disengaged} of {args.seeds}")
@@ -117,14 +103,14 @@ def outside(text: str, args: argparse.Namespace) -> None:
     for seed in range(args.first, args.first + args.seeds):
         kind, names, line = hidden(seed)
         twin = text.replace('parameters = "random"\n', f'parameters = "random"\neffects = [{line}]\n')
-        history, seconds = run(args.out, f"outside-{kind}", twin, seed, args.btr)
+        history, took_s = run(args, f"outside-{kind}", twin, seed)
         cause = history["diagnosis"] or {"verdict": None, "effects": []}
         found = [f"{e['effect']}@{e['site']}" for e in cause["effects"]]
         alike = [name for e in cause["effects"] for name in e["alike"]]
         right = cause["verdict"] == "effect_missing" and sorted(found) == sorted(names)
         exact += right
         said = ", ".join(found) + (f" ({', '.join(alike)})" if alike else "")
-        print(f"{seed:4} | {', '.join(names)} | {cause['verdict']} | {said} | {seconds:.0f} {'' if right else 'WRONG'}", flush=True)
+        print(f"{seed:4} | {', '.join(names)} | {cause['verdict']} | {said} | {took_s:.0f} {'' if right else 'WRONG'}", flush=True)
     print(f"named exactly: {exact} of {args.seeds}")
 
 
@@ -144,7 +130,7 @@ def drift(args: argparse.Namespace) -> None:
     for seed in range(args.first, args.first + args.seeds):
         name, times = changed(seed)
         twin = text.replace('"mass@LKneePitch" = 1.25', f'"{name}" = {times}')
-        history, seconds = run(args.out, "drift", twin, seed, args.btr)
+        history, took_s = run(args, "drift", twin, seed)
         truth, drifts = history["revealed"]["parameters"], history["drifts"]
         said = [(change["parameter"], seen["before_test"]) for seen in drifts for change in seen["changed"]]
         right += said == [(name, 3)]
@@ -155,7 +141,7 @@ def drift(args: argparse.Namespace) -> None:
         worst = max(100 * abs(value / truth[n] - 1) for n, value in history["iterations"][-1]["parameters"].items())
         print(
             f"{seed:4} | {name} x {times} | {said} | {noticed[-1] if drifts else '-'}, {known[0] - 3 if known else '-'} "
-            f"| {worst:.2f} | {seconds:.0f}",
+            f"| {worst:.2f} | {took_s:.0f}",
             flush=True,
         )
     print(f"named exactly, and nothing else: {right} of {args.seeds}")
@@ -176,7 +162,7 @@ def main() -> None:
     parser.add_argument("--outside", action="store_true", help="twins that have what S lacks")
     parser.add_argument("--drift", action="store_true", help="twins that change")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "nao-seeds")
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
     args.out = args.out.resolve()
     text = (ROOT / "robots" / "nao.toml").read_text()

@@ -10,24 +10,17 @@ Runs that are in the output folder already are read, not repeated. Needs nothing
 """
 
 import argparse
-import json
 import pathlib
 import statistics
-import subprocess
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from asking import BTR, ROOT, coevolved
 
 
 def errors(out: pathlib.Path, experiment: str, seed: int, btr: str, when: str = "") -> list[float]:
     """A run's errors without sign in percent, at its end or (`when` is `_before`) its beginning.
 
     The run is made where it is not there yet."""
-    folder = out / f"{experiment}-{seed}"
-    if not (folder / "history.json").exists():
-        resume = ["--resume"] if (folder / "checkpoint.bin").exists() else []
-        command = [btr, "coevolve", f"robots/{experiment}.toml", "--quiet", "--seed", str(seed), "--out", str(folder)]
-        subprocess.run(command + resume, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
-    run = json.loads((folder / "history.json").read_text())
+    run = coevolved(btr, out / f"{experiment}-{seed}", ROOT / "robots" / f"{experiment}.toml", seed)
     return [abs(error) for error in run["revealed"]["error_percent" + when].values()]
 
 
@@ -46,7 +39,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--nao-seeds", type=int, default=10)
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "by-side")
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
     out = args.out.resolve()
 

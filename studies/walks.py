@@ -11,14 +11,12 @@ that are in the output folder already are read, not repeated. Needs nothing but 
 from __future__ import annotations
 
 import argparse
-import csv
-import json
 import math
 import pathlib
 import re
-import subprocess
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from asking import BTR, ROOT, coevolved, heading_deg, simulated
+
 EXPERIMENT = ROOT / "robots" / "nao.toml"
 
 # No-load speed in rad/s, stall torque in N·m: motors and gears as in crates/btr-physics/src/nao.rs, which has the sources.
@@ -31,33 +29,14 @@ FALLEN_M = 0.25
 """Height of the torso, which is 0.35 m in the pose of the table, below which the robot has fallen."""
 
 
-def finished(folder: pathlib.Path, seed: int, btr: str) -> dict:
-    """The history of a run, which is made first where it is not there yet."""
-    if not (folder / "history.json").exists():
-        command = [btr, "coevolve", str(EXPERIMENT), "--quiet", "--seed", str(seed), "--out", str(folder)]
-        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if done.returncode not in (0, 1):
-            raise SystemExit(done.stderr)
-    return json.loads((folder / "history.json").read_text())
-
-
 def walk(folder: pathlib.Path, truth: dict[str, float], duration_s: float, btr: str) -> list[dict[str, float]]:
     """What the run's last controller does on the hidden twin, sample by sample."""
     text = (folder / "adapted.toml").read_text()
     for name, value in truth.items():
         text = re.sub(rf'(?m)^("{name}" = .*value = )[-0-9.e]+', rf"\g<1>{value!r}", text)
-    twin, log = folder / "twin.toml", folder / "walk.csv"
+    twin = folder / "twin.toml"
     twin.write_text(text)
-    setting = f"simulation.duration_s={duration_s:.3f}"
-    subprocess.run([btr, "simulate", str(twin), "-o", str(log), "--overwrite", "-q", "--set", setting], check=True)
-    with log.open() as file:
-        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
-
-
-def yaw_deg(row: dict[str, float]) -> float:
-    """Where the robot heads."""
-    w, x, y, z = (row[f"base_q{axis}"] for axis in "wxyz")
-    return math.degrees(math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
+    return simulated(btr, twin, folder / "walk.csv", duration_s)
 
 
 def largest(rows: list[dict[str, float]], kind: str, limit: int) -> tuple[float, str]:
@@ -158,12 +137,12 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=20.0, help="s")
     parser.add_argument("--picture", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "walks")
-    parser.add_argument("--btr", default=str(ROOT / "target" / "release" / "btr"))
+    parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
     print("seed | tested, walked | speed m/s | ends at x, y m | heading deg | fell | joint speed, torque of their limits")
     for seed in range(args.first, args.first + args.seeds):
         folder = args.out.resolve() / f"nao-{seed}"
-        truth = finished(folder, seed, args.btr)["revealed"]["parameters"]
+        truth = coevolved(args.btr, folder, EXPERIMENT, seed)["revealed"]["parameters"]
         rows = walk(folder, truth, args.duration, args.btr)
         if args.picture and seed == args.first:
             strip(rows, args.picture)
@@ -172,7 +151,7 @@ def main() -> None:
         (speed, fastest), (torque, strongest) = largest(rows, "dq", 0), largest(rows, "tau", 1)
         print(
             f"{seed:4} | 5, {args.duration:.0f} s | {last['base_x'] / args.duration:.3f} | {last['base_x']:+.2f} {last['base_y']:+.2f} "
-            f"| {yaw_deg(last):+.1f} | {'no' if fell is None else 'yes'}, lowest {lowest:.2f} m "
+            f"| {heading_deg(last):+.1f} | {'no' if fell is None else 'yes'}, lowest {lowest:.2f} m "
             f"| {100 * speed:.0f} % ({fastest} rad/s), {100 * torque:.0f} % ({strongest} N·m)",
             flush=True,
         )
