@@ -64,22 +64,26 @@ def recorded(path: pathlib.Path) -> dict[str, np.ndarray]:
     return {f"walk, {joint}": np.array([float(row[joint]) for row in rows]) for joint in JOINTS}
 
 
-def main() -> None:
+def table(walk: pathlib.Path | None) -> dict[str, tuple[list[float], list[float]]]:
+    """Row by row: bits for shuffled, late, 1 % std, 1 % range, x 1.5, offset, -x; and the last three with bins of their own."""
     rng = np.random.default_rng(1)
-    signals = made_up(rng)
-    if len(sys.argv) > 1:
-        signals |= recorded(pathlib.Path(sys.argv[1]))
-    heads = "shuffled |  late | 1 % std | 1 % range | x 1.5 | offset |   -x | own: x 1.5, offset, -x"
-    print(f"{'signal':25} | {heads}")
+    signals = made_up(rng) | (recorded(walk) if walk else {})
+    rows = {}
     for name, series in signals.items():
         x, late, span = series[1:], series[:-1], np.ptp(series)
         noise = rng.normal(size=len(x))
         noisy = [x + 0.01 * size * noise for size in (x.std(), span)]
         moved = [1.5 * x, x + 0.1 * span, -x]
         told = [distance(x, y) for y in (rng.permutation(x), late, *noisy, *moved)]
-        own = [distance(x, y, shared=False) for y in moved]
-        widths = (8, 5, 7, 9, 5, 6, 4)
-        row = " | ".join(f"{bits:{width}.2f}" for bits, width in zip(told, widths))
+        rows[name] = told, [distance(x, y, shared=False) for y in moved]
+    return rows
+
+
+def main() -> None:
+    heads = "shuffled |  late | 1 % std | 1 % range | x 1.5 | offset |   -x | own: x 1.5, offset, -x"
+    print(f"{'signal':25} | {heads}")
+    for name, (told, own) in table(pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else None).items():
+        row = " | ".join(f"{bits:{width}.2f}" for bits, width in zip(told, (8, 5, 7, 9, 5, 6, 4)))
         print(f"{name:25} | {row} | {own[0]:.2f}, {own[1]:.2f}, {own[2]:.2f}")
 
 

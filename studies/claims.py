@@ -1,0 +1,187 @@
+#!/usr/bin/env python3
+"""What README.md and docs/ claim in numbers, measured again.
+
+    cargo build --release && python3 studies/claims.py [--all] [--out runs/claims]
+
+Each claim is a text that stands in a file, a command, the number claimed and the number measured. A claim is off when its
+text is no longer in the file, or when the number measured is further from the claimed one than its tolerance. Without --all
+only what takes seconds is measured. What needs other programs, data that is not part of this project, or a quiet machine is
+listed with the command to type. Ends with exit code 1 where a claim is off. Needs NumPy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import statistics
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import phi_2_traps
+from ant_seeds import tests_to
+from asking import BTR, ROOT, ask, coevolved, quartiles, seconds, worst_error
+
+LEARN = [str(log) for log in sorted((ROOT / "robots" / "arm").glob("learn_*.csv"))]
+HELD_OUT = [str(log) for log in sorted((ROOT / "robots" / "arm").glob("held_out_*.csv"))]
+TEN = range(1, 11)
+
+
+class Bench:
+    """Where claims are measured; what several claims need is done once."""
+
+    def __init__(self, btr: str, out: Path) -> None:
+        self.btr, self.out = btr, out
+
+    @functools.cached_property
+    def arm(self) -> dict:
+        """The desk arm's diagnosis."""
+        return ask(self.btr, "diagnose", str(ROOT / "robots" / "arm.toml"), *LEARN, "--held-out", *HELD_OUT)
+
+    def run(self, experiment: str, seed: int = 1) -> dict:
+        """The history of an experiment's run."""
+        return coevolved(self.btr, self.out / f"{experiment}-{seed}", ROOT / "robots" / f"{experiment}.toml", seed)
+
+    def took_s(self, experiment: str) -> float:
+        """How long its first seed took."""
+        self.run(experiment)
+        return seconds(self.out / f"{experiment}-1")
+
+    def worst(self, experiment: str) -> list[float]:
+        """The worst parameter's error over ten seeds, in percent."""
+        return [worst_error(self.run(experiment, seed)) for seed in TEN]
+
+    def tests_to_two_percent(self, experiment: str) -> list[float]:
+        """Real tests after which all lengths stay within 2 %, over ten seeds."""
+        return [float(tests_to(self.run(experiment, seed), 2.0).replace("-", "inf")) for seed in TEN]
+
+    @functools.cached_property
+    def walk(self) -> Path:
+        """The recorded walk of the Nao, as a file, and how many samples it has."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        log = self.out / "walk.csv"
+        model = str(ROOT / "robots" / "nao-paper.toml")
+        self.samples = ask(self.btr, "simulate", model, "-o", str(log), "--overwrite")["samples"]
+        return log
+
+    @functools.cached_property
+    def traps(self) -> dict[str, tuple[list[float], list[float]]]:
+        """The table of phi_2's traps, row by row."""
+        return phi_2_traps.table(self.walk)
+
+
+@dataclass
+class Claim:
+    """A number in a file. `text` stands there as it is here; `tolerance` is in the unit of the number."""
+
+    file: str
+    text: str
+    command: str
+    claimed: float
+    measure: Callable[[Bench], float]
+    tolerance: float
+    slow: bool = False
+
+
+@dataclass
+class ByHand:
+    """A number that this script does not measure, and why."""
+
+    file: str
+    text: str
+    command: str
+    why: str
+
+
+def ladder(step: int, key: str) -> Callable[[Bench], float]:
+    """An error on the way down of the desk arm's diagnosis, in noise floors."""
+    return lambda bench: bench.arm["error_ladder"][step][key]
+
+
+def trap(row: str, column: int) -> Callable[[Bench], float]:
+    """A number of the table of phi_2's traps, in bits."""
+    return lambda bench: bench.traps[row][0][column]
+
+
+DIAGNOSE = "btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv"
+RUNGS = (
+    ("model as it stands                      20.44     21.31", 20.44, 21.31, 0.005, 0.005),
+    ("its parameters fitted                   7.187     8.376", 7.187, 8.376, 0.0005, 0.0005),
+    ("+ coulomb_friction@yaw                  1.021    0.9951", 1.021, 0.9951, 0.0005, 0.00005),
+)
+TRAPS = "python3 studies/phi_2_traps.py WALK.csv"
+SIDE = "python3 studies/paper_side_by_side.py"
+
+CLAIMS = [
+    claim
+    for step, (text, train, held_out, near, nearer) in enumerate(RUNGS)
+    for claim in (
+        Claim("README.md", text, DIAGNOSE, train, ladder(step, "train"), near),
+        Claim("README.md", text, DIAGNOSE, held_out, ladder(step, "held_out"), nearer),
+    )
+] + [
+    Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant-series.toml", 12,
+          lambda bench: bench.run("ant-series")["real_tests"], 0),
+    Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml", 156,
+          lambda bench: bench.run("ant")["real_tests"], 0),
+    Claim("docs/paper.md", "N = 4024", "btr simulate robots/nao-paper.toml -o WALK.csv", 4024,
+          lambda bench: (bench.walk, bench.samples)[1], 0),
+    Claim("docs/paper.md", "| uniform white noise | 7.9 |", TRAPS, 7.9, trap("uniform white noise", 0), 0.05),
+    Claim("docs/paper.md", "| uniform white noise | 7.9 | 7.9 | 0.46 |", TRAPS, 0.46, trap("uniform white noise", 2), 0.005),
+    Claim("docs/paper.md", "| sine, 1 Hz | 7.5 | 1.8 |", TRAPS, 1.8, trap("sine, 1 Hz", 1), 0.05),
+    Claim("docs/paper.md", "| left knee of the walk | 6.6 | 1.7 |", TRAPS, 1.7, trap("walk, q_LKneePitch", 1), 0.05),
+    Claim("robots/nao.toml", "Takes less than half a minute on two cores", "btr coevolve robots/nao.toml", 15,
+          lambda bench: bench.took_s("nao"), 15),
+    Claim("docs/scenarios.md", "lengths within 2 % after 24 to 48 tests", "btr coevolve robots/ant.toml, seeds 1 to 10", 24,
+          lambda bench: min(bench.tests_to_two_percent("ant")), 0, slow=True),
+    Claim("docs/scenarios.md", "lengths within 2 % after 24 to 48 tests", "btr coevolve robots/ant.toml, seeds 1 to 10", 48,
+          lambda bench: max(bench.tests_to_two_percent("ant")), 0, slow=True),
+    Claim("docs/paper.md", "| | `ant.toml` | 0.20 % |", SIDE, 0.20, lambda bench: quartiles(bench.worst("ant"))[1], 0.005, slow=True),
+    Claim("docs/paper.md", "`ant-paper.toml` | 3.78 % |", SIDE, 3.78,
+          lambda bench: statistics.median(bench.worst("ant-paper")), 0.005, slow=True),
+]  # fmt: skip
+
+BY_HAND = [
+    ByHand("README.md", "15 of 16", "hidden_effects --robot nao", "half an hour"),
+    ByHand("README.md", "takes 3.1 µs a step", "python3 benches/beside_mujoco.py", "MuJoCo and a quiet machine"),
+    ByHand("README.md", "7 ms from CSV", "python3 benches/python_load.py", "a quiet machine"),
+    ByHand("README.md", "0.18 rad, then 0.03", "python3 studies/xl330.py", "public logs"),
+    ByHand("docs/scaling.md", "153 batches", "python3 benches/scaling.py", "Ray and a quiet machine"),
+]
+
+
+def judge(claim: Claim, bench: Bench) -> tuple[str, bool]:
+    """What was measured, and whether the claim holds."""
+    if claim.text not in (ROOT / claim.file).read_text():
+        return "not in the file", False
+    measured = claim.measure(bench)
+    return f"{measured:.6g}", abs(measured - claim.claimed) <= claim.tolerance * (1 + 1e-9)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--all", action="store_true", help="also what takes minutes")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "claims")
+    parser.add_argument("--btr", default=BTR)
+    args = parser.parse_args()
+    bench = Bench(args.btr, args.out.resolve())
+    print("| claim | file | command | claimed | measured | |\n|---|---|---|---|---|---|")
+    off = 0
+    for claim in (claim for claim in CLAIMS if args.all or not claim.slow):
+        measured, holds = judge(claim, bench)
+        off += not holds
+        text = " ".join(claim.text.replace("|", " ").split())
+        verdict = "ok" if holds else "off"
+        print(f"| {text} | {claim.file} | `{claim.command}` | {claim.claimed:g} | {measured} | {verdict} |", flush=True)
+    for claim in BY_HAND:
+        there = claim.text in (ROOT / claim.file).read_text()
+        off += not there
+        verdict = f"by hand: {claim.why}" if there else "off: not in the file"
+        print(f"| {claim.text} | {claim.file} | `{claim.command}` | | | {verdict} |")
+    print(f"\n{off} off")
+    sys.exit(1 if off else 0)
+
+
+if __name__ == "__main__":
+    main()
