@@ -36,7 +36,7 @@ METHODS: dict[str, dict[str, str]] = {
     "quality diversity": {
         "iterations": "{tests}",
         "method": '"quality_diversity"',
-        "map": f"{{ cells = 2, generations = 100, population = 100, descriptors = {{ {SWINGS} }} }}",
+        "map": f"{{ enough = 1.0, cells = 2, generations = 100, population = 100, descriptors = {{ {SWINGS} }} }}",
     },
     "reality alone": {
         "iterations": "{tests}",
@@ -116,6 +116,8 @@ def main() -> None:
     for name, changes in METHODS.items():
         settings = {f"coevolve.{key}": value.replace("{tests}", str(args.tests)) for key, value in changes.items()}
         settings |= {"coevolve.real_tests": str(args.tests), "noise": NOISE, "reality.noise": NOISE}
+        # Whoever disengages goes on: all are to have the same number of tests.
+        settings["coevolve.disengagement"] = "{ stop = false }"
         folder = lambda seed: args.out.resolve() / f"{name.replace(' ', '-').lower()}-{seed}"
         seeds = range(args.first, args.first + args.seeds)
         runs = [coevolved(args.btr, folder(seed), EXPERIMENT, seed, settings) for seed in seeds]

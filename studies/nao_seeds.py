@@ -36,8 +36,8 @@ def run(args: argparse.Namespace, name: str, text: str, seed: int) -> tuple[dict
 
 def alone(text: str) -> str:
     """The same search for walks, with as many tests, in reality alone."""
-    tests = 6
-    text = text.replace("iterations = 6", f'iterations = {tests}\nreal_tests = {tests}\nmethod = "reality_only"')
+    tests = 4
+    text = text.replace("iterations = 4", f'iterations = {tests}\nreal_tests = {tests}\nmethod = "reality_only"')
     return text.replace('rule = "informative"', 'rule = "fittest"')
 
 

@@ -150,7 +150,7 @@ def main() -> None:
         fell = next((row for row in rows if row["base_z"] < FALLEN_M), None)
         (speed, fastest), (torque, strongest) = largest(rows, "dq", 0), largest(rows, "tau", 1)
         print(
-            f"{seed:4} | 5, {args.duration:.0f} s | {last['base_x'] / args.duration:.3f} | {last['base_x']:+.2f} {last['base_y']:+.2f} "
+            f"{seed:4} | 7, {args.duration:.0f} s | {last['base_x'] / args.duration:.3f} | {last['base_x']:+.2f} {last['base_y']:+.2f} "
             f"| {heading_deg(last):+.1f} | {'no' if fell is None else 'yes'}, lowest {lowest:.2f} m "
             f"| {100 * speed:.0f} % ({fastest} rad/s), {100 * torque:.0f} % ({strongest} N·m)",
             flush=True,

@@ -39,6 +39,11 @@ fn an_ant_that_was_adapted_does_what_the_loop_simulated() {
 }
 
 #[test]
+fn an_ant_with_a_policy_that_was_adapted_does_what_the_loop_simulated() {
+    does_what_the_loop_simulated(&Lab::new(), &shipped("ant-policy.toml"), "--set coevolve.iterations=2");
+}
+
+#[test]
 fn a_walk_that_was_adapted_does_what_the_loop_simulated() {
     let settings = "--set coevolve.iterations=1 --set coevolve.controllers.generations=2 \
                     --set coevolve.posterior.turns=2 --set simulation.duration_s=1.5";

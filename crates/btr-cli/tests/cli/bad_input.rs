@@ -79,9 +79,12 @@ fn maps_that_cannot_be_made() {
         "map = { descriptors = { energy = [1.0] } }",
         "map = { cells = 0, descriptors = { energy = [0.0, 1.0] } }",
         "map = { enough = 1.5, descriptors = { energy = [0.0, 1.0] } }",
-        "posterior = {}\nmap = { descriptors = { energy = [0.0, 1.0] } }",
     ];
     insta::assert_snapshot!("map", told.map(map).join("\n"));
+    let whitened = (DISTANCE, "distance = \"whitened\"");
+    let both = "method = \"quality_diversity\"\nposterior = {}\nmap = { descriptors = { energy = [0.0, 1.0] } }\n";
+    let lab = Lab::with(&[whitened, ("iterations = 2\n", &format!("iterations = 2\n{both}"))]);
+    insta::assert_snapshot!("map_and_posterior", lab.complaint("coevolve small.toml --out run --dry-run"));
 }
 
 #[test]
@@ -176,6 +179,24 @@ fn drives() {
         (REALITY, "kind = \"twin\""),
     ]);
     insta::assert_snapshot!("walk_of_an_ant", lab.complaint("simulate small.toml -o walk.csv"));
+}
+
+#[test]
+fn policies() {
+    let wrong = [
+        "kind = \"sine\"\nhidden = 2",
+        "kind = \"policy\"\naround = \"sin\"",
+        "kind = \"policy\"\naround = \"policy\"",
+        "kind = \"policy\"\nsensors = [\"giro\"]",
+        "kind = \"policy\"\njoints = \"hing\"",
+        "kind = \"policy\"\nhidden = -1",
+    ];
+    insta::assert_snapshot!("policies", all("kind = \"sine\"", &wrong));
+    let policy = ("kind = \"sine\"", "kind = \"policy\"\nsensors = [\"clock\"]");
+    let timeless = Lab::with(&[policy, ("omega_rad_s = 8.0\n", "")]);
+    insta::assert_snapshot!("policy_without_a_clock", timeless.complaint("coevolve small.toml --out run --dry-run"));
+    let by_hand = Lab::with(&[policy, (REALITY, "kind = \"manual\"")]);
+    insta::assert_snapshot!("policy_by_hand", by_hand.complaint("coevolve small.toml --out run --dry-run"));
 }
 
 #[test]

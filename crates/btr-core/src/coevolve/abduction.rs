@@ -7,9 +7,9 @@
 use super::estimation::{Estimated, Setting};
 use super::evaluate::{self, Cost};
 use super::ledger::Entry;
-use super::linearise::Probed;
 use super::plan::PosteriorPhase;
 use super::posterior::Posterior;
+use super::probed::Probed;
 use crate::distance::Distance;
 use crate::random;
 use crate::search::Residuals;
@@ -22,6 +22,9 @@ use rayon::prelude::*;
 const MULTIPLES: (f64, f64) = (0.15, 4.0);
 /// How far S may have been led astray, as a share of what its bounds leave.
 const ASTRAY: f64 = 0.35;
+/// An estimate that explains the tests held out but not those it learns from has narrowed too soon on one that is chaotic. It
+/// begins again where it stands, with these shares of what the bounds leave open.
+const AGAIN: [f64; 2] = [0.1, 0.3];
 /// How wide an extension's own numbers are believed to begin with, as a share of their probe's place above zero on the unit
 /// cube, and at least.
 const BEGIN: (f64, f64) = (0.5, 0.01);
@@ -108,6 +111,20 @@ impl Abduction<'_> {
         let (chi, as_foretold) = super::estimation::surprises(&seen);
         let judged = !self.held_out.is_empty();
         Some(Fitted { estimated, held_out: judged.then_some(chi), confirmed: !judged || as_foretold })
+    }
+
+    /// [`fit`](Self::fit), again from where it ended, where that explains the tests held out but not those it learns from.
+    pub fn fit_again(&self, simulator: &dyn Simulator, prior: &Posterior, fitted: Fitted, cost: &mut Cost) -> Fitted {
+        let mut best = fitted;
+        for share in AGAIN {
+            if best.estimated.explains || best.held_out.is_none() || !best.confirmed {
+                break;
+            }
+            let from = Posterior::new(best.estimated.belief.mean().clone(), prior.covariance() * share.powi(2));
+            let other = self.fit(simulator, prior, &from, cost);
+            best = other.filter(|other| other.confirmed && other.estimated.chi < best.estimated.chi).unwrap_or(best);
+        }
+        best
     }
 
     /// Some turns of an estimate on the tests to learn from.

@@ -38,15 +38,10 @@ pub(super) struct Shown {
 impl Shown {
     /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
     pub(super) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
-        let (mut rows, there, _) = rows_of(residuals)?;
-        let variances = ensemble.unexplained(&rows);
-        for row in &mut rows {
-            row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
-        }
-        let gram = gram_of(&rows);
+        let Weighted { rows, variances, gram, .. } = Weighted::of(ensemble, residuals)?;
         let heard = ensemble.heard(&rows, &variances, &gram);
         let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
-        let unpredictable = (variances.iter().sum::<f64>() / there.len() as f64).sqrt();
+        let unpredictable = (variances.iter().sum::<f64>() / variances.len() as f64).sqrt();
         let log_variances = variances.iter().map(|variance| variance.ln_1p()).sum();
         Some(Shown { gram, heard, samples, unpredictable, log_variances })
     }
@@ -63,7 +58,7 @@ impl Shown {
 }
 
 /// Eight sums side by side: one alone would wait for every addition.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let ((xs, x_rest), (ys, y_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     for (x, y) in xs.iter().zip(ys) {
@@ -81,13 +76,13 @@ pub(super) struct Ensemble {
     /// Where each of them stands, row by row.
     places: DMatrix<f64>,
     /// Rows average into slopes: errors regressed on the members' places are these columns' combinations of their rows.
-    slopes: DMatrix<f64>,
+    pub slopes: DMatrix<f64>,
     /// An orthonormal basis of where the members stand about their mean.
     axes: DMatrix<f64>,
     /// What it leaves of each member's errors.
-    leftover: DMatrix<f64>,
+    pub leftover: DMatrix<f64>,
     /// Members less what the regression has used up.
-    freedom: f64,
+    pub freedom: f64,
 }
 
 impl Ensemble {
@@ -116,7 +111,7 @@ impl Ensemble {
     }
 
     /// The members' combination that the regression has for a place.
-    fn regressed(&self, at: &DVector<f64>) -> DVector<f64> {
+    pub(super) fn regressed(&self, at: &DVector<f64>) -> DVector<f64> {
         let average = DVector::from_element(self.places.nrows(), 1.0 / self.places.nrows() as f64);
         average + &self.slopes * (at - &self.mean)
     }
@@ -230,7 +225,7 @@ pub(super) struct Foretold {
 }
 
 /// Adds a multiple of some numbers to sums.
-fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
+pub(super) fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
     sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += multiple * number);
 }
 
@@ -245,17 +240,17 @@ pub(super) fn surprise(shown: &Shown) -> f64 {
 
 /// An inner product of combinations of members' errors, weighted by the inverse of 1 + the covariance of what is left over
 /// (Woodbury's identity; the noise is white and of size 1).
-struct Unpredictable<'a> {
+pub(super) struct Unpredictable<'a> {
     gram: &'a DMatrix<f64>,
     /// leftover · gram.
-    seen: DMatrix<f64>,
-    weight: DMatrix<f64>,
+    pub seen: DMatrix<f64>,
+    pub weight: DMatrix<f64>,
     /// Logarithm of the covariance's determinant.
     log_determinant: f64,
 }
 
 impl<'a> Unpredictable<'a> {
-    fn of(leftover: &DMatrix<f64>, gram: &'a DMatrix<f64>, freedom: f64) -> Self {
+    pub(super) fn of(leftover: &DMatrix<f64>, gram: &'a DMatrix<f64>, freedom: f64) -> Self {
         let seen = leftover * gram;
         let count = gram.nrows();
         let inner = DMatrix::identity(count, count) * freedom + &seen * leftover;
@@ -267,7 +262,7 @@ impl<'a> Unpredictable<'a> {
         Unpredictable { gram, seen, weight: factor.inverse(), log_determinant }
     }
 
-    fn product(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    pub(super) fn product(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
         let (seen_a, seen_b) = (&self.seen * a, &self.seen * b);
         a.transpose() * self.gram * b - seen_a.transpose() * &self.weight * seen_b
     }
@@ -283,73 +278,28 @@ pub(super) struct Told {
     pub astray: DMatrix<f64>,
 }
 
-/// An ensemble's view of one test beside which further simulations are held: see [`along`](Probed::along).
-pub(super) struct Probed {
-    ensemble: Ensemble,
-    /// Weighted errors of the members, those of the point itself last.
-    rows: Vec<Vec<f64>>,
-    weights: Vec<f64>,
-    there: Vec<usize>,
-    scale: f64,
-    gram: DMatrix<f64>,
-    /// Members' combinations: the slopes, and where the regression has the point.
-    here: DMatrix<f64>,
-    /// The errors there.
-    errors: Vec<f64>,
+/// Members' errors on one test, each reading's divided by its noise and by what is unpredictable of it.
+pub(super) struct Weighted {
+    pub rows: Vec<Vec<f64>>,
+    /// Which samples of the residuals these are, and by how much they were scaled to count in multiples of the noise.
+    pub there: Vec<usize>,
+    pub scale: f64,
+    /// What is unpredictable of each, in multiples of the noise.
+    pub variances: Vec<f64>,
+    /// Inner products of the rows.
+    pub gram: DMatrix<f64>,
 }
 
-impl Probed {
-    /// Of members with their residuals, about a point of the cube.
-    pub(super) fn of(members: &[Unit], residuals: &[Residuals], at: &DVector<f64>) -> Option<Self> {
-        let ensemble = Ensemble::of(members)?;
+impl Weighted {
+    /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
+    pub(super) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
         let (mut rows, there, scale) = rows_of(residuals)?;
         let variances = ensemble.unexplained(&rows);
-        let weights: Vec<f64> = variances.iter().map(|variance| (1.0 + variance).sqrt().recip()).collect();
-        rows.iter_mut().for_each(|row| row.iter_mut().zip(&weights).for_each(|(error, weight)| *error *= weight));
-        let gram = gram_of(&rows);
-        let here = ensemble.regressed(at);
-        let mut errors = vec![0.0; weights.len()];
-        for (row, share) in rows.iter().zip(here.iter()) {
-            add_scaled(&mut errors, row, *share);
+        for row in &mut rows {
+            row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
         }
-        let here = DMatrix::from_columns(&[here]);
-        Some(Probed { ensemble, rows, weights, there, scale, gram, here, errors })
-    }
-
-    fn noise(&self) -> Unpredictable<'_> {
-        Unpredictable::of(&self.ensemble.leftover, &self.gram, self.ensemble.freedom)
-    }
-
-    /// chi-squared at the point.
-    pub(super) fn chi2(&self) -> f64 {
-        self.noise().product(&self.here, &self.here)[(0, 0)]
-    }
-
-    /// Expected curvature of half of chi-squared in S.
-    pub(super) fn information(&self) -> DMatrix<f64> {
-        self.noise().product(&self.ensemble.slopes, &self.ensemble.slopes)
-    }
-
-    /// Slope of half of chi-squared in S at the point.
-    pub(super) fn gradient(&self) -> DVector<f64> {
-        self.noise().product(&self.ensemble.slopes, &self.here).column(0).into_owned()
-    }
-
-    /// The change of the errors from the point to a simulation with these: its product with itself, with the errors at the
-    /// point, and with the slopes of S. `None` where it cannot be compared.
-    pub(super) fn along(&self, residuals: &Residuals) -> Option<(f64, f64, DVector<f64>)> {
-        let flat = residuals.concat();
-        let there = self.there.iter().zip(&self.weights).zip(&self.errors);
-        let change: Vec<f64> = there.map(|((&k, weight), error)| self.scale * flat[k] * weight - error).collect();
-        let products = DVector::from_iterator(self.rows.len(), self.rows.iter().map(|row| dot(row, &change)));
-        let noise = self.noise();
-        let seen = &self.ensemble.leftover * &products;
-        let weighted = &noise.weight * &seen;
-        let with = |combined: &DMatrix<f64>| {
-            combined.transpose() * &products - (&noise.seen * combined).transpose() * &weighted
-        };
-        let own = dot(&change, &change) - seen.dot(&weighted);
-        own.is_finite().then(|| (own, with(&self.here)[0], with(&self.ensemble.slopes)))
+        let gram = gram_of(&rows);
+        Some(Weighted { rows, there, scale, variances, gram })
     }
 }
 

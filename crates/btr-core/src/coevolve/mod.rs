@@ -16,6 +16,7 @@ mod linearise;
 mod map;
 mod plan;
 mod posterior;
+mod probed;
 mod promise;
 mod run;
 #[cfg(test)]

@@ -176,6 +176,8 @@ impl<'a> Asking<'a> {
             fitted.extend(self.tried(&glance.added, &glance.belief, cost));
         }
         fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let leader = fitted.first_mut()?;
+        self.fit_again(leader, cost);
         let before = state.fitted.estimated.chi.powi(2);
         let leader = fitted.first()?;
         let helps = before - leader.state.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
@@ -222,6 +224,14 @@ impl<'a> Asking<'a> {
         let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
         let cost = cost_of(&fitted, extended.simulations());
         Some(Tried { state: State { added: added.to_vec(), fitted, prior, extended }, cost })
+    }
+
+    /// A leader that stands in the way of its own explanation is estimated again.
+    fn fit_again(&self, leader: &mut Tried, cost: &mut Cost) {
+        let State { prior, extended, .. } = &leader.state;
+        let fitted = self.abduction.fit_again(extended, prior, leader.state.fitted.clone(), cost);
+        leader.cost = cost_of(&fitted, extended.simulations());
+        leader.state.fitted = fitted;
     }
 
     /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
