@@ -4,7 +4,7 @@
 //! Screening runs each extension once per probe where the present estimate stands, and asks how far a multiple of its change
 //! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
 
-use super::estimation::{Estimated, Setting};
+use super::estimation::{Estimated, Means, Setting, Surprise};
 use super::evaluate::{self, Cost};
 use super::ledger::Entry;
 use super::plan::PosteriorPhase;
@@ -22,9 +22,6 @@ use rayon::prelude::*;
 const MULTIPLES: (f64, f64) = (0.15, 4.0);
 /// How far S may have been led astray, as a share of what its bounds leave.
 const ASTRAY: f64 = 0.35;
-/// An estimate that explains the tests held out but not those it learns from has narrowed too soon on one that is chaotic. It
-/// begins again where it stands, with these shares of what the bounds leave open.
-const AGAIN: [f64; 2] = [0.1, 0.3];
 /// How wide an extension's own numbers are believed to begin with, as a share of their probe's place above zero on the unit
 /// cube, and at least.
 const BEGIN: (f64, f64) = (0.5, 0.01);
@@ -33,8 +30,9 @@ const BEGIN: (f64, f64) = (0.5, 0.01);
 pub struct Abduction<'a> {
     /// A likelihood: see [`Distance::whitens`].
     pub distance: &'a dyn Distance,
-    /// Tests to learn from.
-    pub learn: Vec<&'a Entry>,
+    /// Tests to learn from: growing parts of them from their beginnings on, at last all of them. A robot that falls goes on in
+    /// ways that nothing foretells before its numbers are known; what makes it fall shows before.
+    pub learn: Vec<Vec<&'a Entry>>,
     /// Tests to judge by.
     pub held_out: Vec<&'a Entry>,
     /// How estimates are made.
@@ -91,8 +89,8 @@ impl Abduction<'_> {
         Posterior::new(prior.mean().clone(), prior.covariance() * ASTRAY.powi(2))
     }
 
-    fn setting<'a>(&'a self, simulator: &'a dyn Simulator, prior: Posterior) -> Setting<'a> {
-        Setting { simulator, distance: self.distance, tests: self.learn.clone(), prior }
+    fn setting<'a>(&'a self, simulator: &'a dyn Simulator, prior: &Posterior, tests: &[&'a Entry]) -> Setting<'a> {
+        Setting { simulator, distance: self.distance, tests: tests.to_vec(), prior: prior.clone() }
     }
 
     /// Estimates S, from a belief to begin with; `prior` is what is known of it without any test.
@@ -103,31 +101,38 @@ impl Abduction<'_> {
         from: &Posterior,
         cost: &mut Cost,
     ) -> Option<Fitted> {
-        let estimated = self.glance(simulator, prior, from, self.phase.turns, cost)?;
-        let held_out = Setting { tests: self.held_out.clone(), ..self.setting(simulator, prior.clone()) };
+        let estimated = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
-        let (seen, _) = held_out.seen(&draws, cost);
-        let (chi, as_foretold) = super::estimation::surprises(&seen);
+        let (seen, _) = self.setting(simulator, prior, &self.held_out).seen(&draws, cost);
+        let held_out = Surprise::of(&seen);
         let judged = !self.held_out.is_empty();
-        Some(Fitted { estimated, held_out: judged.then_some(chi), confirmed: !judged || as_foretold })
+        Some(Fitted { estimated, held_out: judged.then_some(held_out.chi), confirmed: !judged || held_out.foreseen })
     }
 
-    /// [`fit`](Self::fit), again from where it ended, where that explains the tests held out but not those it learns from.
-    pub fn fit_again(&self, simulator: &dyn Simulator, prior: &Posterior, fitted: Fitted, cost: &mut Cost) -> Fitted {
-        let mut best = fitted;
-        for share in AGAIN {
-            if best.estimated.explains || best.held_out.is_none() || !best.confirmed {
-                break;
+    /// From the tests' beginnings to the whole of them, each part from what the one before has told. Where a beginning is not
+    /// explained, the whole tests are estimated at once, and are not explained either.
+    fn settle(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        from: &Posterior,
+        cost: &mut Cost,
+    ) -> Option<Estimated> {
+        let means = Means { phase: &self.phase, seed: self.seed };
+        let (first, longer) = self.learn.split_first()?;
+        let mut estimated = self.setting(simulator, prior, first).settle(from, &means, cost)?;
+        for tests in longer {
+            if !estimated.explains {
+                let whole = self.setting(simulator, prior, self.learn.last()?).settle(from, &means, cost)?;
+                return Some(Estimated { explains: false, ..whole });
             }
-            let from = Posterior::new(best.estimated.belief.mean().clone(), prior.covariance() * share.powi(2));
-            let other = self.fit(simulator, prior, &from, cost);
-            best = other.filter(|other| other.confirmed && other.estimated.chi < best.estimated.chi).unwrap_or(best);
+            estimated = self.setting(simulator, prior, tests).narrow(&estimated.belief, &means, cost)?;
         }
-        best
+        Some(estimated)
     }
 
-    /// Some turns of an estimate on the tests to learn from.
+    /// Some turns of an estimate on the beginnings of the tests to learn from.
     pub fn glance(
         &self,
         simulator: &dyn Simulator,
@@ -137,10 +142,14 @@ impl Abduction<'_> {
         cost: &mut Cost,
     ) -> Option<Estimated> {
         let phase = PosteriorPhase { turns, ..self.phase.clone() };
-        self.setting(simulator, prior.clone()).settle(from, &phase, self.seed, cost)
+        self.setting(simulator, prior, self.learn.first()?).settle(
+            from,
+            &Means { phase: &phase, seed: self.seed },
+            cost,
+        )
     }
 
-    /// The extensions that would lower chi-squared of the tests to learn from, the most promising first, for an S that stands
+    /// The extensions that would lower chi-squared of the tests' beginnings, the most promising first, for an S that stands
     /// about where `belief` has it.
     pub fn screen(
         &self,
@@ -155,7 +164,7 @@ impl Abduction<'_> {
         let mut information = prior.covariance().clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(0, 0));
         let mut gradient = &information * (belief.mean() - prior.mean());
         let mut chi2 = 0.0;
-        for entry in &self.learn {
+        for entry in self.learn.first().into_iter().flatten() {
             let Some(probed) = self.probed(simulator, belief, entry, cost) else { continue };
             chi2 += probed.chi2();
             information += probed.information();

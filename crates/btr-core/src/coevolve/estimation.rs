@@ -26,6 +26,8 @@ const SETTLED: (f64, f64) = (0.5, 1.6);
 /// Ensembles are so many times as wide as the belief: what jumps beside it (a foot that lands a time step earlier) would not be
 /// seen from within, and the belief would be too sure.
 pub(super) const WIDER: f64 = 1.5;
+/// After so many turns that bring an unexplained test no nearer to the noise, no further one will.
+const STALLED: usize = 3;
 /// chi-squared per sample may exceed 1 by so many of its standard errors, and by this share for what sensors' statements
 /// round.
 const STANDARD_ERRORS: f64 = 5.0;
@@ -43,6 +45,13 @@ pub(super) struct Setting<'a> {
     pub tests: Vec<&'a Entry>,
     /// What is believed before any test.
     pub prior: Posterior,
+}
+
+/// How it is estimated.
+pub(super) struct Means<'a> {
+    pub phase: &'a PosteriorPhase,
+    /// Of all ensembles.
+    pub seed: u64,
 }
 
 /// A belief and how well it explains the tests.
@@ -66,6 +75,9 @@ pub struct Estimated {
 pub(super) struct Turned {
     pub estimated: Estimated,
     pub settled: bool,
+    /// Whether the tests are like what simulations foresee of each other: less than [`Estimated::explains`] asks where they are
+    /// chaotic.
+    pub foreseen: bool,
 }
 
 /// An ensemble's view of a test.
@@ -75,28 +87,50 @@ pub(super) struct Seen {
 }
 
 impl Setting<'_> {
-    /// Turn after turn, from a belief to where it rests, or to where the turns end. `None` where nothing could be simulated.
-    pub(super) fn settle(
-        &self,
-        from: &Posterior,
-        phase: &PosteriorPhase,
-        seed: u64,
-        cost: &mut Cost,
-    ) -> Option<Estimated> {
-        let members = phase.members(from.mean().len());
-        let mut belief = from.clone();
-        let mut last = None;
-        for turn in 1..=phase.turns as u64 {
-            let draws = belief.wider(WIDER).draws(members, &mut random::stream(seed, &[turn]));
-            let (seen, _) = self.seen(&draws, cost);
-            let Turned { estimated, settled } = self.turn(&belief, &seen)?;
-            belief = estimated.belief.clone();
-            last = Some(estimated);
-            if settled {
+    /// Turn after turn, from a belief to where it rests, or to where the turns end or no longer help. `None` where nothing could
+    /// be simulated.
+    pub(super) fn settle(&self, from: &Posterior, by: &Means<'_>, cost: &mut Cost) -> Option<Estimated> {
+        let first = self.next(from, 1, by, cost)?;
+        self.go_on(first, by, cost).map(|turned| turned.estimated)
+    }
+
+    /// [`settle`](Self::settle), from a belief that explains parts of these tests. Where all of them are as it foresees, nothing
+    /// is less known for them: a chaotic rest, which would only widen what is believed, is left alone.
+    pub(super) fn narrow(&self, from: &Posterior, by: &Means<'_>, cost: &mut Cost) -> Option<Estimated> {
+        let first = self.next(from, 1, by, cost)?;
+        if !first.foreseen {
+            return self.go_on(first, by, cost).map(|turned| turned.estimated);
+        }
+        let kept = Estimated { belief: from.clone(), explains: true, ..first.estimated.clone() };
+        let narrower = |other: &Turned| other.foreseen && other.estimated.belief.volume() <= from.volume();
+        if !narrower(&first) {
+            return Some(kept);
+        }
+        let last = self.go_on(first, by, cost)?;
+        Some(if narrower(&last) { Estimated { explains: true, ..last.estimated } } else { kept })
+    }
+
+    /// Further turns after a first one.
+    fn go_on(&self, first: Turned, by: &Means<'_>, cost: &mut Cost) -> Option<Turned> {
+        let (mut last, mut chis) = (first, Vec::new());
+        for turn in 2..=by.phase.turns as u64 {
+            chis.push(last.estimated.chi);
+            let (early, late) = chis.split_at(chis.len().saturating_sub(STALLED));
+            let least = |chis: &[f64]| chis.iter().copied().fold(f64::INFINITY, f64::min);
+            let stalls = !last.estimated.explains && least(late) >= least(early);
+            if last.settled || stalls {
                 break;
             }
+            last = self.next(&last.estimated.belief, turn, by, cost)?;
         }
-        last
+        Some(last)
+    }
+
+    /// One turn, with an ensemble of its own.
+    fn next(&self, belief: &Posterior, turn: u64, by: &Means<'_>, cost: &mut Cost) -> Option<Turned> {
+        let members = by.phase.members(belief.mean().len());
+        let draws = belief.wider(WIDER).draws(members, &mut random::stream(by.seed, &[turn]));
+        self.turn(belief, &self.seen(&draws, cost).0)
     }
 
     /// Runs an ensemble on the tests: what each test shows, and each member's phi.
@@ -144,24 +178,57 @@ impl Setting<'_> {
         let unpredictable = seen.iter().map(of_test).collect();
         let (belief, settled) = moved(belief, &mean, &covariance);
         let (chi, deviance) = (chi2.sqrt(), of_tests.iter().map(|test| test.deviance).sum());
-        let worst = of_tests.iter().map(|test| (test.chi2 / test.samples).sqrt()).fold(0.0, f64::max);
-        let explains = chi <= noise_alone(samples) && worst <= WORST;
-        Some(Turned { estimated: Estimated { belief, chi, unpredictable, samples, deviance, explains }, settled })
+        let explains = explained(&of_tests);
+        let foreseen = foreseen(&of_tests);
+        Some(Turned {
+            estimated: Estimated { belief, chi, unpredictable, samples, deviance, explains },
+            settled,
+            foreseen,
+        })
     }
 }
 
-/// The chi that noise alone leaves of so many readings, at most.
-pub(super) fn noise_alone(samples: f64) -> f64 {
-    (1.0 + ROUNDED + STANDARD_ERRORS * (2.0 / samples).sqrt()).sqrt()
+/// chi-squared of some tests, over how many readings, and by how much it may exceed what noise leaves.
+fn sums(tests: &[Foretold]) -> (f64, f64, f64) {
+    let add =
+        |(chi2, samples, excess), test: &Foretold| (chi2 + test.chi2, samples + test.samples, excess + test.excess);
+    tests.iter().fold((0.0, 0.0, 0.0), add)
 }
 
-/// Chi of some tests before anything is learnt from them, all that an ensemble leaves open taken for noise; and whether it is
-/// at the noise.
-pub(super) fn surprises(seen: &[Option<Seen>]) -> (f64, bool) {
-    let samples: f64 = seen.iter().flatten().map(|seen| seen.shown.samples()).sum();
-    let squares: f64 = seen.iter().flatten().map(|seen| surprise(&seen.shown) * seen.shown.samples()).sum();
-    let chi = (squares / samples).sqrt();
-    (chi, chi <= noise_alone(samples))
+/// The chi-squared that noise alone leaves of so many readings, at most.
+fn noise_alone(samples: f64) -> f64 {
+    samples * (1.0 + ROUNDED + STANDARD_ERRORS * (2.0 / samples).sqrt())
+}
+
+/// Whether noise alone leaves as much, beside what is unpredictable.
+fn explained(tests: &[Foretold]) -> bool {
+    let (chi2, samples, _) = sums(tests);
+    chi2 <= noise_alone(samples) && tests.iter().all(|test| test.chi2 <= WORST.powi(2) * test.samples)
+}
+
+/// Whether each test, and all of them, are like what simulations foresee of each other.
+fn foreseen(tests: &[Foretold]) -> bool {
+    let as_foreseen = |(chi2, samples, excess): (f64, f64, f64)| chi2 <= noise_alone(samples) + excess;
+    !tests.is_empty() && (0..tests.len()).all(|k| as_foreseen(sums(&tests[k..=k]))) && as_foreseen(sums(tests))
+}
+
+/// Some tests before anything is learnt from them, all that an ensemble leaves open taken for noise.
+pub(super) struct Surprise {
+    /// Root of chi-squared per sample.
+    pub chi: f64,
+    /// Whether that is what noise leaves.
+    pub at_noise: bool,
+    /// Whether it is what simulations foresee of each other.
+    pub foreseen: bool,
+}
+
+impl Surprise {
+    /// Of an ensemble's view of the tests.
+    pub(super) fn of(seen: &[Option<Seen>]) -> Self {
+        let tests: Vec<Foretold> = seen.iter().flatten().map(|seen| surprise(&seen.shown)).collect();
+        let (chi2, samples, _) = sums(&tests);
+        Surprise { chi: (chi2 / samples).sqrt(), at_noise: chi2 <= noise_alone(samples), foreseen: foreseen(&tests) }
+    }
 }
 
 /// Those members of an ensemble that could be simulated on a test, and what it shows.

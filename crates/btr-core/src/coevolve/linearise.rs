@@ -8,6 +8,10 @@
 //! posterior itself, again and again, is the approach of D. M. Steinberg and E. V. Bonilla, "Extended and Unscented Gaussian
 //! Processes" (NeurIPS 2014); the unpredictable part is btr's.
 //!
+//! Whether a test is explained is a posterior predictive check: simulations that took no part in a regression are held beside
+//! it in the robot's place (A. Gelman, X.-L. Meng, H. Stern, "Posterior predictive assessment of model fitness via realized
+//! discrepancies", Statistica Sinica 6, 1996).
+//!
 //! Errors have tens of thousands of samples, ensembles some tens of members: all that is needed of a test is the Gram matrix
 //! of its members' errors.
 
@@ -19,6 +23,8 @@ use rayon::prelude::*;
 const FLAT: f64 = 1e-12;
 /// In so many parts an ensemble is divided to ask how well all others foretell each.
 const FOLDS: usize = 8;
+/// A robot that is like all but this share of the simulations that took no part in a regression is explained by it.
+const FORESEEN: f64 = 0.9;
 /// Samples that are looked at together.
 const CHUNK: usize = 1024;
 
@@ -97,6 +103,9 @@ impl Ensemble {
         if count < dims + 3 {
             return None;
         }
+        if dims == 0 {
+            return Some(Self::nowhere(count));
+        }
         let mean = places.row_mean().transpose();
         let mut apart = places.clone();
         apart.row_iter_mut().for_each(|mut place| place -= mean.transpose());
@@ -108,6 +117,20 @@ impl Ensemble {
         let centring = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
         let leftover = centring - &axes * axes.transpose();
         Some(Ensemble { mean, places, slopes, axes, leftover, freedom: (count - dims - 1) as f64 })
+    }
+
+    /// Of members that are told apart by nothing.
+    fn nowhere(count: usize) -> Self {
+        let none = DMatrix::zeros(count, 0);
+        let leftover = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
+        Ensemble {
+            mean: DVector::zeros(0),
+            places: none.clone(),
+            slopes: none.clone(),
+            axes: none,
+            leftover,
+            freedom: count as f64 - 1.0,
+        }
     }
 
     /// The members' combination that the regression has for a place.
@@ -158,26 +181,32 @@ impl Ensemble {
     /// outer product, over members that did not take part in the regression. `None` for an ensemble with too few members to
     /// leave some out.
     fn astray(&self, shown: &Shown) -> Option<DMatrix<f64>> {
-        // Draws come in pairs about the mean, which stay together.
-        let of_fold = |fold: usize| (0..self.places.nrows()).partition(|i| i / 2 % FOLDS != fold);
-        let folds: Vec<(Vec<usize>, Vec<usize>)> = (0..FOLDS).map(of_fold).collect();
-        let pulls = folds.par_iter().filter_map(|(taking_part, others)| self.pulls(shown, taking_part, others));
-        let pulls: Vec<DMatrix<f64>> = pulls.collect();
+        let pulls: Vec<DMatrix<f64>> = self.left_out(shown).iter().map(LeftOut::pulls).collect();
         let count: usize = pulls.iter().map(DMatrix::ncols).sum();
         (count > 0).then(|| pulls.iter().map(|pulls| pulls * pulls.transpose() / count as f64).sum())
     }
 
-    /// Where some members, one per column, would pull the gradient that others have regressed, if they were the robot and stood
-    /// where the regression expects them.
-    fn pulls(&self, shown: &Shown, taking_part: &[usize], others: &[usize]) -> Option<DMatrix<f64>> {
+    /// Every member once beside a regression that it did not take part in. None for an ensemble with too few members.
+    fn left_out(&self, shown: &Shown) -> Vec<LeftOut> {
+        // Draws come in pairs about the mean, which stay together.
+        let of_fold = |fold: usize| (0..self.places.nrows()).partition(|i| i / 2 % FOLDS != fold);
+        let folds: Vec<(Vec<usize>, Vec<usize>)> = (0..FOLDS).map(of_fold).collect();
+        folds.par_iter().filter_map(|(taking_part, others)| self.without(shown, taking_part, others)).collect()
+    }
+
+    fn without(&self, shown: &Shown, taking_part: &[usize], others: &[usize]) -> Option<LeftOut> {
         let regression = Ensemble::at(self.places.select_rows(taking_part))?;
         let beside = shown.gram.select_rows(taking_part);
         let among = beside.select_columns(taking_part);
-        let noise = Unpredictable::of(&regression.leftover, &among, regression.freedom);
-        let unforeseen = |&k: &usize| beside.column(k) - &among * regression.regressed(&self.places.row(k).transpose());
+        let mut squares = Vec::with_capacity(others.len());
+        let unforeseen = |&k: &usize| {
+            let shares = regression.regressed(&self.places.row(k).transpose());
+            let products = beside.column(k) - &among * &shares;
+            squares.push(shown.gram[(k, k)] - shares.dot(&beside.column(k)) - shares.dot(&products));
+            products
+        };
         let products = DMatrix::from_columns(&others.iter().map(unforeseen).collect::<Vec<_>>());
-        let seen = &noise.weight * (&regression.leftover * &products);
-        Some(regression.slopes.transpose() * products - (&noise.seen * &regression.slopes).transpose() * seen)
+        Some(LeftOut { regression, among, products, squares })
     }
 
     /// What is foretold of a test of the point `at`.
@@ -185,7 +214,12 @@ impl Ensemble {
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
         let combined = DMatrix::from_columns(&[self.regressed(at)]);
         let chi2 = noise.product(&combined, &combined)[(0, 0)];
-        Foretold { chi2, samples: shown.samples, deviance: chi2 + shown.log_variances + noise.log_determinant }
+        let deviance = chi2 + shown.log_variances + noise.log_determinant;
+        let mut excesses: Vec<f64> = self.left_out(shown).iter().flat_map(LeftOut::excesses).collect();
+        excesses.sort_by(f64::total_cmp);
+        let last = excesses.len().saturating_sub(1) as f64;
+        let excess = excesses.get((FORESEEN * last) as usize).copied().unwrap_or(0.0);
+        Foretold { chi2, samples: shown.samples, excess, deviance }
     }
 
     /// The variance of each sample's errors that no place in S accounts for.
@@ -213,12 +247,49 @@ impl Ensemble {
     }
 }
 
+/// Members that took no part in a regression, as the robot does not.
+struct LeftOut {
+    regression: Ensemble,
+    /// Inner products of those that did.
+    among: DMatrix<f64>,
+    /// Inner products of what the regression does not foresee of a member, column by column, with those that took part.
+    products: DMatrix<f64>,
+    /// Of what it does not foresee of a member with itself.
+    squares: Vec<f64>,
+}
+
+impl LeftOut {
+    fn noise(&self) -> Unpredictable<'_> {
+        Unpredictable::of(&self.regression.leftover, &self.among, self.regression.freedom)
+    }
+
+    /// Where the members, one per column, would pull the gradient if they were the robot and stood where the regression expects
+    /// them.
+    fn pulls(&self) -> DMatrix<f64> {
+        let (noise, regression) = (self.noise(), &self.regression);
+        let seen = &noise.weight * (&regression.leftover * &self.products);
+        regression.slopes.transpose() * &self.products - (&noise.seen * &regression.slopes).transpose() * seen
+    }
+
+    /// What chi-squared would be of each of them without any noise, if it were the robot and stood where the regression expects
+    /// it.
+    fn excesses(&self) -> Vec<f64> {
+        let seen = &self.regression.leftover * &self.products;
+        let foreseen = &self.noise().weight * &seen;
+        let excess = |(k, square): (usize, &f64)| square - seen.column(k).dot(&foreseen.column(k));
+        self.squares.iter().enumerate().map(excess).collect()
+    }
+}
+
 /// A test as a regression foretells it for some point.
 pub(super) struct Foretold {
     /// chi-squared beside what is unpredictable.
     pub chi2: f64,
     /// How many readings that is over.
     pub samples: f64,
+    /// By how much chi-squared of a member that took no part exceeds what noise leaves, in [`FORESEEN`] of all cases: what is
+    /// unpredictable is not as normal as it is taken for, and has more directions than members show.
+    pub excess: f64,
     /// Minus twice the logarithm of the likelihood, less a constant: who calls more of it unpredictable has the smaller
     /// chi-squared and is no likelier for that.
     pub deviance: f64,
@@ -229,13 +300,9 @@ pub(super) fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
     sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += multiple * number);
 }
 
-/// Chi-squared per sample of the ensemble's mean on a test, where all that its members differ in counts as not known.
-pub(super) fn surprise(shown: &Shown) -> f64 {
-    let count = shown.gram.nrows();
-    let centring = DMatrix::identity(count, count).add_scalar(-1.0 / count as f64);
-    let noise = Unpredictable::of(&centring, &shown.gram, count as f64 - 1.0);
-    let average = DMatrix::from_element(count, 1, 1.0 / count as f64);
-    noise.product(&average, &average)[(0, 0)] / shown.samples
+/// The ensemble's mean on a test, where all that its members differ in counts as not known.
+pub(super) fn surprise(shown: &Shown) -> Foretold {
+    Ensemble::nowhere(shown.gram.nrows()).foretold(shown, &DVector::zeros(0))
 }
 
 /// An inner product of combinations of members' errors, weighted by the inverse of 1 + the covariance of what is left over

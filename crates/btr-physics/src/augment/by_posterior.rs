@@ -27,9 +27,10 @@ const TRIED: usize = 6;
 const GLANCE_TURNS: usize = 4;
 /// How many of those are estimated to the end.
 const FITTED: usize = 3;
-/// This share of each test is looked at first. A robot that falls goes on in ways that nothing foretells, but what makes it fall
-/// shows before.
-const BEGINNING: f64 = 0.3;
+/// These shares of each test are estimated before all of it; effects are screened by the first.
+const BEGINNINGS: [f64; 3] = [0.3, 0.5, 0.7];
+/// Turns of an estimate at most. Nobody waits at the robot while a cause is looked for.
+const TURNS: usize = 12;
 /// An effect is kept that explains at least this share of what is unexplained.
 const HELPS: f64 = 0.2;
 /// Two explanations whose deviance, with what their numbers cost, differs by less than this cannot be told apart.
@@ -74,19 +75,19 @@ pub(super) fn cause(
     }
     let (learn, held_out) = tests.split_at(tests.len() - usize::from(tests.len() > 1));
     let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
-    let beginnings: Vec<Entry> = learn.iter().map(|test| test.beginning(BEGINNING)).collect();
-    let asked_of = |learn, held_out| Abduction {
+    let part = |share: &f64| learn.iter().map(|test| test.beginning(*share)).collect();
+    let beginnings: Vec<Vec<Entry>> = BEGINNINGS.iter().map(part).collect();
+    let parts = beginnings.iter().map(|part| part.iter().collect());
+    let abduction = Abduction {
         distance: distance.as_ref(),
-        learn,
-        held_out,
-        phase: PosteriorPhase { restarts: 0, ..phase.clone() },
+        learn: parts.chain([learn.to_vec()]).collect(),
+        held_out: held_out.to_vec(),
+        phase: PosteriorPhase { restarts: 0, turns: TURNS, ..phase },
         seed: experiment.seed,
     };
-    let abduction = asked_of(learn.to_vec(), held_out.to_vec());
-    let early = asked_of(beginnings.iter().collect(), Vec::new());
     let scales = scales(model, learn).map_err(|e| e.to_string())?;
     let mut cost = Cost::default();
-    let asking = Asking { abduction, early, model, scales, way: &experiment.way, start: run.start().to_vec() };
+    let asking = Asking { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
     let mut ladder = Vec::new();
     let mut said = |step: String, fitted: &Fitted| {
         let rung = Rung { step, train: fitted.estimated.chi, held_out: fitted.held_out };
@@ -102,6 +103,7 @@ pub(super) fn cause(
         effects.push(found);
         state = next;
     }
+    state = asking.pruned(state, &mut effects, &mut cost);
     state = asking.simplified(state, &mut effects, &mut cost);
     // What was found first is told by what was found last: its values are those beside all others.
     for (k, found) in effects.iter_mut().enumerate() {
@@ -146,8 +148,6 @@ fn cost_of(fitted: &Fitted, space: &Space) -> f64 {
 
 struct Asking<'a> {
     abduction: Abduction<'a>,
-    /// The same of the tests' beginnings.
-    early: Abduction<'a>,
     model: &'a Model,
     scales: Scales,
     way: &'a Way,
@@ -176,8 +176,6 @@ impl<'a> Asking<'a> {
             fitted.extend(self.tried(&glance.added, &glance.belief, cost));
         }
         fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let leader = fitted.first_mut()?;
-        self.fit_again(leader, cost);
         let before = state.fitted.estimated.chi.powi(2);
         let leader = fitted.first()?;
         let helps = before - leader.state.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
@@ -194,13 +192,13 @@ impl<'a> Asking<'a> {
         let mut glances: Vec<Glance> = Vec::new();
         for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
             self.way.heed();
-            let suspects = self.early.screen(&state.extended, &state.prior, &base, &extensions, cost);
+            let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
             for suspect in suspects.iter().take(TRIED) {
                 self.way.heed();
                 let extended = &spaces[suspect.extension];
                 let prior = self.prior(extended.simulations());
                 let from = self.abduction.beginning(&base, suspect, &prior);
-                let estimated = self.early.glance(extended, &prior, &from, GLANCE_TURNS, cost);
+                let estimated = self.abduction.glance(extended, &prior, &from, GLANCE_TURNS, cost);
                 let Some(Estimated { chi, belief, explains, .. }) = estimated else { continue };
                 glances.push(Glance { added: extended.added().to_vec(), belief, chi, explains });
             }
@@ -226,12 +224,27 @@ impl<'a> Asking<'a> {
         Some(Tried { state: State { added: added.to_vec(), fitted, prior, extended }, cost })
     }
 
-    /// A leader that stands in the way of its own explanation is estimated again.
-    fn fit_again(&self, leader: &mut Tried, cost: &mut Cost) {
-        let State { prior, extended, .. } = &leader.state;
-        let fitted = self.abduction.fit_again(extended, prior, leader.state.fitted.clone(), cost);
-        leader.cost = cost_of(&fitted, extended.simulations());
-        leader.state.fitted = fitted;
+    /// The same effects but for those that nothing is lost without: what was found first may have stood in for what was found
+    /// after it.
+    fn pruned(&self, mut state: State<'a>, effects: &mut Vec<Found>, cost: &mut Cost) -> State<'a> {
+        let mut k = 0;
+        while k + 1 < state.added.len() {
+            let mut added = state.added.clone();
+            added.remove(k);
+            let Some(tried) = self.tried(&added, &self.about(&state, &added, None), cost) else { break };
+            if self.as_good(&tried, &state) {
+                effects.remove(k);
+                state = tried.state;
+            } else {
+                k += 1;
+            }
+        }
+        state
+    }
+
+    /// Whether fewer numbers explain as much.
+    fn as_good(&self, tried: &Tried, state: &State) -> bool {
+        tried.cost < cost_of(&state.fitted, state.extended.simulations())
     }
 
     /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
@@ -241,8 +254,8 @@ impl<'a> Asking<'a> {
                 let Some(simpler) = effect::find(name) else { continue };
                 let mut added = state.added.clone();
                 added[k].effect = simpler;
-                let Some(tried) = self.tried(&added, &self.about(&state, &added, k), cost) else { continue };
-                if tried.cost < cost_of(&state.fitted, state.extended.simulations()) {
+                let Some(tried) = self.tried(&added, &self.about(&state, &added, Some(k)), cost) else { continue };
+                if self.as_good(&tried, &state) {
                     (*name).clone_into(&mut effects[k].effect);
                     state = tried.state;
                     break;
@@ -252,18 +265,20 @@ impl<'a> Asking<'a> {
         state
     }
 
-    /// A belief to begin with where effect `k` has been replaced by a simpler one: its numbers about those of the former one
-    /// that have the same unit, all others as they are known.
-    fn about(&self, state: &State, added: &[Added], k: usize) -> Posterior {
+    /// A belief to begin with where some effects of a state remain: their numbers as they are known, and in place of a `replaced`
+    /// one's those that have the same unit.
+    fn about(&self, state: &State, added: &[Added], replaced: Option<usize>) -> Posterior {
         let (known, mean) = (state.extended.simulations(), state.fitted.estimated.belief.mean());
         let own = self.model.simulations().len();
         let base = Posterior::of_bounds(&mean.as_slice()[..own]);
         let Some(extended) = self.extended(added.to_vec()) else { return base };
-        let former = format!("{}.", state.added[k].effect.card().name);
+        let former = replaced.map(|k| format!("{}.", state.added[k].effect.card().name));
         let start = extended.simulations().dims()[own..].iter().map(|dim| {
             let same = |other: &Dim| other.name == dim.name;
             let alike = |other: &Dim| {
-                other.name.starts_with(&former) && other.name.ends_with(&added[k].site) && other.unit == dim.unit
+                let site = dim.name.split_once('@').map(|(_, site)| site);
+                let of_former = former.as_ref().is_some_and(|former| other.name.starts_with(former));
+                of_former && other.name.split_once('@').map(|(_, site)| site) == site && other.unit == dim.unit
             };
             let place = known.dims().iter().position(same).or_else(|| known.dims().iter().position(alike));
             place.map_or(0.5, |place| dim.to_unit(known.dims()[place].from_unit(mean[place])))

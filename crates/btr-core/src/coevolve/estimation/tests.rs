@@ -13,7 +13,7 @@ fn estimated(toy: &Toy, truth: &[f64], seed: u64) -> Estimated {
     let prior = Posterior::of_bounds(&[0.5, 0.5]);
     let setting =
         Setting { simulator: toy, distance: &distance, tests: ledger.entries().iter().collect(), prior: prior.clone() };
-    setting.settle(&prior, &PosteriorPhase::default(), seed, &mut Cost::default()).unwrap()
+    setting.settle(&prior, &Means { phase: &PosteriorPhase::default(), seed }, &mut Cost::default()).unwrap()
 }
 
 fn drawn(seed: u64) -> [f64; 2] {
@@ -55,6 +55,45 @@ fn what_nobody_can_foretell_teaches_nothing_and_is_no_misfit() {
     assert!(chaotic.belief.sd(0) > orderly.belief.sd(0));
 }
 
+/// Of how many of some truths a first look at a test is as simulations foresee it.
+fn foreseen(toy: &Toy, robot: &Toy, hidden: &[f64], seeds: std::ops::Range<u64>) -> usize {
+    let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
+    let look = |seed: &u64| {
+        let ledger = tested(&mut Robot::new(robot, &[&drawn(*seed)[..], hidden].concat(), *seed), 1);
+        let tests = ledger.entries().iter().collect();
+        let setting = Setting { simulator: toy, distance: &distance, tests, prior: prior.clone() };
+        let by = Means { phase: &phase, seed: *seed };
+        setting.next(&prior, 1, &by, &mut Cost::default()).unwrap().foreseen
+    };
+    seeds.filter(look).count()
+}
+
+#[test]
+fn a_robot_is_foreseen_as_often_as_simulations_are() {
+    // 90 % of 100, and all that noise leaves besides; three standard deviations of that are 9.
+    let chaotic = Toy::new(true, &[]);
+    let held = foreseen(&chaotic, &chaotic, &[], 0..100);
+    assert!(held >= 81, "{held} of 100");
+    let drifting = Toy::new(true, &[Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0)]);
+    let fooled = foreseen(&chaotic, &drifting, &[0.5], 0..100);
+    assert!(fooled <= 5, "{fooled} of 100");
+}
+
+#[test]
+fn a_chaotic_rest_leaves_what_the_beginning_has_told() {
+    let toy = Toy::new(true, &[]);
+    let ledger = tested(&mut Robot::new(&toy, &[1.7, 1.13], 3), 1);
+    let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
+    let whole = &ledger.entries()[0];
+    let begun = whole.beginning(0.4);
+    let of = |test| Setting { simulator: &toy, distance: &distance, tests: vec![test], prior: prior.clone() };
+    let (by, cost) = (Means { phase: &phase, seed: 3 }, &mut Cost::default());
+    let first = of(&begun).settle(&prior, &by, cost).unwrap();
+    let then = of(whole).narrow(&first.belief, &by, cost).unwrap();
+    assert!(first.explains && then.explains, "{} {}", first.chi, then.chi);
+    assert!(then.belief.volume() <= first.belief.volume());
+}
+
 #[test]
 fn a_number_that_does_nothing_is_not_told() {
     let idle = Toy::new(false, &[Dim::new("idle", "1", 0.0, 1.0).nominal(0.3)]).space;
@@ -67,7 +106,8 @@ fn a_number_that_does_nothing_is_not_told() {
         tests: ledger.entries().iter().collect(),
         prior: prior.clone(),
     };
-    let estimated = setting.settle(&prior, &PosteriorPhase::default(), 5, &mut Cost::default()).unwrap();
+    let estimated =
+        setting.settle(&prior, &Means { phase: &PosteriorPhase::default(), seed: 5 }, &mut Cost::default()).unwrap();
     let beliefs = estimated.belief.beliefs(&deaf.space, 0.05, true);
     assert!(beliefs["rate"].told && beliefs["gain"].told && !beliefs["idle"].told, "{beliefs:?}");
     let open = estimated.belief.open_directions(&deaf.space);
@@ -85,7 +125,7 @@ fn what_s_lacks_is_not_explained_and_is_named() {
     let (learn, held_out) = ledger.entries().split_at(1);
     let abduction = Abduction {
         distance: &distance,
-        learn: learn.iter().collect(),
+        learn: vec![learn.iter().collect()],
         held_out: held_out.iter().collect(),
         phase: PosteriorPhase::default(),
         seed: 8,

@@ -3,7 +3,7 @@
 //! asks whether it is still the same robot.
 
 use super::{Coevolution, On, Phase, Step, Stream};
-use crate::coevolve::estimation::{Estimated, Setting, Turned, WIDER, surprises};
+use crate::coevolve::estimation::{Estimated, Setting, Surprise, Turned, WIDER};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::coevolve::posterior::Posterior;
@@ -37,7 +37,7 @@ impl Coevolution {
         let mut cost = self.state.cost;
         let (seen, _) = self.setting(on, &fresh).seen(&draws, &mut cost);
         self.state.cost = cost;
-        let (chi, as_foretold) = surprises(&seen);
+        let Surprise { chi, at_noise: as_foretold, .. } = Surprise::of(&seen);
         self.state.phi_predicted = Some(chi).filter(|phi| phi.is_finite());
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
         self.resolve(as_foretold);
@@ -81,7 +81,7 @@ impl Coevolution {
         self.state.cost = cost;
         let points = draws.iter().map(|unit| on.simulator.simulations().from_unit(unit)).collect();
         self.write_down(number, points, &scores);
-        let Some(Turned { estimated, settled }) = turned else { return self.settled(on, estimation.best) };
+        let Some(Turned { estimated, settled, .. }) = turned else { return self.settled(on, estimation.best) };
         if !settled && estimation.turn < phase.turns {
             let (belief, turn) = (estimated.belief, estimation.turn + 1);
             self.state.phase = Phase::Estimate(Estimation { belief, turn, ..estimation });
