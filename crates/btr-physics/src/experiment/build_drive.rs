@@ -94,6 +94,7 @@ impl Builder<'_> {
                     .map_err(|e| self.error(&["drive", "log"], &e, Some(e.help())))?;
                 Ok(DriveKind::Replay(Arc::new(Replay::new(&log, robot))))
             }
+            "policy" => Err(self.error(&["drive", key], "a policy cannot correct another policy", None)),
             other => Err(self.unknown(&["drive", key], "drive", other, DRIVES.iter().map(|d| d.0))),
         }
     }
