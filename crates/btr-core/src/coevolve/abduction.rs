@@ -75,7 +75,9 @@ pub struct Suspect {
 /// An extension with its numbers, and how well it explains the tests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fitted {
-    /// On the tests to learn from.
+    /// On the beginnings of the tests to learn from.
+    pub early: Estimated,
+    /// On all of these tests.
     pub estimated: Estimated,
     /// chi on those held out, with all that the posterior leaves open taken for noise; `None` without any.
     pub held_out: Option<f64>,
@@ -101,35 +103,41 @@ impl Abduction<'_> {
         from: &Posterior,
         cost: &mut Cost,
     ) -> Option<Fitted> {
-        let estimated = self.settle(simulator, prior, from, cost)?;
+        let (early, estimated) = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
         let (seen, _) = self.setting(simulator, prior, &self.held_out).seen(&draws, cost);
         let held_out = Surprise::of(&seen);
         let judged = !self.held_out.is_empty();
-        Some(Fitted { estimated, held_out: judged.then_some(held_out.chi), confirmed: !judged || held_out.foreseen })
+        Some(Fitted {
+            early,
+            estimated,
+            held_out: judged.then_some(held_out.chi),
+            confirmed: !judged || held_out.foreseen,
+        })
     }
 
-    /// From the tests' beginnings to the whole of them, each part from what the one before has told. Where a beginning is not
-    /// explained, the whole tests are estimated at once, and are not explained either.
+    /// From the tests' beginnings to the whole of them, each part from what the one before has told: the first estimate and the
+    /// last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
     fn settle(
         &self,
         simulator: &dyn Simulator,
         prior: &Posterior,
         from: &Posterior,
         cost: &mut Cost,
-    ) -> Option<Estimated> {
+    ) -> Option<(Estimated, Estimated)> {
         let means = Means { phase: &self.phase, seed: self.seed };
         let (first, longer) = self.learn.split_first()?;
-        let mut estimated = self.setting(simulator, prior, first).settle(from, &means, cost)?;
+        let early = self.setting(simulator, prior, first).settle(from, &means, cost)?;
+        let mut estimated = early.clone();
         for tests in longer {
             if !estimated.explains {
                 let whole = self.setting(simulator, prior, self.learn.last()?).settle(from, &means, cost)?;
-                return Some(Estimated { explains: false, ..whole });
+                return Some((early, Estimated { explains: false, ..whole }));
             }
             estimated = self.setting(simulator, prior, tests).narrow(&estimated.belief, &means, cost)?;
         }
-        Some(estimated)
+        Some((early, estimated))
     }
 
     /// Some turns of an estimate on the beginnings of the tests to learn from.

@@ -52,11 +52,34 @@ struct Glance {
     explains: bool,
 }
 
-/// A suspect that was estimated.
-struct Tried<'a> {
-    state: State<'a>,
-    /// See [`cost_of`].
-    cost: f64,
+/// What an explanation costs: its deviance, with what each of its numbers costs (Schwarz's criterion).
+#[derive(Clone, Copy)]
+struct Price {
+    explains: bool,
+    /// In the beginnings of the tests.
+    early: f64,
+    /// In all of them.
+    whole: f64,
+}
+
+impl Price {
+    fn of(state: &State) -> Self {
+        let numbers = state.extended.simulations().len() as f64;
+        let price = |estimated: &Estimated| estimated.deviance + numbers * estimated.samples.ln();
+        let Fitted { early, estimated, .. } = &state.fitted;
+        Price { explains: estimated.explains, early: price(early), whole: price(estimated) }
+    }
+
+    /// By how much another explanation is dearer. Two that explain everything are compared in the beginnings: further on a
+    /// deviance depends on what an ensemble takes for unpredictable, by more than a number costs.
+    fn less_than(self, other: Price) -> f64 {
+        match (self.explains, other.explains) {
+            (true, true) => other.early - self.early,
+            (false, false) => other.whole - self.whole,
+            (true, false) => f64::INFINITY,
+            (false, true) => f64::NEG_INFINITY,
+        }
+    }
 }
 
 /// Asks the tests of a run.
@@ -141,11 +164,6 @@ fn scales(model: &Model, learn: &[&Entry]) -> Result<Scales, WorldError> {
     Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
 
-/// Deviance on the tests to learn from, with what each number costs (Schwarz's criterion).
-fn cost_of(fitted: &Fitted, space: &Space) -> f64 {
-    fitted.estimated.deviance + space.len() as f64 * fitted.estimated.samples.ln()
-}
-
 struct Asking<'a> {
     abduction: Abduction<'a>,
     model: &'a Model,
@@ -167,20 +185,20 @@ impl<'a> Asking<'a> {
     /// One effect more; `None` where none helps enough.
     fn round(&self, state: &State<'a>, cost: &mut Cost) -> Option<(State<'a>, Found)> {
         let glances = self.glances(state, cost);
-        let mut fitted: Vec<Tried> = Vec::new();
+        let mut fitted: Vec<State> = Vec::new();
         for glance in glances.iter().take(FITTED) {
             // Where one explains all, those that do not even explain the beginnings are no rivals.
-            if !glance.explains && fitted.iter().any(|tried| tried.state.fitted.estimated.explains) {
+            if !glance.explains && fitted.iter().any(|tried| tried.fitted.estimated.explains) {
                 break;
             }
             fitted.extend(self.tried(&glance.added, &glance.belief, cost));
         }
-        fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        fitted.sort_by(|a, b| 0.0f64.total_cmp(&Price::of(a).less_than(Price::of(b))));
         let before = state.fitted.estimated.chi.powi(2);
         let leader = fitted.first()?;
-        let helps = before - leader.state.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
+        let helps = before - leader.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
         let found = self.found(state, &fitted).filter(|_| helps)?;
-        Some((fitted.swap_remove(0).state, found))
+        Some((fitted.swap_remove(0), found))
     }
 
     /// The suspects after a few turns, best first: those that promise most where S stands now, and where it began.
@@ -215,13 +233,12 @@ impl<'a> Asking<'a> {
     }
 
     /// Effects with their numbers.
-    fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<Tried<'a>> {
+    fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<State<'a>> {
         self.way.heed();
         let extended = self.extended(added.to_vec())?;
         let prior = self.prior(extended.simulations());
         let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
-        let cost = cost_of(&fitted, extended.simulations());
-        Some(Tried { state: State { added: added.to_vec(), fitted, prior, extended }, cost })
+        Some(State { added: added.to_vec(), fitted, prior, extended })
     }
 
     /// The same effects but for those that nothing is lost without: what was found first may have stood in for what was found
@@ -232,19 +249,14 @@ impl<'a> Asking<'a> {
             let mut added = state.added.clone();
             added.remove(k);
             let Some(tried) = self.tried(&added, &self.about(&state, &added, None), cost) else { break };
-            if self.as_good(&tried, &state) {
+            if Price::of(&tried).less_than(Price::of(&state)) > 0.0 {
                 effects.remove(k);
-                state = tried.state;
+                state = tried;
             } else {
                 k += 1;
             }
         }
         state
-    }
-
-    /// Whether fewer numbers explain as much.
-    fn as_good(&self, tried: &Tried, state: &State) -> bool {
-        tried.cost < cost_of(&state.fitted, state.extended.simulations())
     }
 
     /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
@@ -255,9 +267,9 @@ impl<'a> Asking<'a> {
                 let mut added = state.added.clone();
                 added[k].effect = simpler;
                 let Some(tried) = self.tried(&added, &self.about(&state, &added, Some(k)), cost) else { continue };
-                if self.as_good(&tried, &state) {
+                if Price::of(&tried).less_than(Price::of(&state)) > 0.0 {
                     (*name).clone_into(&mut effects[k].effect);
-                    state = tried.state;
+                    state = tried;
                     break;
                 }
             }
@@ -288,20 +300,20 @@ impl<'a> Asking<'a> {
     }
 
     /// The leader as it is told, beside those that explain as much.
-    fn found(&self, before: &State, tried: &[Tried]) -> Option<Found> {
+    fn found(&self, before: &State, tried: &[State]) -> Option<Found> {
         let leader = tried.first()?;
-        let last = leader.state.added.last()?;
-        let close = |other: &&Tried| other.cost - leader.cost < ALIKE;
-        let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.state.added.last()?.name()));
-        let weight = |other: &Tried| (-0.5 * (other.cost - leader.cost)).exp();
-        let without = cost_of(&before.fitted, before.extended.simulations());
-        let all: f64 = tried.iter().map(weight).sum();
+        let last = leader.added.last()?;
+        let price = Price::of(leader);
+        let dearer = |other: &State| price.less_than(Price::of(other));
+        let close = |other: &&State| dearer(other) < ALIKE;
+        let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.added.last()?.name()));
+        let rivals: f64 = tried.iter().skip(1).map(|other| (-0.5 * dearer(other)).exp()).sum();
         Some(Found {
             effect: last.effect.card().name.to_owned(),
             site: last.site.clone(),
             alike: alike.collect(),
-            probability: 1.0 / all,
-            delta_bic: without - leader.cost,
+            probability: 1.0 / (1.0 + rivals),
+            delta_bic: Price::of(before).whole - price.whole,
             parameters: Vec::new(),
             candidate: 0,
         })
