@@ -116,7 +116,8 @@ fn turn(run: &mut Run, experiment: &mut Experiment, told: &mut Told, watch: &mut
     }
 }
 
-/// Whether a run that stopped disengaged goes on in a larger S, once its real tests have been asked for the cause.
+/// Whether a run that stopped disengaged goes on, in a larger S or from a better estimate, once its real tests have been asked
+/// for the cause.
 fn goes_on(run: &mut Run, experiment: &mut Experiment, left: &Left, watch: &mut dyn Watch) -> Result<bool, Failure> {
     let Left::Stopped(reason) = left else { return Ok(false) };
     if run.state().disengaged() {
@@ -124,7 +125,8 @@ fn goes_on(run: &mut Run, experiment: &mut Experiment, left: &Left, watch: &mut 
     }
     let goes_on = run.look_for_cause(experiment, reason, &|rung| watch.rung(rung))?;
     if let Some(cause) = run.cause().filter(|_| goes_on) {
-        watch.say(&format!("{}; S has it now, and the run goes on", cause.sentence()));
+        let how = if cause.missing().is_empty() { "from what explains the tests" } else { "with that in S" };
+        watch.say(&format!("{}; the run goes on {how}", cause.sentence()));
     }
     Ok(goes_on)
 }

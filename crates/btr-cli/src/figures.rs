@@ -70,6 +70,7 @@ fn history(experiment: &Experiment, report: &Report) -> Figure3 {
                 intervals: intervals(report, &d.name),
             })
             .collect(),
+        drawn: experiment.plan.posterior.is_some(),
         individuals: of(Side::Simulators).enumerate().flat_map(|(k, g)| individuals(k, g)).collect(),
     }
 }

@@ -9,7 +9,7 @@ use crate::elsewhere::Served;
 use crate::experiment::Experiment;
 use crate::robot::Base;
 use crate::verbs::{AddError, Addition, LadderStep, add};
-use btr_core::coevolve::{Coevolution, Entry, Ledger};
+use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
 use btr_core::diagnose::{Found, Question, Rung, Verdict, diagnose};
 use btr_core::fit::Bench;
 use btr_core::log::Log;
@@ -49,17 +49,15 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// Asks the real tests of a run; `tell` hears every step of the error's fall.
-    pub(crate) fn of(experiment: &Experiment, run: &Coevolution, tell: &dyn Fn(&Rung)) -> Self {
+    /// Asks the real tests of a run; `tell` hears every step of the error's fall. A run with a posterior is also told what
+    /// explains them, where something does.
+    pub(crate) fn of(experiment: &Experiment, run: &Coevolution, tell: &dyn Fn(&Rung)) -> (Self, Option<Explanation>) {
         let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
         let answer = match run.plan().posterior {
             Some(_) => by_posterior::cause(experiment, run, asked.clone(), tell),
-            None => asked.clone().answered(experiment, run.ledger(), tell),
+            None => asked.clone().answered(experiment, run.ledger(), tell).map(|answered| (answered, None)),
         };
-        match answer {
-            Ok(answered) => answered,
-            Err(why) => Cause { not_diagnosed: Some(why), ..asked },
-        }
+        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..asked }, None))
     }
 
     fn answered(self, experiment: &Experiment, ledger: &Ledger, tell: &dyn Fn(&Rung)) -> Result<Self, String> {
@@ -117,7 +115,7 @@ impl Cause {
             (Some(why), _) => format!("the cause was not looked for: {why}"),
             (None, Some(Verdict::EffectMissing)) => format!("the cause: S lacks {named}"),
             (None, Some(Verdict::NothingMissing)) => {
-                "the cause: no effect is missing, S holds the robot: give the searches more generations".to_owned()
+                "no effect is missing, S holds the robot: the search stopped short of it (more generations, turns or restarts)".to_owned()
             }
             (None, _) if named.is_empty() => "the cause is unexplained: no effect of the library helps".to_owned(),
             (None, _) => format!("the cause is unexplained: {named} helps and does not explain"),

@@ -6,15 +6,15 @@ use crate::elsewhere::{Parcels, ServedModel};
 use crate::experiment::{Experiment, FileError, enlarges};
 use crate::io;
 use crate::verbs::AddError;
-use btr_core::coevolve::{Coevolution, On, Plan, PlanError, State, Step, StopReason};
-use btr_core::diagnose::Rung;
+use btr_core::coevolve::{Coevolution, Explanation, On, Plan, PlanError, State, Step, StopReason};
+use btr_core::diagnose::{Rung, Verdict};
 use btr_core::distance::Distance;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint: name and version of the format.
-const MAGIC: &[u8; 8] = b"btr-cp\x00\x05";
+const MAGIC: &[u8; 8] = b"btr-cp\x00\x06";
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +99,8 @@ struct Larger {
     text: Option<String>,
     /// The last answer to why the run disengaged.
     cause: Option<Cause>,
+    /// What explains the tests with that.
+    explanation: Option<Explanation>,
 }
 
 impl Run {
@@ -188,10 +190,20 @@ impl Run {
         let closed = self.state.history().iterations.len();
         let cause = match self.larger.cause.take().filter(|cause| cause.after_iteration == closed) {
             Some(known) => known,
-            None => Cause::of(experiment, &self.state, tell),
+            None => {
+                let (cause, explanation) = Cause::of(experiment, &self.state, tell);
+                self.larger.explanation = explanation;
+                cause
+            }
         };
+        let stopped = *reason == StopReason::Disengaged;
+        if stopped && cause.verdict == Some(Verdict::NothingMissing) && self.explain(experiment) {
+            self.larger.cause = Some(cause);
+            self.checkpoint()?;
+            return Ok(true);
+        }
         let missing = cause.missing();
-        let goes_on = self.state.plan().self_augment && *reason == StopReason::Disengaged && !missing.is_empty();
+        let goes_on = self.state.plan().self_augment && stopped && !missing.is_empty();
         let text = if goes_on { Some(cause.remedy(experiment)?) } else { None };
         self.larger.cause = Some(Cause { added: if goes_on { missing } else { Vec::new() }, ..cause });
         match text {
@@ -205,8 +217,15 @@ impl Run {
     fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
         experiment.enlarge(text.clone())?;
         self.state.enlarge(&experiment.model.simulations);
+        self.explain(experiment);
         self.larger.text = Some(text);
         self.checkpoint()
+    }
+
+    /// Goes on from what is known to explain the tests; false where that is not known of the present S.
+    fn explain(&mut self, experiment: &Experiment) -> bool {
+        let known = self.larger.explanation.take();
+        known.is_some_and(|known| self.state.explain(&experiment.model.simulations, &known))
     }
 
     /// Why the run disengaged, as far as it has been asked.

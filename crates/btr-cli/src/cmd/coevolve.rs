@@ -6,7 +6,7 @@ use crate::coevolution::{self, Ended, Watch};
 use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
 use crate::progress::Progress;
 use crate::table::{Table, maybe, number};
-use btr_core::coevolve::{Change, Coevolution, Promise, Step, StopReason};
+use btr_core::coevolve::{Change, Coevolution, Iteration, Promise, Step, StopReason};
 use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
 use btr_physics::augment::Cause;
@@ -185,7 +185,7 @@ fn show(report: &Report) {
         println!("at a bound of S, the truth may lie beyond: {}", at_bound.join(", "));
     }
     if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
-        println!("best in reality: test {} with fitness {}", best.test, number(best.fitness_real));
+        println!("best in reality: fitness {}, in transfers/{:04}", number(best.fitness_real), best.test);
     }
     show_map(report);
     show_gap(report);
@@ -255,11 +255,11 @@ fn span(interval: Option<[f64; 2]>) -> String {
 /// By how much reality falls short of promises, and which of these held.
 fn show_gap(report: &Report) {
     let Some(gap) = report.reality_gap.filter(|gap| gap.within[1] > 0) else { return };
+    let interval = gap.ci95.map_or_else(String::new, |_| format!(" (95 %: {})", span(gap.ci95)));
     println!(
-        "reality gap: {} ({}) from promised to real fitness, over {} tests; {} of {} within their interval",
+        "reality gap: {}{interval} from promised to real fitness, over {}; {} of {} within their interval",
         number(gap.mean),
-        span(gap.ci95),
-        gap.tests,
+        tests(gap.tests),
         gap.within[0],
         gap.within[1]
     );
@@ -275,13 +275,29 @@ fn show_posterior(report: &Report) {
         }
         println!("\n{}", table.render());
     }
-    if !estimate.not_told.is_empty() {
+    if estimate.parameters.values().all(|belief| belief.ci95.is_none()) {
+        println!("the estimates do not explain the tests and are not to be used");
+    }
+    if estimate.not_told.is_empty() {
+        println!("told: all {} parameters, by {}", estimate.parameters.len(), tests(told_by(report)));
+    } else {
         println!("not told by these tests: {}", estimate.not_told.join(", "));
     }
     for open in &estimate.open_directions {
         let parts = open.parameters.iter().map(|(name, share)| format!("{share:+.2} {name}"));
         println!("hardly told at all: {}", parts.collect::<Vec<_>>().join(" "));
     }
+}
+
+/// After how many real tests everything was told, as it has been since.
+fn told_by(report: &Report) -> usize {
+    let told = |it: &&Iteration| it.posterior.as_ref().is_some_and(|estimate| estimate.not_told.is_empty());
+    report.iterations.iter().rev().take_while(told).last().map_or(0, |it| it.real_tests)
+}
+
+/// So many real tests.
+fn tests(count: usize) -> String {
+    if count == 1 { "1 real test".to_owned() } else { format!("{count} real tests") }
 }
 
 /// When the robot has changed, and in what.
@@ -314,7 +330,7 @@ fn show_disengagement(report: &Report) {
     if last.posterior.is_some() {
         println!("  no simulation in it explains the real tests: {} x noise, from every start", maybe(last.phi));
         if let Some(cause) = &report.diagnosis {
-            println!("  {}", cause.sentence());
+            show_cause(cause);
         }
         return;
     }
@@ -324,10 +340,24 @@ fn show_disengagement(report: &Report) {
     println!("  pressure of controllers on simulations: {}", maybe(e.pressure_on_simulations));
     println!("  pressure of simulations on controllers: {}", maybe(e.pressure_on_controllers));
     if let Some(cause) = &report.diagnosis {
-        println!("  {}", cause.sentence());
+        show_cause(cause);
     }
     if !e.at_bound.is_empty() {
         println!("  at a bound of S, the truth may lie beyond: {}", e.at_bound.join(", "));
+    }
+}
+
+/// Why the run disengaged: what is missing, how large it is, and what these tests cannot tell from it.
+fn show_cause(cause: &Cause) {
+    println!("  {}", cause.sentence());
+    for found in &cause.effects {
+        for parameter in &found.parameters {
+            let interval = parameter.ci95.map_or_else(String::new, |_| format!(" (95 %: {})", span(parameter.ci95)));
+            println!("    {} = {} {}{interval}", parameter.name, number(parameter.value), parameter.unit);
+        }
+        if !found.alike.is_empty() {
+            println!("    these tests cannot tell it from {}", found.alike.join(", "));
+        }
     }
 }
 
@@ -352,7 +382,7 @@ fn show_revealed(report: &Report, revealed: &Comparison) {
     let Some(last) = report.iterations.last() else { return };
     println!("\nthe hidden twin");
     let intervals: &[&str] = if last.posterior.is_some() { &["95 %"] } else { &[] };
-    let (before, after) = (["parameter", "truth", "estimate"], ["error %", "error % before"]);
+    let (before, after) = (["parameter", "truth", "estimate"], ["error %", "error % at first"]);
     let mut table = Table::new(&[&before, intervals, &after].concat());
     for (name, truth) in &revealed.truth.parameters {
         let cell = |map: &indexmap::IndexMap<String, f64>| maybe(map.get(name).copied());

@@ -33,7 +33,7 @@ pub(crate) struct Parameter {
     pub(crate) unit: String,
     /// Its value in reality, where that is known.
     pub(crate) truth: Option<f64>,
-    /// 95 % intervals, where there is a posterior, with the generation after which they hold.
+    /// 95 % intervals, where there is a posterior that explains the tests, with the generation after which they hold.
     pub(crate) intervals: Vec<(usize, [f64; 2])>,
 }
 
@@ -52,12 +52,15 @@ pub(crate) struct Figure3 {
     pub(crate) parameters: Vec<Parameter>,
     /// Every simulation that was tried.
     pub(crate) individuals: Vec<Individual>,
+    /// Whether those of a generation were drawn from a posterior, about its mean.
+    pub(crate) drawn: bool,
 }
 
 /// Steps of grey between the best and the worst of a generation.
 const SHADES: usize = 8;
 
-/// Figure 3: fitness, phi, and each parameter over the generations; individuals are the darker the smaller their phi.
+/// Figure 3: fitness, phi, and each parameter over the generations; individuals are the darker the smaller their phi. The line is
+/// the best of each generation, or the posterior's mean.
 pub(crate) fn figure3(data: &Figure3) -> String {
     let mut panels = vec![
         progress("Fitness", &data.fitness_label, "max", &data.fitness),
@@ -102,19 +105,19 @@ fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
             let shade = rank * (SHADES - 1) / (population.len() - 1).max(1);
             shades[shade].push((x as f64, individual.values[index]));
         }
-        best.extend(population.first().map(|individual| (x as f64, individual.values[index])));
+        let values = population.iter().map(|individual| individual.values[index]);
+        let (mean, first) = (values.clone().sum::<f64>() / population.len() as f64, values.clone().next());
+        best.extend(if data.drawn { Some((x as f64, mean)) } else { first.map(|value| (x as f64, value)) });
     }
     let mut series: Vec<Series> = Vec::new();
     for (shade, points) in shades.into_iter().enumerate().rev() {
         series.push(Series::nameless(Ink::Shade(shade as f64 / (SHADES - 1) as f64), Mark::Dots, points));
     }
-    series.push(Series::new("best", Ink::Main, Mark::Line, best));
-    for (k, (generation, interval)) in intervals.iter().enumerate() {
-        let points = interval.map(|end| (*generation as f64, end)).to_vec();
-        series.push(match k {
-            0 => Series::new("95 %", Ink::Truth, Mark::Line, points),
-            _ => Series::nameless(Ink::Truth, Mark::Line, points),
-        });
+    series.push(Series::new(if data.drawn { "estimate" } else { "best" }, Ink::Main, Mark::Line, best));
+    if !intervals.is_empty() {
+        let end = |k: usize| intervals.iter().map(|(generation, ends)| (*generation as f64, ends[k])).collect();
+        series.push(Series::new("95 %", Ink::Third, Mark::Line, end(0)));
+        series.push(Series::nameless(Ink::Third, Mark::Line, end(1)));
     }
     if let Some(truth) = truth {
         let last = generations.len().saturating_sub(1) as f64;
@@ -194,7 +197,7 @@ mod tests {
             vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0), intervals: vec![] }];
         let (fitness, phi) = (Vec::new(), Vec::new());
         let (fitness_label, phi_label) = (String::new(), String::new());
-        let data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals };
+        let mut data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals, drawn: false };
         let panel = parameter(&data, 0, &[]);
         let named =
             |name: &str| panel.series.iter().find(|s| s.name.as_deref() == Some(name)).map(|s| s.points.clone());
@@ -202,6 +205,11 @@ mod tests {
         assert_eq!(named("reality"), Some(vec![(0.0, 5.0), (1.0, 5.0)]));
         let darkest = panel.series.iter().find(|s| s.ink == Ink::Shade(0.0)).map(|s| s.points.clone());
         assert_eq!(darkest, Some(vec![(0.0, 4.0), (1.0, 3.0)]));
+        // What was drawn from a posterior shows where its mean is.
+        data.drawn = true;
+        let panel = parameter(&data, 0, &[]);
+        let line = panel.series.iter().find(|s| s.name.as_deref() == Some("estimate")).map(|s| s.points.clone());
+        assert_eq!(line, Some(vec![(0.0, 7.0 / 3.0), (1.0, 3.0)]));
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::posterior::{Posterior, root};
 use crate::distance::Distance;
 use crate::random;
 use crate::search::{Residuals, Unit};
+use crate::space::Space;
 use crate::world::Simulator;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -69,6 +70,15 @@ pub struct Estimated {
     pub deviance: f64,
     /// Whether `chi` is at the noise, and no test far from it.
     pub explains: bool,
+}
+
+/// An estimate in a space of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// What the belief's dimensions are.
+    pub space: Space,
+    /// How it explains the tests.
+    pub estimated: Estimated,
 }
 
 /// What a turn came to.

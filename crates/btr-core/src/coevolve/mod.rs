@@ -27,7 +27,7 @@ pub use abduction::{Abduction, Extension, Fitted, Suspect};
 pub use correction::LinearCorrection;
 pub use disengage::Evidence;
 pub use drift::{Change, Drift};
-pub use estimation::Estimated;
+pub use estimation::{Estimated, Explanation};
 pub use evaluate::{Cost, phi};
 pub use history::{Augmentation, Estimate, Generation, History, Iteration, Side, StopReason};
 pub use ledger::{Entry, Ledger, Verdict};

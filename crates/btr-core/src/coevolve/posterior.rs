@@ -2,7 +2,7 @@
 
 use crate::random::Rng;
 use crate::search::{Unit, normal};
-use crate::space::Space;
+use crate::space::{Dim, Space};
 use indexmap::IndexMap;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,8 @@ const OF_BOUNDS: f64 = 0.288_675_134_594_812_9;
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
 /// A direction of S whose standard deviation is still this share of what its bounds say is not told.
 const HARDLY_NARROWED: f64 = 0.5;
+/// By how much a place on the cube is moved to see how bounds stretch it.
+const CARRIED: f64 = 1e-6;
 /// Parts of a direction below this share of its largest are left out of its description.
 const SEEN: f64 = 0.2;
 
@@ -92,6 +94,23 @@ impl Posterior {
         larger
     }
 
+    /// The same belief about the parameters of another space that has all of these by name, and no others; their bounds may
+    /// differ. `None` where it has others.
+    pub(super) fn carried(&self, from: &Space, to: &Space) -> Option<Self> {
+        let place = |dim: &Dim| from.dims().iter().position(|known| known.name == dim.name);
+        let places: Vec<usize> = to.dims().iter().map(place).collect::<Option<_>>()?;
+        if places.len() != from.len() {
+            return None;
+        }
+        let carry = |k: usize, u: f64| to.dims()[k].to_unit(from.dims()[places[k]].from_unit(u));
+        let at = |k: usize| self.mean[places[k]].clamp(CARRIED, 1.0 - CARRIED);
+        let slope = |k: usize| (carry(k, at(k) + CARRIED) - carry(k, at(k) - CARRIED)) / (2.0 * CARRIED);
+        let slopes: Vec<f64> = (0..places.len()).map(slope).collect();
+        let mean = DVector::from_fn(places.len(), |k, _| carry(k, self.mean[places[k]]));
+        let of = |i: usize, j: usize| slopes[i] * slopes[j] * self.covariance[(places[i], places[j])];
+        Some(Posterior { mean, covariance: DMatrix::from_fn(places.len(), places.len(), of) })
+    }
+
     /// Points of the cube drawn from it; each has a partner on the other side of the mean, so that the sample is centred.
     pub(super) fn draws(&self, count: usize, rng: &mut Rng) -> Vec<Unit> {
         let root = root(&self.covariance);
@@ -123,7 +142,7 @@ impl Posterior {
 
     /// What it says of each parameter, by name; `explained`: whether simulations explain the tests.
     pub(super) fn beliefs(&self, space: &Space, resolution: f64, explained: bool) -> IndexMap<String, Belief> {
-        let belief = |(k, dim): (usize, &crate::space::Dim)| {
+        let belief = |(k, dim): (usize, &Dim)| {
             let (u, half) = (self.mean[k], TWO_SIDED_95 * self.sd(k));
             let ci95 = explained.then(|| [dim.from_unit(u - half), dim.from_unit(u + half)]);
             let told = explained && self.tells(k, resolution);

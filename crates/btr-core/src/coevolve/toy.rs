@@ -3,9 +3,12 @@
 #![allow(clippy::unwrap_used)]
 
 use super::ledger::Ledger;
-use crate::distance::Whitened;
+use super::plan::{DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
+use crate::distance::{DistanceSpec, Whitened};
 use crate::log::{Log, Role};
 use crate::random;
+use crate::search::SearchSpec;
+use crate::search::cmaes::CmaEsSettings;
 use crate::space::{Dim, Space};
 use crate::world::{Behaviour, Outcome, Reality, Simulator, Trial, WorldError};
 
@@ -30,9 +33,9 @@ impl Toy {
     }
 
     /// One whose swing has an amplitude to choose; the smaller the fitter. Below some amplitude it is stuck in the middle.
-    pub(super) fn driven(stuck_below: f64) -> Self {
+    pub(super) fn driven(stuck_below: f64, further: &[Dim]) -> Self {
         let controllers = Space::new(vec![Dim::new("amplitude", "1", 0.5, 1.5).nominal(1.0)]).unwrap();
-        Toy { controllers, stuck_below, ..Toy::new(false, &[]) }
+        Toy { controllers, stuck_below, ..Toy::new(false, further) }
     }
 
     fn readings(&self, s: &[f64], c: &[f64]) -> Vec<f64> {
@@ -138,4 +141,26 @@ pub(super) fn tested(robot: &mut Robot, tests: usize) -> Ledger {
 /// The distance that knows by how much the toy errs.
 pub(super) fn whitened() -> Whitened {
     Whitened { noise: [("q_*".to_owned(), SIGMA)].into_iter().collect(), ..Whitened::default() }
+}
+
+/// A run with a posterior, of one test in each iteration.
+pub(super) fn estimating(iterations: usize) -> Plan {
+    let search = SearchSpec::CmaEs(CmaEsSettings::default());
+    Plan {
+        method: Method::default(),
+        iterations,
+        real_tests: None,
+        distance: DistanceSpec::Whitened(whitened()),
+        initial_simulation: Initial::default(),
+        controllers: Some(SearchPhase { generations: 5, search, carry_over: false, refine: 0 }),
+        transfer: Transfer { rule: Rule::Informative, count: Some(1), ..Transfer::default() },
+        simulators: None,
+        map: None,
+        posterior: Some(PosteriorPhase::default()),
+        memory: Memory::default(),
+        phi_goal: None,
+        fitness_goal: None,
+        disengagement: DisengagementRule::default(),
+        self_augment: false,
+    }
 }

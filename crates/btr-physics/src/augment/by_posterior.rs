@@ -11,7 +11,7 @@ use crate::experiment::Experiment;
 use crate::model::Model;
 use crate::scales::Scales;
 use btr_core::coevolve::{
-    Abduction, Coevolution, Cost, Entry, Estimated, Extension, Fitted, Posterior, PosteriorPhase, Suspect,
+    Abduction, Coevolution, Cost, Entry, Estimated, Explanation, Extension, Fitted, Posterior, PosteriorPhase, Suspect,
 };
 use btr_core::diagnose::{Found, Rung, Verdict};
 use btr_core::fit::Estimate;
@@ -82,13 +82,13 @@ impl Price {
     }
 }
 
-/// Asks the tests of a run.
+/// Asks the tests of a run: the cause, and what explains them with it.
 pub(super) fn cause(
     experiment: &Experiment,
     run: &Coevolution,
     asked: Cause,
     tell: &dyn Fn(&Rung),
-) -> Result<Cause, String> {
+) -> Result<(Cause, Option<Explanation>), String> {
     let (model, plan) = (experiment.model.as_ref(), run.plan());
     let phase = plan.posterior.clone().ok_or("the run has no posterior")?;
     let distance = plan.distance.build();
@@ -138,7 +138,9 @@ pub(super) fn cause(
         (true, false) => Verdict::EffectMissing,
         (false, _) => Verdict::Unexplained,
     };
-    Ok(Cause {
+    let space = state.extended.simulations().clone();
+    let explanation = explained.then(|| Explanation { space, estimated: state.fitted.estimated.clone() });
+    let cause = Cause {
         verdict: Some(verdict),
         effects,
         error_ladder: ladder,
@@ -146,7 +148,8 @@ pub(super) fn cause(
         held_out: numbers(held_out),
         rollouts: cost.evaluations as usize,
         ..asked
-    })
+    };
+    Ok((cause, explanation))
 }
 
 /// Tests that gave a log, the last ones: they were chosen for what they tell.

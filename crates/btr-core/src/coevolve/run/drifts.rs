@@ -63,37 +63,13 @@ impl Coevolution {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::coevolve::plan::{
-        DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer,
-    };
     use crate::coevolve::run::Step;
-    use crate::coevolve::toy::{Robot, Toy, whitened};
-    use crate::distance::DistanceSpec;
-    use crate::search::SearchSpec;
-    use crate::search::cmaes::CmaEsSettings;
+    use crate::coevolve::toy::{Robot, Toy, estimating, whitened};
 
     /// Eight iterations of one test each with `simulator`, on `robot`.
     fn run(simulator: &Toy, mut robot: Robot) -> Coevolution {
         let distance = whitened();
-        let search = SearchSpec::CmaEs(CmaEsSettings::default());
-        let plan = Plan {
-            method: Method::default(),
-            iterations: 8,
-            real_tests: None,
-            distance: DistanceSpec::Whitened(distance.clone()),
-            initial_simulation: Initial::default(),
-            controllers: Some(SearchPhase { generations: 5, search, carry_over: false, refine: 0 }),
-            transfer: Transfer { rule: Rule::Informative, count: Some(1), ..Transfer::default() },
-            simulators: None,
-            map: None,
-            posterior: Some(PosteriorPhase::default()),
-            memory: Memory::default(),
-            phi_goal: None,
-            fitness_goal: None,
-            disengagement: DisengagementRule::default(),
-            self_augment: false,
-        };
-        let mut run = Coevolution::new(plan, robot.seed, simulator).unwrap();
+        let mut run = Coevolution::new(estimating(8), robot.seed, simulator).unwrap();
         let mut on = On { simulator, distance: &distance, reality: &mut robot };
         while !matches!(run.step(&mut on), Step::Stopped(_)) {}
         run
@@ -101,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_changes_is_told_from_one_that_does_not() {
-        let toy = Toy::driven(0.0);
+        let toy = Toy::driven(0.0, &[]);
         for seed in 0..4 {
             let robot = Robot::new(&toy, &[1.7, 1.13], seed);
             assert_eq!(run(&toy, Robot { later: None, ..robot }).history().drifts, []);
@@ -121,7 +97,7 @@ mod tests {
     #[test]
     fn what_s_lacks_in_new_motions_is_no_change_of_the_robot() {
         // Fitter and fitter swings come into the range where the robot is stuck.
-        let (simulator, stuck) = (Toy::driven(0.0), Toy::driven(0.5008));
+        let (simulator, stuck) = (Toy::driven(0.0, &[]), Toy::driven(0.5008, &[]));
         let mut repeats = 0;
         for seed in 0..8 {
             let run = run(&simulator, Robot::new(&stuck, &[1.7, 1.13], seed));

@@ -3,6 +3,7 @@
 //! their nominal values, which is where an effect is off.
 
 use super::{Coevolution, On, Phase, Step};
+use crate::coevolve::estimation::{Estimated, Explanation};
 use crate::coevolve::history::{Augmentation, Side};
 use crate::space::{Dim, Space};
 
@@ -35,19 +36,91 @@ impl Coevolution {
         }
         // A search knows only the dimensions it was begun with.
         self.state.carried = None;
-        let phase = std::mem::replace(&mut self.state.phase, Phase::Enlarged);
+        let phase = std::mem::replace(&mut self.state.phase, Phase::Enlarged(None));
         match phase {
             Phase::Stopped(_) => self.state.iteration += 1,
-            Phase::Simulators { .. } | Phase::Refine { .. } | Phase::Estimate(_) | Phase::Enlarged => {}
+            Phase::Simulators { .. } | Phase::Refine { .. } | Phase::Estimate(_) | Phase::Enlarged(_) => {}
             before => self.state.phase = before,
         }
     }
 
+    /// Goes on from what is known to explain the real tests in this S, before any new one is asked for; a run that had stopped
+    /// makes one more iteration. False where it is not of this S, or no step 3 is due.
+    pub fn explain(&mut self, simulations: &Space, known: &Explanation) -> bool {
+        let Some(belief) = known.estimated.belief.carried(&known.space, simulations) else { return false };
+        match self.state.phase {
+            Phase::Stopped(_) => self.state.iteration += 1,
+            Phase::Enlarged(_) => {}
+            _ => return false,
+        }
+        self.state.phase = Phase::Enlarged(Some(Estimated { belief, ..known.estimated.clone() }));
+        true
+    }
+
     /// Step 3 on the tests there are.
-    pub(super) fn enlarged(&mut self, on: &mut On<'_>) -> Step {
+    pub(super) fn enlarged(&mut self, on: &mut On<'_>, known: Option<Estimated>) -> Step {
+        if known.is_some() {
+            return self.settled(on, known);
+        }
         let tested = self.state.ledger.entries().iter().rev().find(|entry| entry.behaviour().is_some());
         let latest = tested.map_or(self.state.iteration, |entry| entry.trial.iteration);
         self.state.phase = self.begin_simulators(on, latest);
         self.step(on)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::coevolve::history::StopReason;
+    use crate::coevolve::posterior::Posterior;
+    use crate::coevolve::toy::{Robot, Toy, estimating, whitened};
+    use nalgebra::{DMatrix, DVector};
+
+    /// Steps until it stops.
+    fn stopped(run: &mut Coevolution, on: &mut On<'_>) -> StopReason {
+        loop {
+            if let Step::Stopped(reason) = run.step(on) {
+                return reason;
+            }
+        }
+    }
+
+    /// How often step 3 looked.
+    fn turns(run: &Coevolution) -> usize {
+        run.history().generations.iter().filter(|g| g.side == Side::Simulators).count()
+    }
+
+    #[test]
+    fn a_run_that_is_told_what_explains_its_tests_goes_on_from_there() {
+        let truth = [1.7, 1.13, 0.05];
+        let drift = Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0);
+        let (small, larger) = (Toy::driven(0.0, &[]), Toy::driven(0.0, &[drift]));
+        let mut robot = Robot::new(&larger, &truth, 3);
+        let distance = whitened();
+        let mut run = Coevolution::new(estimating(4), 3, &small).unwrap();
+        let reason = stopped(&mut run, &mut On { simulator: &small, distance: &distance, reality: &mut robot });
+        assert_eq!(reason, StopReason::Disengaged);
+
+        // Whoever found it had the parameters in another order and within other bounds.
+        let of = |name, low, high| Dim::new(name, "1", low, high);
+        let dims = vec![of("drift.rate@toy", -1.0, 1.0), of("gain", 0.0, 2.0), of("rate", 1.0, 3.0)];
+        let space = Space::new(dims).unwrap();
+        let mean = DVector::from_vec(space.to_unit(&[truth[2], truth[1], truth[0]]));
+        let belief = Posterior::new(mean, DMatrix::from_diagonal_element(3, 3, 1e-8));
+        let estimated = Estimated { belief, explains: true, ..run.state.estimated.clone().unwrap() };
+        let known = Explanation { space, estimated };
+        assert!(!run.explain(&small.space, &known), "it is of another S");
+
+        let looked = turns(&run);
+        run.enlarge(&larger.space);
+        assert!(run.explain(&larger.space, &known));
+        let reason = stopped(&mut run, &mut On { simulator: &larger, distance: &distance, reality: &mut robot });
+        assert_ne!(reason, StopReason::Disengaged);
+        assert_eq!(turns(&run), looked, "what is known need not be sought");
+        for (found, truth) in run.simulation().iter().zip(truth) {
+            assert!((found - truth).abs() < 1e-9, "{found} {truth}");
+        }
     }
 }

@@ -115,7 +115,7 @@ impl Coevolution {
     }
 
     /// Step 3 ends with this belief.
-    fn settled(&mut self, on: &On<'_>, best: Option<Estimated>) -> Step {
+    pub(super) fn settled(&mut self, on: &On<'_>, best: Option<Estimated>) -> Step {
         if let Some(best) = best {
             let space = on.simulator.simulations();
             self.state.simulation = space.from_unit(best.belief.mean().as_slice());

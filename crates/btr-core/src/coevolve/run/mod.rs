@@ -86,8 +86,8 @@ enum Phase {
     Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
     /// Step 3 as estimation.
     Estimate(Estimation),
-    /// S has grown: step 3 on the tests there are, before any new one is asked for.
-    Enlarged,
+    /// S has grown: step 3 on the tests there are, before any new one is asked for; or what explains them is known.
+    Enlarged(Option<Estimated>),
     /// About to close the iteration.
     End,
     /// Over.
@@ -208,7 +208,7 @@ impl Coevolution {
             }
             Phase::Refine { search, tests, tried, generation } => self.refine(on, search, tests, tried, generation),
             Phase::Estimate(estimation) => self.estimate(on, estimation),
-            Phase::Enlarged => self.enlarged(on),
+            Phase::Enlarged(known) => self.enlarged(on, known),
             Phase::End => self.end(on),
             Phase::Stopped(reason) => self.stop(reason),
         }
