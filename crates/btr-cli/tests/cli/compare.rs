@@ -1,6 +1,7 @@
 //! Where a model fails, and what logs are worth: `btr compare` and `btr check`.
 
 use crate::lab::Lab;
+use btr_physics::io::{Mapping, Meta, read_log, write_log};
 use serde_json::Value;
 
 /// A servo that swings a pendulum, with a sensor that errs.
@@ -219,4 +220,32 @@ fn nobody_has_to_tell_a_finger_that_follows_another_one() {
     assert!(right["fit_percent"].as_f64().unwrap() > 99.0, "{right}");
     let checked = lab.run("check gripper.toml few.csv");
     assert!(checked.status.success(), "{checked:?}");
+}
+
+#[test]
+fn what_led_a_joint_from_one_reference_to_the_next_is_followed_as_it_was_logged() {
+    let lab = Lab::new();
+    let led = SWING.replace(
+        "control_s = 0.01\nsteps_per_control = 40\nsample_every = 40",
+        "control_s = 0.08\nsteps_per_control = 80\ninterpolate = true",
+    );
+    lab.write("led.toml", &led);
+    lab.ok("simulate led.toml --seed 7 -q -o log.csv");
+    follows(&lab, "log.csv");
+    // References that were logged as they were sent, and held since, are led as the model has it.
+    let (mut log, _) = read_log(&lab.path("log.csv"), &Mapping::default()).unwrap();
+    let told = log.values_mut("cmd_hinge").unwrap();
+    (0..told.len()).for_each(|sample| told[sample] = told[sample - sample % 80]);
+    write_log(&lab.path("sent.csv"), &log, &Meta::default()).unwrap();
+    follows(&lab, "sent.csv");
+}
+
+/// The swing of a log is that of the model `led.toml` but for its sensor's noise.
+fn follows(lab: &Lab, log: &str) {
+    let found = lab.json(&format!("compare led.toml {log}"));
+    assert_eq!(found["warnings"], serde_json::json!([]));
+    let moves = |channel: &&Value| channel["name"] != "tau_hinge";
+    for channel in found["channels"].as_array().unwrap().iter().filter(moves) {
+        assert!(channel["chi"].as_f64().unwrap() < 1.1, "{channel}");
+    }
 }

@@ -3,6 +3,7 @@
 use super::build::Builder;
 use super::file::{ActuatorSection, EffectSection, NoiseSection, ParameterSection};
 use super::parse::FileError;
+use super::scenarios::rarer;
 use crate::effect::{self, Effect, FormulaError, Placed, SiteKind};
 use crate::parameter::Target;
 use crate::robot::{Actuator, Base, DutyLoop, Joint, Robot, Sampling};
@@ -105,6 +106,7 @@ impl Builder<'_> {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
         }
         let dt_s = control_s / f64::from(s.steps_per_control);
+        let control_s = as_often(recorded, control_s, dt_s);
         let floating = robot.base == Base::Floating;
         Ok(Setup {
             dt_s,
@@ -307,6 +309,26 @@ fn tick_of(recorded: &[Log]) -> Option<f64> {
     const GRAIN: f64 = 1e5;
     let fastest = recorded.iter().filter_map(Log::usual_step_s).min_by(f64::total_cmp)?;
     Some((fastest * GRAIN).round() / GRAIN).filter(|tick| *tick > 0.0)
+}
+
+/// How often the model takes a command. Where those of logs change from sample to sample, more often than the file says, what
+/// led a joint from one reference to the next is in them already: they are taken as often as they come, at most once a step.
+fn as_often(recorded: &[Log], control_s: f64, dt_s: f64) -> f64 {
+    match tick_of(recorded) {
+        Some(tick_s) if rarer(control_s, tick_s) && recorded.iter().all(changes_with_every_sample) => {
+            dt_s * (tick_s / dt_s).round().max(1.0)
+        }
+        _ => control_s,
+    }
+}
+
+/// Whether some command changes between most of a log's samples.
+fn changes_with_every_sample(log: &Log) -> bool {
+    let told: Vec<&[f64]> =
+        log.channels().filter(|(name, _)| name.starts_with("cmd_")).map(|(_, channel)| &channel.values[..]).collect();
+    let samples = log.clock_s().len();
+    let changes = (1..samples).filter(|&k| told.iter().any(|values| (values[k] - values[k - 1]).abs() > 0.0)).count();
+    2 * changes > samples
 }
 
 /// Where an effect of this kind can sit on a robot, and what such a place is called.

@@ -138,13 +138,19 @@ fn doubts(log: &Log, file: &File) -> Vec<String> {
     let mut doubts = Vec::new();
     let silent = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));
     doubts.extend(silent.map(|(name, _)| format!("`{name}` has no value at all")));
-    let Some(step) = log.usual_step_s() else { return doubts };
-    if let Some(control_s) = file.simulation.control_s.filter(|control_s| *control_s > 1.5 * step) {
+    let simulation = &file.simulation;
+    let dt_s = simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps_per_control));
+    if let Some((step_s, dt_s)) = log.usual_step_s().zip(dt_s).filter(|(step_s, dt_s)| rarer(*dt_s, *step_s)) {
         doubts.push(format!(
-            "a command every {step:.4} s, but the model takes one every {control_s} s (simulation.control_s)"
+            "a command every {step_s:.4} s, but the model takes one step in {dt_s:.4} s (simulation.control_s / steps_per_control)"
         ));
     }
     doubts
+}
+
+/// Whether what has this period misses some of what happens once in another one.
+pub(super) fn rarer(period_s: f64, other_s: f64) -> bool {
+    period_s > 1.5 * other_s
 }
 
 fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {
