@@ -94,14 +94,11 @@ impl Posterior {
         larger
     }
 
-    /// The same belief about the parameters of another space that has all of these by name, and no others; their bounds may
-    /// differ. `None` where it has others.
-    pub(super) fn carried(&self, from: &Space, to: &Space) -> Option<Self> {
+    /// The same belief about the parameters of another space, whatever is believed of those that it lacks; bounds may differ.
+    /// `None` where it has others.
+    pub fn carried(&self, from: &Space, to: &Space) -> Option<Self> {
         let place = |dim: &Dim| from.dims().iter().position(|known| known.name == dim.name);
         let places: Vec<usize> = to.dims().iter().map(place).collect::<Option<_>>()?;
-        if places.len() != from.len() {
-            return None;
-        }
         let carry = |k: usize, u: f64| to.dims()[k].to_unit(from.dims()[places[k]].from_unit(u));
         let at = |k: usize| self.mean[places[k]].clamp(CARRIED, 1.0 - CARRIED);
         let slope = |k: usize| (carry(k, at(k) + CARRIED) - carry(k, at(k) - CARRIED)) / (2.0 * CARRIED);

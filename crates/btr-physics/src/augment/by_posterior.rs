@@ -17,6 +17,7 @@ use btr_core::diagnose::{Found, Rung, Verdict};
 use btr_core::fit::Estimate;
 use btr_core::space::{Dim, Space};
 use btr_core::world::{Simulator, WorldError};
+use std::ops::Range;
 
 /// The most real tests that are looked at.
 const MOST_TESTS: usize = 4;
@@ -35,6 +36,8 @@ const TURNS: usize = 12;
 const HELPS: f64 = 0.2;
 /// Two explanations whose deviance, with what their numbers cost, differs by less than this cannot be told apart.
 const ALIKE: f64 = 10.0;
+/// Standard deviations from the middle of a 95 % interval to its ends.
+const TWO_SIDED_95: f64 = 1.96;
 
 /// What the present S comes to, and what it is made of.
 struct State<'a> {
@@ -245,21 +248,53 @@ impl<'a> Asking<'a> {
     }
 
     /// The same effects but for those that nothing is lost without: what was found first may have stood in for what was found
-    /// after it.
+    /// after it, and what was found last may only have led the estimate out of a local minimum.
     fn pruned(&self, mut state: State<'a>, effects: &mut Vec<Found>, cost: &mut Cost) -> State<'a> {
         let mut k = 0;
-        while k + 1 < state.added.len() {
-            let mut added = state.added.clone();
-            added.remove(k);
-            let Some(tried) = self.tried(&added, &self.about(&state, &added, None), cost) else { break };
-            if Price::of(&tried).less_than(Price::of(&state)) > 0.0 {
-                effects.remove(k);
-                state = tried;
-            } else {
-                k += 1;
+        while k < state.added.len() {
+            let tried = self.without(&state, k).and_then(|(added, from)| self.tried(&added, &from, cost));
+            match tried.filter(|tried| Price::of(tried).less_than(Price::of(&state)) > 0.0) {
+                Some(tried) => {
+                    effects.remove(k);
+                    state = tried;
+                }
+                None => k += 1,
             }
         }
         state
+    }
+
+    /// The effects of a state but for one of several, and a belief to begin with. `None` for what was found last and is surely
+    /// there: that without it more is left unexplained was seen when it was found.
+    fn without(&self, state: &State, k: usize) -> Option<(Vec<Added>, Posterior)> {
+        let mut added = state.added.clone();
+        added.remove(k);
+        let (known, belief) = (state.extended.simulations(), &state.fitted.estimated.belief);
+        let from = match self.may_be_off(state, k) {
+            true => belief.carried(known, self.extended(added.clone())?.simulations())?,
+            false if k + 1 < state.added.len() => self.about(state, &added, None),
+            false => return None,
+        };
+        (!added.is_empty()).then_some((added, from))
+    }
+
+    /// Whether all intervals of an effect hold the value at which it does nothing.
+    fn may_be_off(&self, state: &State, k: usize) -> bool {
+        let places = self.places(state, k);
+        let known = &state.extended.simulations().dims()[places.clone()];
+        let belief = &state.fitted.estimated.belief;
+        let holds = |(place, dim): (usize, &Dim)| {
+            dim.nominal
+                .is_some_and(|off| (dim.to_unit(off) - belief.mean()[place]).abs() < TWO_SIDED_95 * belief.sd(place))
+        };
+        places.zip(known).all(holds)
+    }
+
+    /// Where in its space a state has the numbers of the effect that was added as number `k`.
+    fn places(&self, state: &State, k: usize) -> Range<usize> {
+        let count = |added: &Added| added.effect.card().params.len();
+        let from = self.model.simulations().len() + state.added[..k].iter().map(count).sum::<usize>();
+        from..from + count(&state.added[k])
     }
 
     /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
@@ -324,21 +359,18 @@ impl<'a> Asking<'a> {
 
     /// The numbers of the effect that was added as number `k`.
     fn parameters(&self, state: &State, k: usize) -> Vec<Estimate> {
-        let known = self.model.simulations().len();
-        let counts: Vec<usize> = state.added.iter().map(|added| added.effect.card().params.len()).collect();
-        let from = known + counts[..k].iter().sum::<usize>();
-        let count = counts[k];
+        let places = self.places(state, k);
+        let known = &state.extended.simulations().dims()[places.clone()];
         let belief = &state.fitted.estimated.belief;
         let trusted = state.fitted.estimated.explains;
-        let dims = state.extended.simulations().dims()[from..from + count].iter().enumerate();
-        dims.map(|(i, dim)| {
-            let (u, half) = (belief.mean()[from + i], 1.96 * belief.sd(from + i));
+        let number = |(place, dim): (usize, &Dim)| {
+            let (u, half) = (belief.mean()[place], TWO_SIDED_95 * belief.sd(place));
             let at_bound = !(1e-3..=1.0 - 1e-3).contains(&u) && dim.nominal.is_none();
             let ci95 = (trusted && !at_bound).then(|| [dim.from_unit(u - half), dim.from_unit(u + half)]);
             let value = dim.from_unit(u);
             Estimate { name: dim.name.clone(), unit: dim.unit.clone(), value, ci95, at_bound, by_bounds: false }
-        })
-        .collect()
+        };
+        places.zip(known).map(number).collect()
     }
 
     /// Everything that could be added once more: every effect at every place, and those of joints on all of them at once.

@@ -1,6 +1,6 @@
-//! Has the robot changed? Where nothing explains a fresh test beside those before it, although what was believed had foretold
-//! tests, either the robot is another one, or the fresh test shows what S lacks. The test before it is repeated: if that comes as
-//! it was foretold once more, the robot is the same.
+//! Has the robot changed? Where nothing explains a fresh test beside those before it, although what was believed explained several
+//! or had foretold one, either the robot is another one, or the fresh test shows what S lacks. The test before it is repeated: if
+//! that comes as it was foretold once more, the robot is the same.
 
 use super::{Coevolution, On};
 use crate::coevolve::drift::Drift;
@@ -40,7 +40,7 @@ impl Coevolution {
     /// what it does now counts.
     pub(super) fn resolve(&mut self, as_foretold: bool) {
         let Some(first) = self.state.suspicion.take() else { return };
-        self.state.foretold = false;
+        self.state.confirmed = false;
         if as_foretold {
             return;
         }
@@ -81,16 +81,19 @@ mod tests {
         for seed in 0..4 {
             let robot = Robot::new(&toy, &[1.7, 1.13], seed);
             assert_eq!(run(&toy, Robot { later: None, ..robot }).history().drifts, []);
-            let robot = Robot::new(&toy, &[1.7, 1.13], seed);
-            let changed = run(&toy, Robot { later: Some((4, vec![1.7, 1.25])), ..robot });
-            let drifts = &changed.history().drifts;
-            assert_eq!(drifts.len(), 1, "{drifts:?}");
-            let drift = &drifts[0];
-            assert!(drift.before_test == 4 && drift.iteration == 5 && drift.explained, "{drift:?}");
-            assert_eq!(drift.changed.iter().map(|change| change.parameter.as_str()).collect::<Vec<_>>(), ["gain"]);
-            assert!((drift.changed[0].after - 1.25).abs() < 0.01, "{drift:?}");
-            // What the robot does no more is not recommended.
-            assert!(changed.best_tested().unwrap().trial.number >= 4);
+            // Before anything was foretold, and after.
+            for from in [2, 4] {
+                let robot = Robot::new(&toy, &[1.7, 1.13], seed);
+                let changed = run(&toy, Robot { later: Some((from, vec![1.7, 1.25])), ..robot });
+                let drifts = &changed.history().drifts;
+                assert_eq!(drifts.len(), 1, "{drifts:?}");
+                let drift = &drifts[0];
+                assert!(drift.before_test == from && drift.iteration == from + 1 && drift.explained, "{drift:?}");
+                assert_eq!(drift.changed.iter().map(|change| change.parameter.as_str()).collect::<Vec<_>>(), ["gain"]);
+                assert!((drift.changed[0].after - 1.25).abs() < 0.01, "{drift:?}");
+                // What the robot does no more is not recommended.
+                assert!(changed.best_tested().unwrap().trial.number >= from);
+            }
         }
     }
 

@@ -48,6 +48,9 @@ impl Coevolution {
     /// makes one more iteration. False where it is not of this S, or no step 3 is due.
     pub fn explain(&mut self, simulations: &Space, known: &Explanation) -> bool {
         let Some(belief) = known.estimated.belief.carried(&known.space, simulations) else { return false };
+        if simulations.len() != known.space.len() {
+            return false;
+        }
         match self.state.phase {
             Phase::Stopped(_) => self.state.iteration += 1,
             Phase::Enlarged(_) => {}

@@ -1,5 +1,5 @@
 //! Step 3 as estimation: what the real tests leave open of S, instead of one best point. Where an estimate does not explain the
-//! tests, it is sought again from other starts; but where what was believed has foretold tests before, [`drifts`](super::drifts)
+//! tests, it is sought again from other starts; but where what was believed was confirmed by tests before, [`drifts`](super::drifts)
 //! asks whether it is still the same robot.
 
 use super::{Coevolution, On, Phase, Step, Stream};
@@ -21,7 +21,7 @@ pub(super) struct Estimation {
     start: usize,
     /// The best of those.
     best: Option<Estimated>,
-    /// Whether what was believed had foretold tests before these ones.
+    /// Whether what was believed was told and confirmed before these tests.
     surprised: bool,
 }
 
@@ -45,10 +45,10 @@ impl Coevolution {
         let told = self.all_is_told(&phase);
         if as_foretold && told {
             self.state.phi = self.state.phi_predicted;
-            self.state.foretold = true;
+            self.state.confirmed = true;
             return Phase::End;
         }
-        let surprised = told && self.state.foretold;
+        let surprised = told && self.state.confirmed;
         Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None, surprised })
     }
 
@@ -103,7 +103,9 @@ impl Coevolution {
             return self.settled(on, None);
         }
         if best.explains || of.start >= phase.restarts {
-            return self.settled(on, Some(best));
+            let step = self.settled(on, Some(best));
+            self.state.confirmed |= of.tests.len() > 1 && self.all_is_told(phase);
+            return step;
         }
         let start = of.start + 1;
         // Another start is another ensemble about another point.

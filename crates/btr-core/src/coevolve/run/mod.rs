@@ -121,8 +121,8 @@ pub struct State {
     prior: Unit,
     /// What the real tests say of S, where the plan asks for a posterior.
     estimated: Option<Estimated>,
-    /// Whether that has foretold a test that came after it.
-    foretold: bool,
+    /// Whether that is told and explains several tests, or has foretold one that came after it.
+    confirmed: bool,
     /// Number of the first real test of the robot as it is now.
     since: usize,
     /// Number of the first real test that nothing explains beside those before it: an older one is repeated, to tell whether the
@@ -164,7 +164,7 @@ impl Coevolution {
             start: simulation.clone(),
             prior: space.to_unit(&simulation),
             estimated: None,
-            foretold: false,
+            confirmed: false,
             since: 0,
             suspicion: None,
             iteration: 1,
@@ -323,7 +323,11 @@ impl Coevolution {
 
     /// Whether the evidence so far amounts to disengagement.
     pub fn disengaged(&self) -> bool {
-        disengage::disengaged(&self.state.history.iterations, &self.plan.disengagement, self.plan.phi_goal)
+        let history = &self.state.history;
+        // What was not explained of a robot that has changed since tells nothing of the one that it is now.
+        let changed = history.drifts.last().map_or(0, |drift| drift.iteration);
+        let since = history.iterations.partition_point(|it| it.i <= changed);
+        disengage::disengaged(&history.iterations[since..], &self.plan.disengagement, self.plan.phi_goal)
     }
 
     fn stop(&mut self, reason: StopReason) -> Step {
