@@ -125,6 +125,8 @@ CLAIMS = [
           lambda bench: bench.run("ant-series")["real_tests"], 0),
     Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml", 156,
           lambda bench: bench.run("ant")["real_tests"], 0),
+    Claim("README.md", "real tests tell eight masses to 1 or 2 %", "btr coevolve robots/nao.toml", 1.0,
+          lambda bench: worst_error(bench.run("nao")), 1.0),
     Claim("docs/paper.md", "N = 4024", "btr simulate robots/nao-paper.toml -o WALK.csv", 4024,
           lambda bench: (bench.walk, bench.samples)[1], 0),
     Claim("docs/paper.md", "| uniform white noise | 7.9 |", TRAPS, 7.9, trap("uniform white noise", 0), 0.05),
@@ -147,6 +149,9 @@ BY_HAND = [
     ByHand("README.md", "takes 3.1 µs a step", "python3 benches/beside_mujoco.py", "MuJoCo and a quiet machine"),
     ByHand("README.md", "7 ms from CSV", "python3 benches/python_load.py", "a quiet machine"),
     ByHand("README.md", "0.18 rad, then 0.03", "python3 studies/xl330.py", "public logs"),
+    ByHand("docs/posterior.md", "386 of 400", "python3 studies/nao_seeds.py --seeds 50 --first 701", "half an hour"),
+    ByHand("docs/posterior.md", "within 20° for 41 of 48", "python3 studies/walks.py --seeds 50 --first 701", "after those runs"),
+    ByHand("docs/posterior.md", "| 7 of 7 |", "python3 studies/nao_seeds.py --outside --seeds 20 --first 1101", "half an hour"),
     ByHand("docs/scaling.md", "153 batches", "python3 benches/scaling.py", "Ray and a quiet machine"),
 ]
 
