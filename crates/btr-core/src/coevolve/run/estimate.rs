@@ -21,7 +21,7 @@ pub(super) struct Estimation {
     start: usize,
     /// The best of those.
     best: Option<Estimated>,
-    /// Whether what was believed was told and confirmed before these tests.
+    /// Whether what was believed explained several tests before these ones, or foretold one, and the latest came otherwise.
     surprised: bool,
 }
 
@@ -48,7 +48,8 @@ impl Coevolution {
             self.state.confirmed = true;
             return Phase::End;
         }
-        let surprised = told && self.state.confirmed;
+        let explained = self.state.estimated.as_ref().is_some_and(|estimated| estimated.explains);
+        let surprised = self.state.confirmed && explained && !as_foretold;
         Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None, surprised })
     }
 
@@ -94,8 +95,11 @@ impl Coevolution {
     fn ended(&mut self, on: &On<'_>, of: Estimation, estimated: Estimated, phase: &PosteriorPhase) -> Step {
         let better = |other: &Estimated| (estimated.explains, -estimated.chi) >= (other.explains, -other.chi);
         let best = if of.best.as_ref().is_none_or(better) { estimated } else { of.best.unwrap_or(estimated) };
-        if of.surprised && (!best.explains || best.belief.volume() > self.belief().volume()) {
-            // No test makes anything less known: one that is mostly unpredictable is explained, and teaches nothing.
+        let told = self.all_is_told(phase);
+        // No test makes anything less known: one that is mostly unpredictable is explained, and teaches nothing.
+        let teaches_nothing = told && best.belief.volume() > self.belief().volume();
+        let given_up = told || of.start >= phase.restarts;
+        if of.surprised && (if best.explains { teaches_nothing } else { given_up }) {
             if !best.explains {
                 self.suspect();
             }
@@ -103,8 +107,9 @@ impl Coevolution {
             return self.settled(on, None);
         }
         if best.explains || of.start >= phase.restarts {
+            let explains = best.explains;
             let step = self.settled(on, Some(best));
-            self.state.confirmed |= of.tests.len() > 1 && self.all_is_told(phase);
+            self.state.confirmed |= of.tests.len() > 1 && explains;
             return step;
         }
         let start = of.start + 1;

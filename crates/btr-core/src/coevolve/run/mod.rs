@@ -121,7 +121,7 @@ pub struct State {
     prior: Unit,
     /// What the real tests say of S, where the plan asks for a posterior.
     estimated: Option<Estimated>,
-    /// Whether that is told and explains several tests, or has foretold one that came after it.
+    /// Whether that explains several tests, or has foretold one that came after it.
     confirmed: bool,
     /// Number of the first real test of the robot as it is now.
     since: usize,
