@@ -11,6 +11,7 @@ mod doubts;
 mod lab;
 mod realities;
 mod reports;
+mod reproducibility;
 mod runs;
 mod scenarios;
 mod verbs;
