@@ -42,12 +42,15 @@ fn arithmetic() -> u64 {
     hash(&values.chain(product.iter().copied()).flat_map(bytes).collect::<Vec<u8>>())
 }
 
-/// A JSON document without the strings that hold a space, which are sentences for people.
+/// A JSON document without how long it took, and without the strings that hold a space, which are sentences for people.
 fn without_sentences(document: &Value) -> Value {
     match document {
         Value::String(text) if text.contains(' ') => Value::Null,
         Value::Array(items) => items.iter().map(without_sentences).collect(),
-        Value::Object(entries) => entries.iter().map(|(key, value)| (key.clone(), without_sentences(value))).collect(),
+        Value::Object(entries) => {
+            let timeless = entries.iter().filter(|(key, _)| *key != "seconds");
+            timeless.map(|(key, value)| (key.clone(), without_sentences(value))).collect()
+        }
         other => other.clone(),
     }
 }
