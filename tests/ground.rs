@@ -1,10 +1,10 @@
 //! A robot with contact: what is planted in one of its legs is found, from a standing start in whole logs and else in windows.
 #![allow(clippy::unwrap_used)]
 
-use btr_core::diagnose::{Question, Verdict, diagnose};
-use btr_core::family::{Family, Rollout, Step};
-use btr_core::fit::{Bench, Logs, squares};
 use btr_core::log::{Log, Role};
+use btr_identify::diagnose::{Question, Verdict, diagnose};
+use btr_identify::fit::{Bench, Logs, squares};
+use btr_identify::residual_model::{Family, Rollout, Step};
 use btr_physics::ant;
 use btr_physics::beside::Beside;
 use btr_physics::drive::{Drive, Replay};

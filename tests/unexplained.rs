@@ -1,10 +1,10 @@
 //! What a diagnosis says beyond names: the law that an unknown error follows, and the experiment that tells rivals apart.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use btr_core::diagnose::{Diagnosis, Question, Verdict, diagnose};
-use btr_core::family::Family;
-use btr_core::fit::Bench;
 use btr_core::log::{Log, Role};
+use btr_identify::diagnose::{Diagnosis, Question, Verdict, diagnose};
+use btr_identify::fit::Bench;
+use btr_identify::residual_model::Family;
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
 use btr_physics::effect::{EFFECTS, On, Placed, formula};

@@ -10,10 +10,10 @@ mod nao;
 mod reality;
 mod score;
 
-use btr_core::diagnose::{Diagnosis, Question, Rung, diagnose};
-use btr_core::family::Family;
-use btr_core::fit::Bench;
 use btr_core::log::Log;
+use btr_identify::diagnose::{Diagnosis, Question, Rung, diagnose};
+use btr_identify::fit::Bench;
+use btr_identify::residual_model::Family;
 use btr_physics::io::{self, Meta};
 use reality::Subject;
 use score::{Case, Outcome, summary};

@@ -2,9 +2,9 @@
 
 use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
-use btr_core::family::{Candidate, Family, Knob, Law, Rollout, Step};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
+use btr_identify::residual_model::{Candidate, Family, Knob, Law, Rollout, Step};
 use btr_physics::beside::Beside;
 use btr_physics::drive::Replay;
 use btr_physics::effect::{self, On, Placed};

@@ -1,9 +1,9 @@
 //! What came out of a diagnosis, and the tables over many.
 
-use btr_core::diagnose::thresholds::TIE;
-use btr_core::diagnose::{Diagnosis, Verdict};
-use btr_core::family::Family;
-use btr_core::fit::{Bench, Effort, Fit, Measure};
+use btr_identify::diagnose::thresholds::TIE;
+use btr_identify::diagnose::{Diagnosis, Verdict};
+use btr_identify::fit::{Bench, Effort, Fit, Measure};
+use btr_identify::residual_model::Family;
 use btr_physics::beside::Beside;
 use btr_physics::effect::{Placed, find};
 
@@ -113,7 +113,8 @@ impl Outcome {
             };
         };
         let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
-        let error = |rung: Option<&btr_core::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
+        let error =
+            |rung: Option<&btr_identify::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
         let before = error(diagnosis.ladder.get(1).or(diagnosis.ladder.first()));
         let score = match score(case, bench, &truth, &found, &diagnosis) {
             Score::Silent if before < VISIBLE => Score::Absorbed,

@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::figures;
 use btr_core::coevolve::{Coevolution, Step, StopReason};
-use btr_core::diagnose::Rung;
 use btr_core::world::Simulator;
+use btr_identify::diagnose::Rung;
 use btr_physics::adapt;
 use btr_physics::doubts::Told;
 use btr_physics::experiment::Experiment;

@@ -1,7 +1,7 @@
 //! Errors at the edge: one message, one `help:` line, one exit code.
 
-use btr_core::check::Topic;
 use btr_core::world::WorldError;
+use btr_identify::quality::Topic;
 use btr_physics::verbs::{Doubt, Problem, ProblemError};
 
 /// Exit code of a run that was done.

@@ -8,22 +8,14 @@
 //! simulation and a reality are ([`world`]), how far two behaviours are apart ([`distance`]), how to search ([`search`])
 //! and the loop that puts them together ([`coevolve`]).
 
-pub mod check;
 pub mod coevolve;
-pub mod compare;
-pub mod diagnose;
 pub mod distance;
-pub mod family;
-pub mod fit;
-pub mod lag;
 pub mod log;
-pub mod noise;
+pub mod optimize;
 pub mod parallel;
 pub mod random;
 pub mod search;
 mod settings;
-pub mod silence;
-pub mod smooth;
+pub mod signal;
 pub mod space;
-pub mod stats;
 pub mod world;

@@ -210,3 +210,35 @@ pub trait Reality {
         self.test(trial)
     }
 }
+
+/// How exactly a simulation is computed: with the model's own time step, halved so many times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    halvings: u8,
+}
+
+impl Step {
+    /// The model's own time step.
+    pub const USUAL: Step = Step { halvings: 0 };
+
+    /// A step half as long.
+    #[must_use]
+    pub fn halved(self) -> Step {
+        Step { halvings: self.halvings + 1 }
+    }
+
+    /// The model's own step, halved so many times.
+    pub fn of_halvings(halvings: u8) -> Self {
+        Step { halvings }
+    }
+
+    /// How many times the model's own step is halved.
+    pub fn halvings(self) -> u8 {
+        self.halvings
+    }
+
+    /// How many such steps make one of the model's own.
+    pub fn divides_by(self) -> u32 {
+        1 << self.halvings
+    }
+}

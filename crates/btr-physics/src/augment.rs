@@ -10,10 +10,10 @@ use crate::experiment::Experiment;
 use crate::robot::Base;
 use crate::verbs::{AddError, Addition, LadderStep, add};
 use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
-use btr_core::diagnose::{Found, Question, Rung, Verdict, diagnose};
-use btr_core::fit::Bench;
 use btr_core::log::Log;
 use btr_core::world::Trial;
+use btr_identify::diagnose::{Found, Question, Rung, Verdict, diagnose};
+use btr_identify::fit::Bench;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -3,8 +3,8 @@
 use crate::experiment::nearest;
 use crate::robot::{Actuator, Joint, JointKind, Robot};
 use crate::sensor::Noise;
-use btr_core::check::{Finding, Quality, Severity, Topic, check};
 use btr_core::log::{Channel, Log, Role};
+use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
 
 /// A joint that goes beyond its limits by so many times its range is not in these units.
 const FAR: f64 = 1.0;

@@ -5,10 +5,10 @@ use crate::check;
 use crate::experiment::Experiment;
 use crate::robot::{Joint, Robot};
 use crate::sensor::Noise;
-use btr_core::check::{FEWEST_SAMPLES, Finding, Severity, Topic, asked};
 use btr_core::coevolve::{Entry, Verdict};
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Simulator};
+use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, asked};
 use serde::Serialize;
 
 /// A log that ends before this share of the test is one of a part of it.

@@ -1,6 +1,6 @@
 //! What the simulation loop asks of a physics engine, whichever it is.
 
-use btr_core::smooth::Motion;
+use btr_core::signal::smooth::Motion;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A joint torque that depends linearly on the joint's state: tau = constant − stiffness·q − damping·dq.

@@ -6,11 +6,11 @@
 
 use crate::beside::Beside;
 use crate::sensor::Noise;
-use btr_core::family::Family;
-use btr_core::fit::{Bench, squares};
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
 use btr_core::world::WorldError;
+use btr_identify::fit::{Bench, squares};
+use btr_identify::residual_model::Family;
 use indexmap::IndexMap;
 use rand::RngExt;
 use std::sync::Arc;
@@ -105,7 +105,7 @@ fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Lefto
         let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
-        let own = |channel: &btr_core::family::Measured| {
+        let own = |channel: &btr_identify::residual_model::Measured| {
             (channel.name.clone(), Left(squares(&residual[channel.samples.clone()]), samples))
         };
         left.push((twin.scenario(index), log.channels.iter().map(own).collect()));

@@ -4,8 +4,8 @@
 use crate::assemble;
 use crate::model::Model;
 use crate::robot::{JointKind, Robot};
-use btr_core::family::Step;
 use btr_core::log::Log;
+use btr_core::world::Step;
 use btr_core::world::{Simulator, WorldError};
 
 /// The desk arm that the cards' hints are made for.

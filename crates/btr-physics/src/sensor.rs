@@ -1,7 +1,7 @@
 //! Sensors that err: white noise and a quantum on the readings.
 
-use btr_core::noise;
 use btr_core::random::Rng;
+use btr_core::signal::noise;
 use indexmap::IndexMap;
 use rand::RngExt;
 

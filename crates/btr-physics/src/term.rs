@@ -2,7 +2,7 @@
 
 use crate::effect::{Effect, FormulaError, On, formula};
 use crate::scales::Scales;
-use btr_core::family::{Knob, Law};
+use btr_identify::residual_model::{Knob, Law};
 
 /// How far from zero a shape is expected: it may be anywhere.
 const ANYWHERE: f64 = 1e4;

@@ -10,7 +10,7 @@ use crate::engine::{Dynamics, State};
 use crate::model::{Model, Scenario};
 use crate::restart::Restart;
 use btr_core::log::{Log, interpolate};
-use btr_core::smooth::{Motion, smooth};
+use btr_core::signal::smooth::{Motion, smooth};
 use btr_core::world::WorldError;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::ops::Range;

@@ -1,9 +1,9 @@
 //! Models beside logs named by hand.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use btr_core::family::Step;
 use btr_core::log::{Log, Role};
 use btr_core::world::Simulator;
+use btr_identify::residual_model::Step;
 use btr_physics::experiment::{self, LogSource, Source};
 use btr_physics::io::{self, Meta};
 use std::path::{Path, PathBuf};

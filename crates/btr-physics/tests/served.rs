@@ -1,9 +1,9 @@
 //! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
 
 use btr_core::distance::{DistanceSpec, Rmse};
-use btr_core::family::{Family, Rollout, Step};
 use btr_core::log::Log;
 use btr_core::world::{Job, Made, Simulator, Wanted};
+use btr_identify::residual_model::{Family, Rollout, Step};
 use btr_physics::elsewhere::{Executor, Parcel, Parcels, Served, ServedModel, Stopped, Way, serve};
 use btr_physics::experiment::{LogSource, Source, model};
 use btr_physics::verbs::Problem;

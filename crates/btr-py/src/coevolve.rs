@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::work::{Hands, way, working};
 use btr_cli::Watch;
 use btr_core::coevolve::{Coevolution, Step};
-use btr_core::diagnose::Rung;
+use btr_identify::diagnose::Rung;
 use btr_physics::elsewhere::Way;
 use btr_physics::experiment::{Experiment, Robotic};
 use btr_physics::reality::{Asked, Unanswered};

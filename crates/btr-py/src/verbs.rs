@@ -7,7 +7,7 @@ use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
 use btr_cli::Failure;
 use btr_cli::report::{self, Subject};
-use btr_core::diagnose::Question;
+use btr_identify::diagnose::Question;
 use btr_physics::elsewhere::{Served, Way};
 use btr_physics::experiment::{self, LogSource};
 use btr_physics::verbs::{self, Problem};
@@ -70,7 +70,7 @@ pub(crate) fn diagnose(
     working(py, &way, || {
         let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = Question { max_effects, ..Question::default() };
-        let heard = |rung: &btr_core::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
+        let heard = |rung: &btr_identify::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
         let (found, diagnosis) =
             verbs::diagnose(&problem, &family, question, &heard).ok_or_else(|| Failure::blown(&problem).raise())?;

@@ -4,7 +4,7 @@ use super::ladder;
 use crate::args::{Check, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::table::{Table, maybe, number};
-use btr_core::check::Severity;
+use btr_identify::quality::Severity;
 use btr_physics::experiment::{self, Checked};
 use btr_physics::verbs::{self, Told};
 

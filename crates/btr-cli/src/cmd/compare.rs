@@ -6,8 +6,8 @@ use crate::args::{Compare, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::report;
 use crate::table::{Table, maybe, number};
-use btr_core::compare::ChannelError;
-use btr_core::family::Step;
+use btr_identify::compare::ChannelError;
+use btr_identify::residual_model::Step;
 use btr_physics::verbs::{self, Compared};
 
 /// A channel that errs by more noise floors is not only noise.

@@ -6,7 +6,7 @@ use crate::args::{Diagnose, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::report::{self, Subject};
 use crate::table::{Table, number};
-use btr_core::diagnose::{Question, Verdict};
+use btr_identify::diagnose::{Question, Verdict};
 use btr_physics::io::{self, Meta};
 use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
 use std::path::{Path, PathBuf};

@@ -3,8 +3,8 @@
 use crate::args::Global;
 use crate::failure::Failure;
 use crate::table::{Table, number};
-use btr_core::check::Severity;
-use btr_core::fit::Estimate;
+use btr_identify::fit::Estimate;
+use btr_identify::quality::Severity;
 use btr_physics::experiment::{self, Replays, Source};
 use btr_physics::verbs::{self, Doubt, Floor, LadderStep};
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@ use super::joints::{Beside, LOGS_SHOWN, joints};
 use super::{Block, Report, Section};
 use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use crate::plot::heat::{Heat, heat};
-use btr_core::compare::{Cell, Regime, Track};
+use btr_identify::compare::{Cell, Regime, Track};
 use btr_physics::verbs::Compared;
 
 /// Columns of the map over time.

@@ -7,8 +7,8 @@ use crate::cmd::ladder::{ESTIMATES, estimate, integrator};
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
-use btr_core::diagnose::{Ranked, Verdict};
 use btr_core::log::Log;
+use btr_identify::diagnose::{Ranked, Verdict};
 use btr_physics::effect;
 use btr_physics::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
 

@@ -6,8 +6,8 @@ use crate::cmd::ladder::{integrator, interval};
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::{maybe, number};
-use btr_core::fit::{Ended, Estimate};
 use btr_core::space::Dim;
+use btr_identify::fit::{Ended, Estimate};
 use btr_physics::verbs::FitReport;
 
 /// The page of `btr fit`; `u` is the point of the family that was found.

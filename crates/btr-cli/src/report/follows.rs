@@ -2,8 +2,8 @@
 
 use super::joints::{FINE, View};
 use crate::plot::{Ink, Mark, Panel, Series};
-use btr_core::compare::{Track, spectrum};
-use btr_core::stats::autocorrelation;
+use btr_core::signal::stats::autocorrelation;
+use btr_identify::compare::{Track, spectrum};
 
 /// What is shown around a reversal, in s.
 const AROUND_REVERSAL_S: (f64, f64) = (-0.1, 0.4);

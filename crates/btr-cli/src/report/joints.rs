@@ -3,8 +3,8 @@
 use super::follows::follows;
 use super::{Block, Section};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
-use btr_core::compare::{Comparison, Regime, Residual, Track};
 use btr_core::log::Log;
+use btr_identify::compare::{Comparison, Regime, Residual, Track};
 
 /// Logs of a joint that are drawn, the worst first.
 pub(super) const LOGS_SHOWN: usize = 3;

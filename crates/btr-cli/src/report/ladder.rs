@@ -155,7 +155,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use btr_core::family::Family;
+    use btr_identify::residual_model::Family;
     use btr_physics::experiment::Source;
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};
+use crate::optimize::Residuals;
 use crate::parallel::side_by_side;
-use crate::search::{Residuals, Unit};
+use crate::search::Unit;
 use crate::world::{Against, Behaviour, Compared, Job, Made, Simulator, Trial, Wanted, WorldError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

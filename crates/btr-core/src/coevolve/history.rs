@@ -2,7 +2,7 @@
 
 use super::disengage::Evidence;
 use super::drift::Drift;
-use super::posterior::{Belief, OpenDirection};
+use super::estimation::posterior::{Belief, OpenDirection};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 

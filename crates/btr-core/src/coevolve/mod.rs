@@ -4,7 +4,6 @@
 //! test, the end of an iteration - and can be written down and taken up again between any two steps. Random numbers belong
 //! to (seed, step, iteration, generation), so that a resumed run continues bit for bit.
 
-mod abduction;
 mod correction;
 mod disengage;
 mod drift;
@@ -12,27 +11,23 @@ mod estimation;
 mod evaluate;
 mod history;
 mod ledger;
-mod linearise;
 mod map;
 mod plan;
-mod posterior;
-mod probed;
-mod promise;
 mod run;
 #[cfg(test)]
 mod toy;
 mod transfer;
 
-pub use abduction::{Abduction, Extension, Fitted, Suspect};
 pub use correction::LinearCorrection;
 pub use disengage::Evidence;
 pub use drift::{Change, Drift};
+pub use estimation::abduction::{Abduction, Extension, Fitted, Suspect};
+pub use estimation::posterior::{Belief, OpenDirection, Posterior};
+pub use estimation::promise::Gap;
 pub use estimation::{Estimated, Explanation};
 pub use evaluate::{Cost, phi};
 pub use history::{Augmentation, Estimate, Generation, History, Iteration, Side, StopReason};
 pub use ledger::{Entry, Ledger, Verdict};
 pub use map::{MapError, MapPhase, Outlook, Promise};
 pub use plan::{DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
-pub use posterior::{Belief, OpenDirection, Posterior};
-pub use promise::Gap;
 pub use run::{Coevolution, On, PlanError, State, Step};

@@ -130,13 +130,13 @@ fn commands_count_in_phi_2_alone() {
 #[test]
 fn a_model_that_stays_at_the_mean_has_a_fit_of_zero() {
     let real = behaviour(4, 500, 3);
-    let mean = changed(&real, |_, v| vec![crate::stats::mean(&v); v.len()]);
+    let mean = changed(&real, |_, v| vec![crate::signal::stats::mean(&v); v.len()]);
     for name in ["rmse", "normalised_rmse", "spectrum"] {
         let distance = named(name).distance(&real, &mean);
         assert!((distance - 1.0).abs() < if name == "spectrum" { 0.3 } else { 1e-9 }, "{name}: {distance}");
     }
     let q = real.log.values("q_0").unwrap();
-    let half: Vec<f64> = q.iter().map(|v| v + 0.5 * (crate::stats::mean(q) - v)).collect();
+    let half: Vec<f64> = q.iter().map(|v| v + 0.5 * (crate::signal::stats::mean(q) - v)).collect();
     assert!((super::fit_percent(q, &half).unwrap() - 50.0).abs() < 1e-9);
     assert_eq!(super::fit_percent(&[1.0, 1.0], &[1.0, 2.0]), None);
 }

@@ -6,7 +6,6 @@
 
 mod channels;
 mod dtw;
-pub(crate) mod fft;
 mod fit;
 mod fitness;
 mod information;
@@ -16,8 +15,6 @@ mod rmse;
 mod spec;
 mod spectrum;
 mod whitened;
-
-pub(crate) use fft::peak_rate;
 
 pub use channels::Channels;
 pub(crate) use channels::matches;
@@ -30,7 +27,7 @@ pub use spec::{DISTANCES, DistanceSpec};
 pub use spectrum::{Spectrum, spectral_difference};
 pub use whitened::Whitened;
 
-use crate::search::Residuals;
+use crate::optimize::Residuals;
 use crate::world::Behaviour;
 
 /// A distance between what really happened and what a simulation says.

@@ -2,7 +2,7 @@
 
 use super::channels::{root_mean_square, sum_pairs};
 use super::{Channels, Distance, SumOfSquares, comparable};
-use crate::search::Residuals;
+use crate::optimize::Residuals;
 use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,9 @@
 //! windows for harmonic analysis with the discrete Fourier transform", Proceedings of the IEEE 66, 1978).
 
 use super::channels::{root_mean_square, sum_pairs};
-use super::fft::Fft;
 use super::{Channels, Distance, comparable};
 use crate::log::interpolate;
+use crate::signal::fft::Fft;
 use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;

@@ -3,8 +3,8 @@
 use super::channels::{Pair, sum_pairs};
 use super::{Channels, Distance, SumOfSquares, comparable};
 use crate::log::Role;
-use crate::noise::Noise;
-use crate::search::Residuals;
+use crate::optimize::Residuals;
+use crate::signal::noise::Noise;
 use crate::world::Behaviour;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};

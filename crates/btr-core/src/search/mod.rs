@@ -11,14 +11,12 @@ pub mod ga;
 pub mod gray;
 #[cfg(test)]
 mod laws;
-mod least_squares;
 pub mod map_elites;
 mod pool;
 pub mod real_ga;
 mod sample;
 pub mod spec;
 
-pub use least_squares::{LeastSquares, Linear, Residuals};
 pub use map_elites::MapElites;
 pub(crate) use sample::{normal, uniform};
 pub use spec::{AnySearch, SEARCHES, SearchSpec};

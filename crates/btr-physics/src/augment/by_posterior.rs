@@ -13,10 +13,10 @@ use crate::scales::Scales;
 use btr_core::coevolve::{
     Abduction, Coevolution, Cost, Entry, Estimated, Explanation, Extension, Fitted, Posterior, PosteriorPhase, Suspect,
 };
-use btr_core::diagnose::{Found, Rung, Verdict};
-use btr_core::fit::Estimate;
 use btr_core::space::{Dim, Space};
 use btr_core::world::{Simulator, WorldError};
+use btr_identify::diagnose::{Found, Rung, Verdict};
+use btr_identify::fit::Estimate;
 use std::ops::Range;
 
 /// The most real tests that are looked at.

@@ -7,9 +7,9 @@ use crate::floor;
 use crate::model::{Point, Scenario};
 use crate::robot::Base;
 use crate::windows;
-use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
+use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use std::borrow::Cow;
 use std::ops::Range;
 

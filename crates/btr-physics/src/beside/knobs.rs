@@ -3,8 +3,8 @@
 use crate::effect::Param;
 use crate::scales::Scales;
 use crate::sim::Setup;
-use btr_core::family::{Knob, Law};
 use btr_core::space::{Dim, Scale};
+use btr_identify::residual_model::{Knob, Law};
 
 /// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
 const WEAK: f64 = 33.0;

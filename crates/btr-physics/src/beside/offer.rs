@@ -6,8 +6,8 @@ use super::sites::sites;
 use crate::effect::{EFFECTS, Effect};
 use crate::robot::Actuator;
 use crate::term::{self, Extent, Term};
-use btr_core::family::{Candidate, Feature};
 use btr_core::world::WorldError;
+use btr_identify::residual_model::{Candidate, Feature};
 
 impl Beside {
     /// Adds every effect at every site to what may be missing, but those named in `without`.

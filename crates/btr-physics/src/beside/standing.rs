@@ -5,11 +5,11 @@
 use super::Beside;
 use crate::model::{Model, Scenario};
 use crate::robot::Link;
-use btr_core::family::Step;
-use btr_core::fit::squares;
 use btr_core::log::{Log, interpolate};
-use btr_core::smooth;
+use btr_core::signal::smooth;
 use btr_core::world::WorldError;
+use btr_identify::fit::squares;
+use btr_identify::residual_model::Step;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// How a free robot came to where its log begins: put down with its joints as they read there, or as they are told, it

@@ -5,9 +5,9 @@ use super::parts::whole;
 use crate::model::{Model, Scenario};
 use crate::robot::Base;
 use crate::windows;
-use btr_core::family::{Family, Rollout, Step};
-use btr_core::fit::{NOISE, nearest_starts, squares};
 use btr_core::log::Log;
+use btr_identify::fit::{NOISE, nearest_starts, squares};
+use btr_identify::residual_model::{Family, Rollout, Step};
 use std::borrow::Cow;
 use std::sync::Arc;
 

@@ -2,9 +2,9 @@
 //! typical sizes of effects were made for a desk arm, whose motion shows the least of them.
 
 use super::Beside;
-use btr_core::family::{Family, Knob, Law, Rollout, Step};
-use btr_core::fit::{rows_near, shared, squares};
 use btr_core::world::WorldError;
+use btr_identify::fit::{rows_near, shared, squares};
+use btr_identify::residual_model::{Family, Knob, Law, Rollout, Step};
 use rayon::prelude::*;
 
 /// What a unit of an amplitude should show, and what the reach of a difference, where it shows best: in noise floors.

@@ -26,7 +26,7 @@ pub use zmp_motion::MotionError;
 
 use crate::engine::Dynamics;
 use crate::robot::Robot;
-use btr_core::smooth::Motion;
+use btr_core::signal::smooth::Motion;
 
 /// A source of joint references.
 pub trait Drive: Send + Sync {

@@ -4,7 +4,7 @@ use super::Drive;
 use crate::engine::Dynamics;
 use crate::robot::{Joint, Robot};
 use crate::site;
-use btr_core::smooth::Motion;
+use btr_core::signal::smooth::Motion;
 use btr_core::space::Dim;
 use nalgebra::Vector3;
 

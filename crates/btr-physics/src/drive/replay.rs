@@ -3,8 +3,8 @@
 use super::Drive;
 use crate::robot::{Actuator, Link, Robot};
 use btr_core::log::{Log, interpolate};
-use btr_core::silence;
-use btr_core::smooth::{Motion, finely};
+use btr_core::signal::silence;
+use btr_core::signal::smooth::{Motion, finely};
 
 /// A stamp that is off by less than this share of the usual time between samples was only rounded.
 const ROUNDED: f64 = 1e-3;

@@ -5,9 +5,9 @@ use super::message::{Asked, Batch, Content, Derived, Parcel, Residuals, Rollouts
 use super::{MOST_AT_ONCE, Way};
 use crate::experiment::{self, LogSource};
 use crate::verbs::Problem;
-use btr_core::family::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
+use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -49,7 +49,7 @@ impl Served {
     fn ask(&self, rollouts: &[Rollout], step: Step) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
         let parcel = self.parcel.as_ref()?;
         let asked = |one: &Rollout| Asked { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
-        let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.divides_by().trailing_zeros() as u8);
+        let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
         let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
         let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
         let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;

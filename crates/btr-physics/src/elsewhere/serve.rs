@@ -9,8 +9,8 @@ use crate::experiment::{self, LogSource};
 use crate::model::Model;
 use crate::verbs::Problem;
 use btr_core::distance::{Distance, DistanceSpec};
-use btr_core::family::{Family, Rollout, Step};
 use btr_core::world::{Against, Behaviour, Compared, Job, Simulator, Wanted};
+use btr_identify::residual_model::{Family, Rollout, Step};
 use std::hash::{DefaultHasher, Hasher};
 
 /// What a worker knows of a parcel.
@@ -104,8 +104,7 @@ fn residuals(base: &dyn Family, key: u64, rollouts: &Rollouts) -> Result<Vec<Res
 }
 
 fn made_of(family: &dyn Family, rollouts: &Rollouts) -> Vec<Residuals> {
-    let mut step = Step::USUAL;
-    (0..rollouts.halvings).for_each(|_| step = step.halved());
+    let step = Step::of_halvings(rollouts.halvings);
     let dense: Vec<_> = rollouts.asked.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
     let asked: Vec<Rollout> = dense.iter().map(|(u, log, moved)| Rollout { u, log: *log, moved }).collect();
     let results = asked.chunks(family.side_by_side().max(1)).flat_map(|few| family.residuals(few, step));

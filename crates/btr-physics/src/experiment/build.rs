@@ -7,11 +7,11 @@ use crate::drive::Replay;
 use crate::elsewhere::Way;
 use crate::model::{Model, Scenario};
 use crate::reality::{Asked, Called, Revealing, Unanswered};
-use btr_core::check;
 use btr_core::coevolve::{Coevolution, Plan};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
 use btr_core::world::{Trial, WorldError};
+use btr_identify::quality;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -170,7 +170,7 @@ impl Experiment {
         }
         // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample, is held
         // only where it is something else than what was asked for.
-        let as_asked = check::asked(&references, log).is_none();
+        let as_asked = quality::asked(&references, log).is_none();
         let replay = match as_asked {
             true => Replay::new(&references, &self.model.robot),
             false => Replay::new(&told(log, &references), &self.model.robot),

@@ -5,7 +5,7 @@ use super::log_source::LogSource;
 use super::parse::FileError;
 use crate::io;
 use btr_core::log::Log;
-use btr_core::silence;
+use btr_core::signal::silence;
 use std::path::{Path, PathBuf};
 
 /// No robot is sampled so rarely, in s.

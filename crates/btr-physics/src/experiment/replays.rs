@@ -10,8 +10,8 @@ use crate::check;
 use crate::model::Model;
 use crate::parameter::Target;
 use crate::robot::Robot;
-use btr_core::check::Quality;
 use btr_core::log::Log;
+use btr_identify::quality::Quality;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 

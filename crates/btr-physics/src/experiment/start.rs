@@ -2,8 +2,8 @@
 
 use crate::robot::{Actuator, Robot};
 use btr_core::log::{Log, LogError};
-use btr_core::noise::Noise;
-use btr_core::smooth;
+use btr_core::signal::noise::Noise;
+use btr_core::signal::smooth;
 
 /// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
 /// say what a joint with a motor was told cannot be replayed.

@@ -3,9 +3,9 @@
 
 use crate::beside::Beside;
 use crate::experiment::{Checked, Replays};
-use btr_core::check::Follows;
-use btr_core::family::Family;
-use btr_core::fit::{Bench, NullDirection, Sensitivity, identifiable};
+use btr_identify::fit::{Bench, NullDirection, Sensitivity, identifiable};
+use btr_identify::quality::Follows;
+use btr_identify::residual_model::Family;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;

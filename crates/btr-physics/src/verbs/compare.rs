@@ -3,11 +3,11 @@
 use super::ProblemError;
 use crate::beside::seen_starts;
 use crate::experiment::{Replays, Source};
-use btr_core::compare::{self, Cell, ChannelError, Comparison, Episode};
-use btr_core::family::Step;
-use btr_core::fit::{FINE_ENOUGH, FINEST};
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
+use btr_identify::compare::{self, Cell, ChannelError, Comparison, Episode};
+use btr_identify::fit::{FINE_ENOUGH, FINEST};
+use btr_identify::residual_model::Step;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};

@@ -2,11 +2,11 @@
 
 use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
 use crate::effect::On;
-use btr_core::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
-use btr_core::family::Family;
-use btr_core::fit::{Bench, Estimate, NOISE};
-use btr_core::noise::Noise;
-use btr_core::stats;
+use btr_core::signal::noise::Noise;
+use btr_core::signal::stats;
+use btr_identify::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
+use btr_identify::fit::{Bench, Estimate, NOISE};
+use btr_identify::residual_model::Family;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -128,7 +128,7 @@ pub fn diagnose(
 ) -> Option<(DiagnoseReport, Diagnosis)> {
     let began = Instant::now();
     let bench = Bench::new(family);
-    let diagnosis = btr_core::diagnose::diagnose(&bench, question, tell)?;
+    let diagnosis = btr_identify::diagnose::diagnose(&bench, question, tell)?;
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,

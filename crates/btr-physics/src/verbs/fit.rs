@@ -2,8 +2,8 @@
 
 use super::{Doubt, Floor, LadderStep, Problem};
 use crate::adapt::{adapted, in_finer_steps};
-use btr_core::family::{Family, Step};
-use btr_core::fit::{Bench, Ended, Estimate, Fit, NullDirection};
+use btr_identify::fit::{Bench, Ended, Estimate, Fit, NullDirection};
+use btr_identify::residual_model::{Family, Step};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -54,7 +54,7 @@ pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -
     let heard = |step: &str, train: f64, held_out: Option<f64>| {
         tell(&LadderStep { step: step.to_owned(), train, held_out });
     };
-    let fitted = btr_core::fit::fitted(&bench, &heard)?;
+    let fitted = btr_identify::fit::fitted(&bench, &heard)?;
     let ladder = fitted.ladder.iter().map(|(step, train, held_out)| LadderStep {
         step: step.clone(),
         train: *train,

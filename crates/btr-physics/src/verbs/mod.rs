@@ -21,10 +21,10 @@ pub use replay::Judged;
 
 use crate::beside::Beside;
 use crate::experiment::{Checked, FileError, LogSource, Replays, Source, replays};
-use btr_core::check::{FEWEST_SAMPLES, Finding};
-use btr_core::family::{Family as _, Step};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
+use btr_identify::quality::{FEWEST_SAMPLES, Finding};
+use btr_identify::residual_model::{Family as _, Step};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! What a model says beside the logs that it is judged on, for plots.
 
 use super::Problem;
-use btr_core::compare::{Comparison, Episode, compare};
-use btr_core::family::Step;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
+use btr_identify::compare::{Comparison, Episode, compare};
+use btr_identify::residual_model::Step;
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -1,8 +1,8 @@
 //! Estimates of a toy whose truth is known.
 #![allow(clippy::unwrap_used)]
 
+use super::abduction::{Abduction, Extension};
 use super::*;
-use crate::coevolve::abduction::{Abduction, Extension};
 use crate::coevolve::toy::{Made, Robot, Toy, tested, whitened};
 use crate::space::Dim;
 use rand::RngExt;

@@ -3,11 +3,11 @@
 use super::descriptor::Axis;
 use super::gaussian_process::GaussianProcess;
 use super::phase::MapPhase;
+use crate::coevolve::estimation::promise::student_95;
 use crate::coevolve::ledger::Entry;
-use crate::coevolve::promise::student_95;
 use crate::search::map_elites::Elite;
 use crate::search::{MapElites, Unit};
-use crate::stats;
+use crate::signal::stats;
 use crate::world::Simulator;
 use serde::Serialize;
 

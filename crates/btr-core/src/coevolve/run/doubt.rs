@@ -2,12 +2,13 @@
 //! teaches most.
 
 use super::{Coevolution, On, Stream, stream};
+use crate::coevolve::estimation::linearise::{Ensemble, Shown};
+use crate::coevolve::estimation::posterior::root;
 use crate::coevolve::evaluate;
-use crate::coevolve::linearise::{Ensemble, Shown};
 use crate::coevolve::plan::PosteriorPhase;
-use crate::coevolve::posterior::root;
 use crate::coevolve::transfer::Scored;
-use crate::search::{Residuals, Unit, uniform};
+use crate::optimize::Residuals;
+use crate::search::{Unit, uniform};
 use crate::world::Behaviour;
 use nalgebra::DMatrix;
 use std::cmp::Ordering;

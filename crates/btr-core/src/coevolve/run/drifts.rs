@@ -4,8 +4,8 @@
 
 use super::{Coevolution, On};
 use crate::coevolve::drift::Drift;
+use crate::coevolve::estimation::posterior::Posterior;
 use crate::coevolve::ledger::Entry;
-use crate::coevolve::posterior::Posterior;
 use crate::coevolve::transfer::Scored;
 
 impl Coevolution {

@@ -76,8 +76,8 @@ impl Coevolution {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::coevolve::estimation::posterior::Posterior;
     use crate::coevolve::history::StopReason;
-    use crate::coevolve::posterior::Posterior;
     use crate::coevolve::toy::{Robot, Toy, estimating, whitened};
     use nalgebra::{DMatrix, DVector};
 

@@ -3,10 +3,10 @@
 //! asks whether it is still the same robot.
 
 use super::{Coevolution, On, Phase, Step, Stream};
+use crate::coevolve::estimation::posterior::Posterior;
 use crate::coevolve::estimation::{Estimated, Setting, Surprise, Turned, WIDER};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
-use crate::coevolve::posterior::Posterior;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,5 @@
 //! The state machine that turns the loop.
 
-mod check;
 mod controllers;
 mod doubt;
 mod drifts;
@@ -11,24 +10,26 @@ mod reality_only;
 mod record;
 mod simulators;
 mod transfers;
+mod validate;
 
 use super::correction::LinearCorrection;
 use super::disengage;
 use super::estimation::Estimated;
+use super::estimation::posterior::Posterior;
 use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
 use super::plan::{Initial, Method, Plan};
-use super::posterior::Posterior;
 use super::transfer::Scored;
 use crate::distance::Distance;
+use crate::optimize::LeastSquares;
 use crate::random::{self, Rng};
-use crate::search::{AnySearch, LeastSquares, MapElites, Unit};
+use crate::search::{AnySearch, MapElites, Unit};
 use crate::world::{Reality, Simulator};
-pub use check::PlanError;
 use estimate::Estimation;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
+pub use validate::PlanError;
 
 /// What a run acts on. Not part of its state: the caller builds it anew when a run is resumed.
 pub struct On<'a> {
@@ -149,7 +150,7 @@ impl Coevolution {
     /// # Errors
     /// A plan that does not fit what is to be searched.
     pub fn new(plan: Plan, seed: u64, simulator: &dyn Simulator) -> Result<Self, PlanError> {
-        check::check(&plan, simulator)?;
+        validate::check(&plan, simulator)?;
         let space = simulator.simulations();
         let simulation = match plan.initial_simulation {
             Initial::Nominal => space.nominal(),

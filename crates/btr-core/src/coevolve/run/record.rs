@@ -6,7 +6,7 @@ use crate::coevolve::evaluate;
 use crate::coevolve::history::{Estimate, Generation, Iteration, Side};
 use crate::coevolve::ledger::Entry;
 use crate::search::Unit;
-use crate::stats;
+use crate::signal::stats;
 
 /// A parameter this close to a bound, as a share of its range, lies on it: no search gets there exactly.
 const AT_BOUND: f64 = 1e-3;

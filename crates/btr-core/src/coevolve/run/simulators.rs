@@ -6,7 +6,8 @@ use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
 use crate::coevolve::plan::Initial;
 use crate::coevolve::transfer;
-use crate::search::{AnySearch, LeastSquares, Residuals, Search, Unit};
+use crate::optimize::{LeastSquares, Residuals};
+use crate::search::{AnySearch, Search, Unit};
 
 impl Coevolution {
     /// Step 3; the tests of iteration `latest` are those that always count.

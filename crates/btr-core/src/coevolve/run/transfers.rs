@@ -2,11 +2,11 @@
 
 use super::{Coevolution, On, Phase, Step, Stream};
 use crate::coevolve::correction::LinearCorrection;
+use crate::coevolve::estimation::promise;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
-use crate::coevolve::promise;
 use crate::coevolve::transfer::Scored;
 use crate::search::{AnySearch, Unit};
 use crate::world::Trial;

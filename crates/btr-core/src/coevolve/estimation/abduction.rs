@@ -1,0 +1,271 @@
+//! Abduction: which extension of S explains what the robot did. The paper's principle P3 with the means of step 3: the same
+//! tests, the same noise, the same posterior, in spaces that have a few dimensions more.
+//!
+//! Screening runs each extension once per probe where the present estimate stands, and asks how far a multiple of its change
+//! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
+
+use super::posterior::Posterior;
+use super::probed::Probed;
+use super::{Estimated, Means, Setting, Surprise};
+use crate::coevolve::evaluate::{self, Cost};
+use crate::coevolve::ledger::Entry;
+use crate::coevolve::plan::PosteriorPhase;
+use crate::distance::Distance;
+use crate::optimize::Residuals;
+use crate::random;
+use crate::space::Dim;
+use crate::world::Simulator;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// A multiple of a probe that is believed, at least and at most: further away it is another one's business.
+const MULTIPLES: (f64, f64) = (0.15, 4.0);
+/// How far S may have been led astray, as a share of what its bounds leave.
+const ASTRAY: f64 = 0.35;
+/// How wide an extension's own numbers are believed to begin with, as a share of their probe's place above zero on the unit
+/// cube, and at least.
+const BEGIN: (f64, f64) = (0.5, 0.01);
+
+/// What is asked: tests that are explained by nothing in S.
+pub struct Abduction<'a> {
+    /// A likelihood: see [`Distance::whitens`].
+    pub distance: &'a dyn Distance,
+    /// Tests to learn from: growing parts of them from their beginnings on, at last all of them. A robot that falls goes on in
+    /// ways that nothing foretells before its numbers are known; what makes it fall shows before.
+    pub learn: Vec<Vec<&'a Entry>>,
+    /// Tests to judge by.
+    pub held_out: Vec<&'a Entry>,
+    /// How estimates are made.
+    pub phase: PosteriorPhase,
+    /// Seed of all ensembles.
+    pub seed: u64,
+}
+
+/// A larger S, whose first dimensions are those of the present one.
+pub struct Extension<'a> {
+    /// Its simulations.
+    pub simulator: &'a dyn Simulator,
+    /// Values of its further dimensions, in their units, at which it is tried.
+    pub probes: Vec<Vec<f64>>,
+}
+
+impl Extension<'_> {
+    /// A multiple of a probe, on the unit cube: of numbers that are off at a nominal value, by so much further from that;
+    /// others stay where the probe has them.
+    fn at(&self, known: usize, probe: &[f64], multiple: f64) -> Vec<f64> {
+        let place = |(dim, value): (&Dim, &f64)| match dim.nominal {
+            Some(off) => dim.to_unit(off + multiple * (value - off)),
+            None => dim.to_unit(*value),
+        };
+        self.simulator.simulations().dims()[known..].iter().zip(probe).map(place).collect()
+    }
+}
+
+/// An extension that promises something.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspect {
+    /// Its place among the extensions.
+    pub extension: usize,
+    /// Where on the unit cube its further dimensions are expected.
+    pub start: Vec<f64>,
+    /// The share of chi-squared that would be left.
+    pub left: f64,
+}
+
+/// An extension with its numbers, and how well it explains the tests.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fitted {
+    /// On the beginnings of the tests to learn from.
+    pub early: Estimated,
+    /// On all of these tests.
+    pub estimated: Estimated,
+    /// chi on those held out, with all that the posterior leaves open taken for noise; `None` without any.
+    pub held_out: Option<f64>,
+    /// Whether that is at the noise as well.
+    pub confirmed: bool,
+}
+
+impl Abduction<'_> {
+    /// S about where it was before any test, a part as wide as its bounds leave it: what is missing has not led it astray there.
+    pub fn unbiased(&self, prior: &Posterior) -> Posterior {
+        Posterior::new(prior.mean().clone(), prior.covariance() * ASTRAY.powi(2))
+    }
+
+    fn setting<'a>(&'a self, simulator: &'a dyn Simulator, prior: &Posterior, tests: &[&'a Entry]) -> Setting<'a> {
+        Setting { simulator, distance: self.distance, tests: tests.to_vec(), prior: prior.clone() }
+    }
+
+    /// Estimates S, from a belief to begin with; `prior` is what is known of it without any test.
+    pub fn fit(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        from: &Posterior,
+        cost: &mut Cost,
+    ) -> Option<Fitted> {
+        let (early, estimated) = self.settle(simulator, prior, from, cost)?;
+        let members = self.phase.members(from.mean().len());
+        let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
+        let (seen, _) = self.setting(simulator, prior, &self.held_out).seen(&draws, cost);
+        let held_out = Surprise::of(&seen);
+        let judged = !self.held_out.is_empty();
+        Some(Fitted {
+            early,
+            estimated,
+            held_out: judged.then_some(held_out.chi),
+            confirmed: !judged || held_out.foreseen,
+        })
+    }
+
+    /// From the tests' beginnings to the whole of them, each part from what the one before has told: the first estimate and the
+    /// last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
+    fn settle(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        from: &Posterior,
+        cost: &mut Cost,
+    ) -> Option<(Estimated, Estimated)> {
+        let means = Means { phase: &self.phase, seed: self.seed };
+        let (first, longer) = self.learn.split_first()?;
+        let early = self.setting(simulator, prior, first).settle(from, &means, cost)?;
+        let mut estimated = early.clone();
+        for tests in longer {
+            if !estimated.explains {
+                let whole = self.setting(simulator, prior, self.learn.last()?).settle(from, &means, cost)?;
+                return Some((early, Estimated { explains: false, ..whole }));
+            }
+            estimated = self.setting(simulator, prior, tests).narrow(&estimated.belief, &means, cost)?;
+        }
+        Some((early, estimated))
+    }
+
+    /// Some turns of an estimate on the beginnings of the tests to learn from.
+    pub fn glance(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        from: &Posterior,
+        turns: usize,
+        cost: &mut Cost,
+    ) -> Option<Estimated> {
+        let phase = PosteriorPhase { turns, ..self.phase.clone() };
+        self.setting(simulator, prior, self.learn.first()?).settle(
+            from,
+            &Means { phase: &phase, seed: self.seed },
+            cost,
+        )
+    }
+
+    /// The extensions that would lower chi-squared of the tests' beginnings, the most promising first, for an S that stands
+    /// about where `belief` has it.
+    pub fn screen(
+        &self,
+        simulator: &dyn Simulator,
+        prior: &Posterior,
+        belief: &Posterior,
+        extensions: &[Extension<'_>],
+        cost: &mut Cost,
+    ) -> Vec<Suspect> {
+        let here = simulator.simulations().from_unit(belief.mean().as_slice());
+        let mut sums: Vec<Vec<Normal>> = extensions.iter().map(|e| vec![Normal::default(); e.probes.len()]).collect();
+        let mut information = prior.covariance().clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(0, 0));
+        let mut gradient = &information * (belief.mean() - prior.mean());
+        let mut chi2 = 0.0;
+        for entry in self.learn.first().into_iter().flatten() {
+            let Some(probed) = self.probed(simulator, belief, entry, cost) else { continue };
+            chi2 += probed.chi2();
+            information += probed.information();
+            gradient += probed.gradient();
+            let along = |(extension, sums): (&Extension, &mut Vec<Normal>)| {
+                let mut cost = Cost::default();
+                let residuals = self.residuals(extension, &here, entry, &mut cost);
+                sums.iter_mut().zip(residuals).for_each(|(sum, r)| sum.add(r.and_then(|r| probed.along(&r))));
+                cost
+            };
+            let costs: Vec<Cost> = extensions.par_iter().zip(&mut sums).map(along).collect();
+            costs.into_iter().for_each(|spent| cost.add(spent));
+        }
+        let Some(factor) = information.cholesky() else { return Vec::new() };
+        let promise = |(k, sums): (usize, &Vec<Normal>)| {
+            let best = |(probe, sum): (&Vec<f64>, &Normal)| Some((probe.clone(), sum.best(&factor, &gradient)?));
+            let bests = extensions[k].probes.iter().zip(sums).filter_map(best);
+            let (probe, (multiple, fall)) = bests.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+            Some(Suspect {
+                extension: k,
+                start: extensions[k].at(here.len(), &probe, multiple),
+                left: 1.0 - fall / chi2,
+            })
+        };
+        let mut suspects: Vec<Suspect> = sums.iter().enumerate().filter_map(promise).collect();
+        suspects.sort_by(|a, b| a.left.total_cmp(&b.left));
+        suspects
+    }
+
+    fn probed(&self, simulator: &dyn Simulator, belief: &Posterior, entry: &Entry, cost: &mut Cost) -> Option<Probed> {
+        let members = self.phase.members(belief.mean().len());
+        let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
+        let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();
+        let squares = self.distance.as_squares()?;
+        let results = evaluate::residuals(simulator, (self.distance, squares), &points, &[entry], cost);
+        let errors: Option<Vec<Residuals>> = results.into_iter().map(|(_, residuals)| residuals).collect();
+        Probed::of(&draws, &errors?, belief.mean())
+    }
+
+    fn residuals(&self, of: &Extension, here: &[f64], entry: &Entry, cost: &mut Cost) -> Vec<Option<Residuals>> {
+        let Some(squares) = self.distance.as_squares() else { return vec![None; of.probes.len()] };
+        let points: Vec<Vec<f64>> = of.probes.iter().map(|probe| [here, probe].concat()).collect();
+        let results = evaluate::residuals(of.simulator, (self.distance, squares), &points, &[entry], cost);
+        results.into_iter().map(|(_, residuals)| residuals).collect()
+    }
+
+    /// What is believed of a larger S to begin with: what was screened from, and a suspect's own numbers about where they are
+    /// expected.
+    pub fn beginning(&self, belief: &Posterior, suspect: &Suspect, prior: &Posterior) -> Posterior {
+        let mean: Vec<f64> = belief.mean().iter().copied().chain(suspect.start.iter().copied()).collect();
+        let mut covariance = prior.covariance().clone();
+        let known = belief.mean().len();
+        for (k, start) in suspect.start.iter().enumerate() {
+            let off = prior.mean()[known + k];
+            covariance[(known + k, known + k)] = (BEGIN.0 * (start - off).abs()).max(BEGIN.1).powi(2);
+        }
+        // S itself may have been led astray by what is missing.
+        covariance.view_mut((0, 0), (known, known)).scale_mut(ASTRAY.powi(2));
+        Posterior::new(DVector::from_vec(mean), covariance)
+    }
+}
+
+/// What the tests say along one probe: products of its change of the errors with itself, the errors and the slopes of S.
+#[derive(Clone, Default)]
+struct Normal {
+    failed: bool,
+    own: f64,
+    pull: f64,
+    across: Option<DVector<f64>>,
+}
+
+impl Normal {
+    fn add(&mut self, along: Option<(f64, f64, DVector<f64>)>) {
+        let Some((own, pull, across)) = along else {
+            self.failed = true;
+            return;
+        };
+        self.own += own;
+        self.pull += pull;
+        self.across = Some(self.across.take().map_or(across.clone(), |sum| sum + across));
+    }
+
+    /// The multiple of the probe that lowers chi-squared most while S makes the best of it, and by how much.
+    fn best(&self, factor: &nalgebra::Cholesky<f64, nalgebra::Dyn>, gradient: &DVector<f64>) -> Option<(f64, f64)> {
+        let across = self.across.as_ref().filter(|_| !self.failed)?;
+        let solved = factor.solve(across);
+        let curvature = self.own - across.dot(&solved);
+        let slope = self.pull - gradient.dot(&solved);
+        if curvature <= 0.0 {
+            return None;
+        }
+        let multiple = (-slope / curvature).clamp(MULTIPLES.0, MULTIPLES.1);
+        let fall = -(2.0 * slope * multiple + curvature * multiple * multiple);
+        (fall > 0.0).then_some((multiple, fall))
+    }
+}

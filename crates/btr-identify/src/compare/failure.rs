@@ -1,0 +1,193 @@
+//! The map of failures: joint x regime, over all logs.
+
+use super::{Clue, Episode, Regime, Track};
+use btr_core::signal::stats::correlation;
+use indexmap::IndexMap;
+
+/// Samples that a cell needs.
+const FEWEST: usize = 10;
+/// An error above so many noise floors is one: below, the floor itself is too uncertain.
+const ABOVE_NOISE: f64 = 1.3;
+/// The window of a failure holds this share of its squared error.
+const WINDOW_SHARE: f64 = 0.8;
+/// A clue with less than this correlation is none.
+const FOLLOWS: f64 = 0.35;
+/// An offset is one when its square is this share of the mean square.
+const OFFSET_SHARE: f64 = 0.7;
+
+/// A joint in a regime.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// The joint.
+    pub joint: String,
+    /// What it was doing.
+    pub regime: Regime,
+    /// The log that holds most of the cell's squared error, by name.
+    pub log: String,
+    /// Its window that holds most of it, from, in s.
+    pub t0_s: f64,
+    /// To, in s.
+    pub t1_s: f64,
+    /// Samples.
+    pub samples: usize,
+    /// Root mean square error in rad (m).
+    pub rmse: f64,
+    /// The same in noise floors.
+    pub chi: f64,
+    /// Mean error in rad (m).
+    pub bias: f64,
+    /// Its share of the squared error of all joints.
+    pub share: f64,
+    /// How much that is more than its share of the time.
+    pub excess: f64,
+    /// What the error follows best; `None` where it follows nothing.
+    pub clue: Option<Found>,
+    /// All of this in one sentence.
+    pub hint: String,
+}
+
+/// A clue that was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// What the residual follows.
+    pub clue: Clue,
+    /// How closely: Pearson's correlation, with its sign.
+    pub correlation: f64,
+}
+
+impl Cell {
+    /// Whether there is more than noise.
+    pub(super) fn is_failure(&self) -> bool {
+        self.chi > ABOVE_NOISE && (self.excess > 0.0 || self.regime == Regime::Throughout)
+    }
+}
+
+/// All cells, joint by joint.
+pub(super) fn cells(tracks: &[Track], episodes: &[Episode]) -> Vec<Cell> {
+    let squares = |track: &Track| -> f64 {
+        track.error.iter().filter(|e| e.is_finite()).map(|e| (e / track.floor).powi(2)).sum()
+    };
+    let samples = |track: &Track| track.error.iter().filter(|e| e.is_finite()).count() as f64;
+    let whole = (tracks.iter().map(squares).sum(), tracks.iter().map(samples).sum());
+    let mut joints: IndexMap<&str, Vec<&Track>> = IndexMap::new();
+    tracks.iter().for_each(|track| joints.entry(&track.joint).or_default().push(track));
+    let of_joint = |tracks: &Vec<&Track>| -> Vec<Cell> {
+        Regime::ALL.into_iter().filter_map(|regime| cell(regime, tracks, whole, episodes)).collect()
+    };
+    joints.values().flat_map(of_joint).collect()
+}
+
+/// A joint's cell; `whole` is the squared error (in noise floors) and the number of samples of all joints.
+fn cell(regime: Regime, tracks: &[&Track], whole: (f64, f64), episodes: &[Episode]) -> Option<Cell> {
+    let parts: Vec<Part> = tracks.iter().filter_map(|track| Part::new(track, regime)).collect();
+    let errors = || parts.iter().flat_map(|part| part.indices.iter().map(|i| (part.track.error[*i], part.track.floor)));
+    let samples = errors().count();
+    if samples < FEWEST {
+        return None;
+    }
+    let n = samples as f64;
+    let (sum, square, in_floors) = errors().fold((0.0, 0.0, 0.0), |(sum, square, in_floors), (e, floor)| {
+        (sum + e, square + e * e, in_floors + (e / floor).powi(2))
+    });
+    let worst = parts.iter().max_by(|a, b| a.squares().total_cmp(&b.squares()))?;
+    let (t0_s, t1_s) = worst.window();
+    let share = if whole.0 > 0.0 { in_floors / whole.0 } else { 0.0 };
+    let mut cell = Cell {
+        joint: worst.track.joint.clone(),
+        regime,
+        log: episodes[worst.track.log].name.to_owned(),
+        t0_s,
+        t1_s,
+        samples,
+        rmse: (square / n).sqrt(),
+        chi: (in_floors / n).sqrt(),
+        bias: sum / n,
+        share,
+        excess: share - n / whole.1,
+        clue: None,
+        hint: String::new(),
+    };
+    cell.clue = clue(&cell, &parts);
+    cell.hint = hint(&cell);
+    Some(cell)
+}
+
+/// A regime of a joint in one log.
+struct Part<'a> {
+    track: &'a Track,
+    indices: Vec<usize>,
+}
+
+impl<'a> Part<'a> {
+    fn new(track: &'a Track, regime: Regime) -> Option<Self> {
+        let (_, mask) = track.regimes.iter().find(|(of, _)| *of == regime)?;
+        let indices = (0..mask.len()).filter(|i| mask[*i]).collect();
+        Some(Part { track, indices })
+    }
+
+    fn square(&self, k: usize) -> f64 {
+        self.track.error[self.indices[k]].powi(2)
+    }
+
+    fn squares(&self) -> f64 {
+        (0..self.indices.len()).map(|k| self.square(k)).sum::<f64>() / self.track.floor.powi(2)
+    }
+
+    /// The shortest time in which most of the squared error happens.
+    fn window(&self) -> (f64, f64) {
+        let time = |k: usize| self.track.clock_s[self.indices[k]];
+        let last = self.indices.len() - 1;
+        let enough = WINDOW_SHARE * (0..=last).map(|k| self.square(k)).sum::<f64>();
+        let (mut best, mut held, mut from) = ((time(0), time(last)), 0.0, 0);
+        for to in 0..=last {
+            held += self.square(to);
+            while from < to && held - self.square(from) >= enough {
+                held -= self.square(from);
+                from += 1;
+            }
+            if held >= enough && time(to) - time(from) < best.1 - best.0 {
+                best = (time(from), time(to));
+            }
+        }
+        best
+    }
+}
+
+/// What the error of a cell follows best.
+fn clue(cell: &Cell, parts: &[Part]) -> Option<Found> {
+    if cell.bias.powi(2) > OFFSET_SHARE * cell.rmse.powi(2) {
+        return Some(Found { clue: Clue::Constant, correlation: cell.bias.signum() });
+    }
+    let errors: Vec<f64> = gather(parts, |track| Some(&track.error));
+    let clues = &parts.first()?.track.clues;
+    let found = clues.iter().enumerate().filter_map(|(k, (clue, _))| {
+        let series = gather(parts, |track| track.clues.get(k).filter(|(of, _)| of == clue).map(|(_, series)| series));
+        Some(Found { clue: *clue, correlation: correlation(&errors, &series)? })
+    });
+    let best = found.max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))?;
+    (best.correlation.abs() >= FOLLOWS).then_some(best)
+}
+
+/// A series of every part, one after the other; NaN where a part does not have it.
+fn gather<'a>(parts: &'a [Part], series: impl Fn(&'a Track) -> Option<&'a Vec<f64>>) -> Vec<f64> {
+    let values = |part: &'a Part| {
+        let series = series(part.track);
+        part.indices.iter().map(move |i| series.and_then(|s| s.get(*i)).copied().unwrap_or(f64::NAN))
+    };
+    parts.iter().flat_map(values).collect()
+}
+
+/// "knee, after reversals: 3.1 noise floors; the residual follows the sign of the velocity".
+fn hint(cell: &Cell) -> String {
+    let told = match cell.clue {
+        _ if cell.chi <= ABOVE_NOISE => "nothing but noise".to_owned(),
+        Some(Found { clue: Clue::Constant, .. }) => {
+            format!("the residual is an offset of {:+.2} noise floors", cell.chi * cell.bias / cell.rmse)
+        }
+        Some(Found { clue, correlation }) => {
+            format!("the residual follows {} (correlation {correlation:+.2})", clue.words())
+        }
+        None => "the residual follows no single quantity".to_owned(),
+    };
+    format!("{}, {}: {:.1} noise floors; {told}", cell.joint, cell.regime.words(), cell.chi)
+}

@@ -1,0 +1,106 @@
+//! A joint in one log: how it moved, what it was told, and its residual.
+
+use super::regime::{self, Regime};
+use super::{Clue, Episode, Residual, clue, on_clock};
+use btr_core::signal::smooth::{Motion, smooth};
+
+/// One joint in one log, sample by sample on the log's clock.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// The log, counted from 0.
+    pub log: usize,
+    /// The joint.
+    pub joint: String,
+    /// In s.
+    pub clock_s: Vec<f64>,
+    /// Measured minus simulated position, in rad (m); NaN where missing.
+    pub error: Vec<f64>,
+    /// Standard deviation of the position sensor's error.
+    pub floor: f64,
+    /// The measured motion, smoothed.
+    pub motion: Vec<Motion>,
+    /// Below this speed the joint cannot be said to move, in rad/s (m/s).
+    pub still: f64,
+    /// What the joint was told; empty where the log does not say. NaN switches the torque off.
+    pub command: Vec<f64>,
+    /// How hard the motor pulls: the measured torque, or else the simulated one, or else how far the command is ahead
+    /// of the simulated position; nothing where there is no command either.
+    pub load: Vec<f64>,
+    /// What the load is.
+    pub load_label: &'static str,
+    /// Where the joint is in each regime.
+    pub regimes: Vec<(Regime, Vec<bool>)>,
+    /// What the residual may follow.
+    pub clues: Vec<(Clue, Vec<f64>)>,
+}
+
+impl Track {
+    /// The joint that a residual belongs to; `None` for residuals of anything but positions.
+    pub(super) fn new(residual: &Residual, episode: &Episode) -> Option<Self> {
+        let joint = residual.channel.strip_prefix("q_")?.to_owned();
+        let clock_s = episode.real.clock_s();
+        let position = &episode.real.channel(&residual.channel)?.values;
+        let command = episode.real.channel(&format!("cmd_{joint}")).map(|c| c.values.clone()).unwrap_or_default();
+        let torque = format!("tau_{joint}");
+        let measured = || episode.real.channel(&torque).map(|c| c.values.clone()).filter(|tau| varies(tau));
+        let simulated = || on_clock(episode.simulated, &torque, clock_s).filter(|tau| varies(tau));
+        // The simulated position: the noise of the measured one would be in the load as well as in the residual.
+        let ahead = || command.iter().zip(&residual.simulated).map(|(told, is)| told - is).collect();
+        let (load, load_label) = match (measured(), simulated()) {
+            (Some(tau), _) => (tau, "measured torque"),
+            (None, Some(tau)) => (tau, "simulated torque"),
+            (None, None) if command.is_empty() => (vec![0.0; clock_s.len()], "no load"),
+            (None, None) => (ahead(), "command minus simulated position"),
+        };
+        let motion = smooth(clock_s, position);
+        let mut track = Track {
+            log: residual.log,
+            joint,
+            clock_s: clock_s.to_vec(),
+            error: residual.error.clone(),
+            floor: residual.floor,
+            still: regime::still(clock_s, &motion, residual.floor),
+            motion,
+            command,
+            load,
+            load_label,
+            regimes: Vec::new(),
+            clues: Vec::new(),
+        };
+        track.regimes = regime::regimes(&track);
+        track.clues = clue::clues(&track);
+        Some(track)
+    }
+
+    /// The direction of the motion, -1 or 1; while the joint rests, that of its last motion. 0 before the first.
+    ///
+    /// A direction counts only once the joint moves faster than noise would make it seem; it then counts from where the
+    /// velocity passed through zero.
+    pub fn directions(&self) -> Vec<f64> {
+        let mut directions = vec![0.0; self.motion.len()];
+        let mut last = 0.0;
+        for i in 0..self.motion.len() {
+            let v = self.motion[i].velocity;
+            if v.abs() > self.still && v * last <= 0.0 {
+                last = v.signum();
+                let since = self.motion[..i].iter().rposition(|m| m.velocity.is_nan() || m.velocity * last <= 0.0);
+                directions[since.map_or(0, |before| before + 1)..i].fill(last);
+            }
+            directions[i] = last;
+        }
+        directions
+    }
+
+    /// The samples at which the direction of the motion has changed.
+    pub fn reversals(&self) -> Vec<usize> {
+        let directions = self.directions();
+        let changed = directions.windows(2).enumerate().filter(|(_, pair)| pair[0] * pair[1] < 0.0);
+        changed.map(|(i, _)| i + 1).collect()
+    }
+}
+
+fn varies(values: &[f64]) -> bool {
+    let there = values.iter().filter(|x| x.is_finite());
+    let (low, high) = there.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    high > low
+}

@@ -1,0 +1,266 @@
+//! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its
+//! amplitude, and what the base's parameters can do as well is projected out.
+
+use super::screen::{Sizes, Start, has_two_sides, with};
+use crate::fit::{Bench, Fit, corrected, rows_near, shared};
+use crate::residual_model::Law;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// An amplitude so many times the probe's is as far as the probe is believed.
+pub(super) const STRETCH: f64 = 4.0;
+/// A base that could lower its cost by a smaller share is at its optimum.
+const AT_REST: f64 = 0.01;
+/// Stiffness of what stands at a bound, relative to what the logs tell of it.
+const HELD: f64 = 1e9;
+/// Points that are simulated at once; bounds the memory.
+const BATCH: usize = 48;
+
+/// The base around its optimum, as some of the logs show it: what its own parameters can do about any change of the residual.
+pub(super) struct Base<'a> {
+    index: usize,
+    logs: Vec<usize>,
+    fit: &'a Fit,
+    jacobian: &'a DMatrix<f64>,
+    pictures: Vec<Picture>,
+}
+
+/// The normal equations around a base. What stands at a bound may be held there by what is missing, or come off it once that is
+/// added: there is a picture of both.
+struct Picture {
+    factors: Cholesky<f64, Dyn>,
+    gradient: DVector<f64>,
+}
+
+/// A point to be simulated: a candidate with one of its amplitudes at some size.
+#[derive(Clone)]
+struct Probe {
+    candidate: usize,
+    shapes: Vec<f64>,
+    amplitude: usize,
+    size: f64,
+}
+
+/// The mirror images of probes, where their amplitudes have another side.
+fn mirrored(bench: &Bench, probes: &[Probe]) -> Vec<Probe> {
+    let two_sided = |probe: &Probe| bench.family.knobs()[probe.amplitude].bounds.0 < 0.0;
+    let mirror =
+        |probe: &Probe| Probe { size: if two_sided(probe) { -probe.size } else { probe.size }, ..probe.clone() };
+    probes.iter().map(mirror).collect()
+}
+
+impl Picture {
+    fn new(normal: DMatrix<f64>, mut gradient: DVector<f64>, cost: f64) -> Option<Self> {
+        let factors = normal.cholesky()?;
+        // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
+        if gradient.dot(&factors.solve(&gradient)) < AT_REST * cost {
+            gradient.fill(0.0);
+        }
+        Some(Picture { factors, gradient })
+    }
+}
+
+impl<'a> Base<'a> {
+    pub(super) fn new(bench: &Bench, index: usize, fit: &'a Fit, logs: Vec<usize>) -> Option<Self> {
+        let jacobian = fit.jacobian.as_ref()?;
+        let mut normal = jacobian.tr_mul(jacobian);
+        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
+        let mut held = Vec::new();
+        for (k, &index) in fit.active.iter().enumerate() {
+            let knob = &bench.family.knobs()[index];
+            let (u, weight) = (fit.u[index], knob.spread.powi(-2));
+            normal[(k, k)] += weight;
+            gradient[k] += weight * u;
+            if (u <= knob.bounds.0 && gradient[k] > 0.0) || (u >= knob.bounds.1 && gradient[k] < 0.0) {
+                held.push(k);
+            }
+        }
+        let mut pictures = vec![Picture::new(normal.clone(), gradient.clone(), fit.cost)?];
+        if !held.is_empty() {
+            for k in held {
+                normal[(k, k)] += HELD * (1.0 + normal[(k, k)]);
+                gradient[k] = 0.0;
+            }
+            pictures.push(Picture::new(normal, gradient, fit.cost)?);
+        }
+        Some(Base { index, logs, fit, jacobian, pictures })
+    }
+
+    /// What a candidate promises with the shapes of an earlier promise, on the side to which that points: what slips or lifts
+    /// answers differently on the other.
+    pub(super) fn promising(&self, bench: &Bench, start: &Start, sizes: &Sizes) -> Option<Start> {
+        let mut probes = self.probes(bench, start.candidate, &[start.shapes(bench)], sizes);
+        probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
+        let columns = self.columns(bench, &probes);
+        self.promise(bench, &probes, &columns)
+    }
+
+    /// What candidates promise, each at the best of its starts, where those that are felt in different places are tried in one
+    /// simulation.
+    pub(super) fn promising_together(
+        &self,
+        bench: &Bench,
+        offered: &[(usize, Vec<Vec<f64>>)],
+        sizes: &Sizes,
+    ) -> Vec<Start> {
+        let candidates = bench.family.candidates();
+        let mut promising = Vec::new();
+        for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
+            let probes = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
+                let mut probes = self.probes(bench, *candidate, starts, sizes);
+                if has_two_sides(bench, &candidates[*candidate]) {
+                    probes.extend(mirrored(bench, &probes));
+                }
+                probes
+            };
+            let each: Vec<Vec<Probe>> = kind.iter().map(probes).collect();
+            let all: Vec<&Probe> = each.iter().flatten().collect();
+            let mut columns = self.columns_together(bench, &all).into_iter();
+            for probes in &each {
+                let own: Vec<Option<DVector<f64>>> = columns.by_ref().take(probes.len()).collect();
+                promising.extend(self.promise(bench, probes, &own));
+            }
+        }
+        promising
+    }
+
+    /// The best point of a candidate, by its probes.
+    fn promise(&self, bench: &Bench, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<Start> {
+        // Probes of one start and one size belong together: one column for each amplitude.
+        let amplitudes = bench.family.candidates()[probes.first()?.candidate].amplitudes.len();
+        let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
+        let found = groups.flat_map(|(probes, columns)| {
+            self.pictures.iter().filter_map(move |picture| self.best_of(bench, picture, probes, columns))
+        });
+        found.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    fn probes(&self, bench: &Bench, index: usize, starts: &[Vec<f64>], sizes: &Sizes) -> Vec<Probe> {
+        let candidate = &bench.family.candidates()[index];
+        let limit = candidate.amplitudes.iter().any(|&k| bench.family.knobs()[k].law == Law::Inverse);
+        let sizes = if limit { sizes.limits } else { sizes.amplitudes };
+        let mut probes = Vec::new();
+        for shapes in starts {
+            for &size in sizes {
+                for &amplitude in &candidate.amplitudes {
+                    probes.push(Probe { candidate: index, shapes: shapes.clone(), amplitude, size });
+                }
+            }
+        }
+        probes
+    }
+
+    fn point(&self, bench: &Bench, probes: &[&Probe]) -> Vec<f64> {
+        let mut u = self.fit.u.clone();
+        for probe in probes {
+            for (&knob, &shape) in bench.family.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
+                u[knob] = shape;
+            }
+            u[probe.amplitude] = bench.family.knobs()[probe.amplitude].clamp(probe.size);
+        }
+        u
+    }
+
+    /// What each probe changes of the residual, per unit of its amplitude; nothing where it blows up.
+    fn columns(&self, bench: &Bench, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
+        let mut columns = Vec::with_capacity(probes.len());
+        for batch in probes.chunks(BATCH) {
+            let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, &[probe])).collect();
+            let residuals = bench.residuals_of(&points, &self.logs);
+            for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
+                let size = point[probe.amplitude];
+                columns.push(residual.map(|residual| self.column(residual, size)));
+            }
+        }
+        columns
+    }
+
+    /// The same, several in one simulation: each column as far as its candidate's own channels go.
+    fn columns_together(&self, bench: &Bench, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
+        let near = |probe: &Probe| bench.family.near(probe.candidate);
+        let shots = shared(probes.iter().map(|probe| near(probe)));
+        let mut columns = vec![None; probes.len()];
+        for batch in shots.chunks(BATCH) {
+            let point = |shot: &Vec<usize>| {
+                let probes: Vec<&Probe> = shot.iter().map(|&i| probes[i]).collect();
+                self.point(bench, &probes)
+            };
+            let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
+            let residuals = bench.residuals_of(&points, &self.logs);
+            for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
+                let Some(residual) = residual else { continue };
+                for &i in shot {
+                    let column = self.column(residual.clone(), point[probes[i].amplitude]);
+                    columns[i] = Some(self.only_near(bench, column, near(probes[i])));
+                }
+            }
+        }
+        columns
+    }
+
+    /// The change that a residual is of the base's, per unit of an amplitude of this size.
+    fn column(&self, residual: Vec<f64>, size: f64) -> DVector<f64> {
+        let after = corrected(residual, &self.fit.step_error);
+        let change = after.iter().zip(&self.fit.residual).map(|(a, b)| (a - b) / size);
+        DVector::from_iterator(after.len(), change)
+    }
+
+    /// A column without what is not of these channels.
+    fn only_near(&self, bench: &Bench, column: DVector<f64>, near: &[String]) -> DVector<f64> {
+        if near.is_empty() {
+            return column;
+        }
+        let (mut only, mut first) = (DVector::zeros(column.len()), 0);
+        for log in self.logs.iter().map(|&log| &bench.family.logs()[log]) {
+            for row in rows_near(log, near).into_iter().flatten() {
+                only[first + row] = column[first + row];
+            }
+            first += log.rows();
+        }
+        only
+    }
+
+    /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
+    fn best_of(
+        &self,
+        bench: &Bench,
+        picture: &Picture,
+        probes: &[Probe],
+        columns: &[Option<DVector<f64>>],
+    ) -> Option<Start> {
+        let knobs = bench.family.knobs();
+        let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
+        let k = columns.len();
+        let residual = DVector::from_column_slice(&self.fit.residual);
+        let seen: Vec<DVector<f64>> = columns.iter().map(|column| self.jacobian.tr_mul(column)).collect();
+        let answered: Vec<DVector<f64>> = seen.iter().map(|seen| picture.factors.solve(seen)).collect();
+        let own = DMatrix::from_fn(k, k, |i, j| {
+            let prior = if i == j { knobs[probes[i].amplitude].spread.powi(-2) } else { 0.0 };
+            columns[i].dot(columns[j]) - seen[i].dot(&answered[j]) + prior
+        });
+        let pull = DVector::from_fn(k, |i, _| answered[i].dot(&picture.gradient) - columns[i].dot(&residual));
+        let wanted = own.cholesky()?.solve(&pull);
+        let mut u = self.point(bench, &[&probes[0]]);
+        let mut amplitudes = DVector::zeros(k);
+        for (i, probe) in probes.iter().enumerate() {
+            let knob = &knobs[probe.amplitude];
+            let reach = STRETCH * probe.size.abs();
+            let size = if knob.law == Law::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
+            u[probe.amplitude] = knob.clamp(size);
+            amplitudes[i] = u[probe.amplitude];
+        }
+        if amplitudes.iter().all(|a| *a == 0.0) {
+            return None;
+        }
+        let change: DVector<f64> = columns.iter().zip(amplitudes.iter()).map(|(c, a)| *c * *a).sum();
+        let answer = picture.factors.solve(&(&picture.gradient + self.jacobian.tr_mul(&change)));
+        for (i, &knob) in self.fit.active.iter().enumerate() {
+            u[knob] = knobs[knob].clamp(u[knob] - answer[i]);
+        }
+        let moved =
+            DVector::from_iterator(answer.len(), self.fit.active.iter().map(|&knob| u[knob] - self.fit.u[knob]));
+        let promised = residual + change + self.jacobian * moved;
+        let active = with(self.fit, &bench.family.candidates()[probes[0].candidate]);
+        let cost = crate::fit::cost(knobs, &active, &u, promised.as_slice());
+        Some(Start { candidate: probes[0].candidate, base: self.index, u, cost })
+    }
+}

@@ -1,0 +1,175 @@
+//! Which effects are worth fitting: every candidate is tried with finite probes, while all that is in doubt may adapt.
+//!
+//! Probes are finite because some effects have no slope at zero (backlash, delay, a limit). What the base's parameters can do
+//! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
+//! largest error alone; what is promising there is probed on all of them.
+
+use super::picture::{Base, STRETCH};
+use crate::fit::{Bench, Fit, Logs, corrected, shared};
+use crate::residual_model::{Candidate, Law};
+
+/// How large probes are.
+pub(super) struct Sizes {
+    /// Amplitudes, in typical sizes.
+    pub amplitudes: &'static [f64],
+    /// Limits act from some threshold on and are probed around it; they are not scaled.
+    pub limits: &'static [f64],
+}
+
+/// For the first glance, and for a closer look.
+const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
+const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
+/// For whoever would go further than the largest probe of the closer look is believed: a foot that lost the ground, a
+/// joint at its stop, leave no way back along a straight line.
+const FAR: Sizes = Sizes { amplitudes: &[6.0, 24.0], limits: &[] };
+/// How many candidates survive the glance at one log.
+const GLANCED: usize = 16;
+/// How many candidates are simulated where their probes promise most.
+const VERIFIED: usize = 10;
+/// How many of those that promise most go on however they fare when they are simulated.
+const PROMISED: usize = 4;
+/// How many are simulated where the glance alone saw them best: all logs together may hide what one log shows.
+const STRIKING: usize = 3;
+/// Which shares of the way to a promise are simulated.
+const SHARES: [f64; 2] = [1.0, 0.3];
+
+/// A candidate at a promising point.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// Index of the base it goes on from.
+    pub base: usize,
+    /// The point.
+    pub u: Vec<f64>,
+    /// The cost there: promised, then simulated.
+    pub cost: f64,
+}
+
+/// About how many logs a screening simulates.
+pub(super) fn rollouts(bench: &Bench) -> usize {
+    let (candidates, logs) = (bench.family.candidates(), bench.logs(Logs::Learn).len());
+    let sides = |candidate: &Candidate| if has_two_sides(bench, candidate) { 2 } else { 1 };
+    let probes = |candidate: &Candidate| {
+        sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len()
+    };
+    let all: Vec<usize> = (0..candidates.len()).collect();
+    let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
+    let glances =
+        kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| bench.family.near(c))).len());
+    glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
+}
+
+/// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is
+/// seen from all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make
+/// up for it.
+pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
+    for (index, base) in bases.iter_mut().enumerate() {
+        if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
+    }
+    let Some((log, rows)) = bases.first().and_then(|base| bench.worst_logs(&base.residual, 1).pop()) else {
+        return Vec::new();
+    };
+    let all = |&candidate: &usize| (candidate, bench.family.candidates()[candidate].starts.clone());
+    let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
+    let glance = |(index, base): (usize, &Fit)| {
+        let there = base.in_rows(rows.clone());
+        let seen = Base::new(bench, index, &there, vec![log]);
+        seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
+    };
+    let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
+    // Everyone is looked at from the first base, and from the one where it promised most.
+    let look = |(index, base): (usize, &Fit)| {
+        let Some(seen) = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec()) else {
+            return (vec![], vec![]);
+        };
+        let own = glanced.iter().filter(|start| index == 0 || start.base == index);
+        let near: Vec<Start> = own.filter_map(|start| seen.promising(bench, start, &LOOK)).collect();
+        let beyond = near.iter().filter(|start| goes_further(bench, start));
+        let far = beyond.filter_map(|start| seen.promising(bench, start, &FAR)).collect();
+        (near, far)
+    };
+    let (near, far): (Vec<Vec<Start>>, Vec<Vec<Start>>) = bases.iter().enumerate().map(look).unzip();
+    let mut promising = best(near.concat(), VERIFIED);
+    promising.extend(best(far.concat(), STRIKING));
+    promising.extend(glanced.iter().take(STRIKING).cloned());
+    verify(bench, bases, &promising)
+}
+
+/// Whether a promise stops where the probes of the closer look are no longer believed, with room beyond.
+fn goes_further(bench: &Bench, start: &Start) -> bool {
+    let believed = STRETCH * LOOK.amplitudes.iter().fold(0.0, |most: f64, size| most.max(*size));
+    let mut amplitudes = bench.family.candidates()[start.candidate].amplitudes.iter();
+    amplitudes.any(|&knob| {
+        let (u, knob) = (start.u[knob], &bench.family.knobs()[knob]);
+        knob.law == Law::Linear && u.abs() > 0.999 * believed && knob.clamp(2.0 * u).abs() > u.abs()
+    })
+}
+
+/// The best of each candidate, best first, at most so many.
+pub(super) fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
+    starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Start> = Vec::new();
+    for start in starts {
+        if kept.len() < most && kept.iter().all(|other| other.candidate != start.candidate) {
+            kept.push(start);
+        }
+    }
+    kept
+}
+
+impl Start {
+    /// Part of the way from a base to here; shapes have nowhere to come from.
+    fn partly(&self, bench: &Bench, base: &Fit, share: f64) -> Vec<f64> {
+        let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
+        bench.family.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
+        u
+    }
+
+    pub(super) fn shapes(&self, bench: &Bench) -> Vec<f64> {
+        bench.family.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
+    }
+}
+
+/// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In
+/// the order of what came out, but those that promise most are not lost for it.
+fn verify(bench: &Bench, bases: &[Fit], promising: &[Start]) -> Vec<Start> {
+    let partly = |start: &Start| {
+        SHARES.map(|share| Start { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
+    };
+    let mut tried: Vec<Start> = promising.iter().flat_map(partly).collect();
+    simulate(bench, bases, &mut tried);
+    let shares = tried.chunks(SHARES.len());
+    let all: Vec<Start> = shares.filter_map(|shares| best(shares.to_vec(), 1).pop()).collect();
+    let beaten = |start: &&Start| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
+    let mut verified: Vec<Start> =
+        all.iter().filter(|start| start.cost.is_finite() && !beaten(start)).cloned().collect();
+    let rest = verified.len().min(PROMISED);
+    verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    verified
+}
+
+/// What starts really cost; more than anything where one blows up.
+pub(super) fn simulate(bench: &Bench, bases: &[Fit], starts: &mut [Start]) {
+    let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
+    for (start, residual) in starts.iter_mut().zip(bench.residuals(&points, Logs::Learn)) {
+        let base = &bases[start.base];
+        let active = with(base, &bench.family.candidates()[start.candidate]);
+        let cost = |residual| {
+            crate::fit::cost(bench.family.knobs(), &active, &start.u, &corrected(residual, &base.step_error))
+        };
+        start.cost = residual.map_or(f64::INFINITY, cost);
+    }
+}
+
+/// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
+/// where one that is lifted does not.
+pub(super) fn has_two_sides(bench: &Bench, candidate: &Candidate) -> bool {
+    let knobs = bench.family.knobs();
+    bench.family.has_contact() && candidate.amplitudes.iter().any(|&knob| knobs[knob].bounds.0 < 0.0)
+}
+
+/// The base's free knobs and a candidate's.
+pub(super) fn with(base: &Fit, candidate: &Candidate) -> Vec<usize> {
+    base.active.iter().copied().chain(candidate.knobs()).collect()
+}

@@ -1,0 +1,276 @@
+//! How the residual changes with the free knobs: finite differences, cheap ones for the way and careful ones for what is said
+//! about the end of it.
+
+use super::bench::{Bench, Logs, Residual};
+use super::estimate::told;
+use super::solve::Fit;
+use crate::residual_model::Knob;
+use nalgebra::{DMatrix, DVector};
+
+/// How much finer than the usual ones fine differences are.
+const FINE: f64 = 0.1;
+/// Over steps this short, a residual that bends by more than this share of its change has a jump in it...
+const BENT: f64 = 0.1;
+/// ... and is looked at with steps this much shorter, as long as that shows fewer of them.
+const SHORTER: [f64; 2] = [0.1, 0.01];
+/// Steps of fine differences, in standard deviations of the prior: about the shortest ones among them.
+const SHORT: f64 = 0.005;
+/// Directions are looked at again with steps as long as the deviation that is left of them, as long as that grows by this
+/// factor...
+const GROWTH: f64 = 1.5;
+/// ... but no more often than this: each look sees less of the errors of short steps.
+const LOOKS: usize = 4;
+/// The step along the common factor of all that is measured in units of mass, in standard deviations of the prior, ...
+const COMMON: f64 = 0.3;
+/// ... and the share of what finer differences say of it below which it is believed.
+const LESS: f64 = 0.5;
+/// A step shortened by bounds to less than this share of it says too little.
+const CRAMPED: f64 = 0.2;
+
+/// A direction to look along.
+struct Look {
+    /// What a step is multiplied with to get how far it goes along the direction, ...
+    along: DVector<f64>,
+    /// ... which is this one.
+    scaled: DVector<f64>,
+    /// Two steps and the weights of what changes there.
+    stencil: [(f64, f64); 2],
+}
+
+/// What was seen along a direction.
+struct Seen {
+    /// As in [`Look`].
+    along: DVector<f64>,
+    /// As in [`Look`].
+    scaled: DVector<f64>,
+    /// How the residual changes along it.
+    change: DVector<f64>,
+}
+
+/// Has a Jacobian say along a direction what was seen.
+fn replace(jacobian: &mut DMatrix<f64>, along: &DVector<f64>, scaled: &DVector<f64>, change: &DVector<f64>) {
+    let surprise = change - &*jacobian * scaled;
+    jacobian.ger(1.0, &surprise, along, 1.0);
+}
+
+/// How the residual changes with a knob, and by how much it misses a straight line as a share of its change.
+struct Slope {
+    column: Residual,
+    bend: f64,
+}
+
+impl Slope {
+    fn new(stencil: [(f64, f64); 2], here: &[f64], near: &[f64], far: &[f64]) -> Slope {
+        let [(to_near, near_weight), (to_far, far_weight)] = stencil;
+        let (mut missed, mut changed) = (0.0, 0.0);
+        let changes = here.iter().zip(near).zip(far).map(|((here, near), far)| (near - here, far - here));
+        let slope = |(near, far): (f64, f64)| {
+            missed += (near - far * to_near / to_far).powi(2);
+            changed += (near - far).powi(2);
+            near_weight * near + far_weight * far
+        };
+        let column = changes.map(slope).collect();
+        Slope { column, bend: if changed > 0.0 { (missed / changed).sqrt() } else { 0.0 } }
+    }
+}
+
+impl Fit {
+    /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
+    pub fn differentiate(&mut self, bench: &Bench) {
+        let columns = columns(bench, &self.u, &self.active, &self.residual, &self.step_error);
+        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
+        for (k, column) in columns.iter().enumerate() {
+            jacobian.column_mut(k).copy_from_slice(column);
+        }
+        (self.jacobian, self.fresh) = (Some(jacobian), true);
+    }
+
+    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
+    /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again
+    /// with shorter steps.
+    pub fn differentiate_finely(&mut self, bench: &Bench) {
+        let mut slopes = self.slopes(bench, &self.active, FINE);
+        for finer in SHORTER {
+            let bent: Vec<usize> = (0..slopes.len()).filter(|&k| slopes[k].bend > BENT).collect();
+            if bent.is_empty() {
+                break;
+            }
+            let knobs: Vec<usize> = bent.iter().map(|&k| self.active[k]).collect();
+            for (k, slope) in bent.into_iter().zip(self.slopes(bench, &knobs, FINE * finer)) {
+                if slope.bend < slopes[k].bend {
+                    slopes[k] = slope;
+                }
+            }
+        }
+        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
+        slopes.iter().enumerate().for_each(|(k, slope)| jacobian.column_mut(k).copy_from_slice(&slope.column));
+        (self.jacobian, self.fresh) = (Some(jacobian), true);
+    }
+
+    /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
+    fn slopes(&self, bench: &Bench, active: &[usize], share: f64) -> Vec<Slope> {
+        let knobs = bench.family.knobs();
+        let stencils: Vec<[(f64, f64); 2]> =
+            active.iter().map(|&k| stencil(&knobs[k], self.u[k], share * knobs[k].reach)).collect();
+        let moved = |(&knob, stencil): (&usize, &[(f64, f64); 2])| {
+            stencil.map(|(offset, _)| {
+                let mut point = self.u.clone();
+                point[knob] += offset;
+                point
+            })
+        };
+        let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
+        let there = bench.residuals(&points, Logs::Learn);
+        let here = self.bare();
+        let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<Residual>])| match there {
+            [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
+            _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
+        };
+        stencils.iter().zip(there.chunks(2)).map(slope).collect()
+    }
+
+    /// Takes the Jacobian as far out as the logs leave the knobs in doubt: fine differences first, then along each direction of
+    /// which little is told once more, in steps of the deviation that is left of it. The errors of short steps (a servo that
+    /// sticks a sample earlier, a solver's tolerance) would otherwise pass for something that the logs tell, and intervals
+    /// would be too narrow just where they matter.
+    pub fn differentiate_widely(&mut self, bench: &Bench) {
+        self.differentiate_finely(bench);
+        self.look_along_the_common_factor(bench);
+        let mut steps = vec![SHORT; self.active.len()];
+        for _ in 0..LOOKS {
+            let Some(told) = told(bench.family.knobs(), self).filter(|told| !told.is_empty()) else { return };
+            let eigen = told.symmetric_eigen();
+            let deviation = |i: usize| (1.0 + eigen.eigenvalues[i].max(0.0)).powf(-0.5);
+            // From the best told direction to the worst told one, so that each meets its likes of the look before.
+            let mut order: Vec<usize> = (0..self.active.len()).collect();
+            order.sort_by(|&a, &b| deviation(a).total_cmp(&deviation(b)));
+            let mut wider = Vec::new();
+            for (&i, step) in order.iter().zip(&mut steps).filter(|(i, step)| deviation(**i) > GROWTH * **step) {
+                *step = deviation(i);
+                wider.push((eigen.eigenvectors.column(i).into_owned(), *step));
+            }
+            if wider.is_empty() {
+                return;
+            }
+            self.look_along(bench, wider);
+        }
+    }
+
+    /// A change of the unit of mass moves nothing. Where nothing that is measured or fixed has to do with mass, logs do
+    /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
+    /// seem to tell. So it is looked along by itself, and believed where that shows less.
+    fn look_along_the_common_factor(&mut self, bench: &Bench) {
+        let knobs = bench.family.knobs();
+        let Some(along) = self.common_factor(knobs) else { return };
+        let Some(Seen { along, scaled, change }) = self.look(bench, vec![(along, COMMON)]).pop() else { return };
+        let Some(jacobian) = self.jacobian.as_mut() else { return };
+        if change.norm() < LESS * (&*jacobian * &scaled).norm() {
+            replace(jacobian, &along, &scaled, &change);
+        }
+    }
+
+    /// The direction, in units of the priors, in which all that is measured in units of mass grows alike.
+    fn common_factor(&self, knobs: &[Knob]) -> Option<DVector<f64>> {
+        let part = |&k: &usize| {
+            let growth = knobs[k].growth(self.u[k]);
+            let grows = knobs[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
+            if grows { 1.0 / (growth * knobs[k].spread) } else { 0.0 }
+        };
+        DVector::from_iterator(self.active.len(), self.active.iter().map(part)).try_normalize(0.0)
+    }
+
+    /// Replaces what the Jacobian says along directions (in units of the priors) by what is seen along them in steps as
+    /// given.
+    fn look_along(&mut self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) {
+        let seen = self.look(bench, directions);
+        let Some(jacobian) = self.jacobian.as_mut() else { return };
+        seen.iter().for_each(|Seen { along, scaled, change }| replace(jacobian, along, scaled, change));
+    }
+
+    /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
+    /// as the bounds allow. Directions that blow up or have no room on either side are left out.
+    fn look(&self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) -> Vec<Seen> {
+        let knobs = bench.family.knobs();
+        let spreads = DVector::from_fn(self.active.len(), |k, _| knobs[self.active[k]].spread);
+        let placed = |(along, step): (DVector<f64>, f64)| {
+            let scaled = along.component_mul(&spreads);
+            let stencil = self.stencil_along(knobs, &scaled, step)?;
+            Some(Look { along: along.component_div(&spreads), scaled, stencil })
+        };
+        let looks: Vec<Look> = directions.into_iter().filter_map(placed).collect();
+        let moved = |look: &Look| look.stencil.map(|(step, _)| self.point_along(knobs, &(&look.scaled * step)));
+        let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
+        let there = bench.residuals(&points, Logs::Learn);
+        let here = self.bare();
+        let seen = |(look, there): (Look, &[Option<Residual>])| {
+            let ([Some(near), Some(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
+                return None;
+            };
+            let at = |row: usize| near_weight * (near[row] - here[row]) + far_weight * (far[row] - here[row]);
+            let change = DVector::from_fn(here.len(), |row, _| at(row));
+            Some(Seen { along: look.along, scaled: look.scaled, change })
+        };
+        looks.into_iter().zip(there.chunks(2)).filter_map(seen).collect()
+    }
+
+    /// The point that a step of the free knobs leads to, in proportion.
+    pub(super) fn point_along(&self, knobs: &[Knob], step: &DVector<f64>) -> Vec<f64> {
+        let mut point = self.u.clone();
+        let moves = self.active.iter().zip(step.iter());
+        moves.for_each(|(&k, by)| point[k] = knobs[k].in_proportion(point[k], *by));
+        point
+    }
+
+    /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.
+    fn stencil_along(&self, knobs: &[Knob], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
+        let room = |side: f64| {
+            let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
+                let bound = if side * x > 0.0 { knobs[k].bounds.1 } else { knobs[k].bounds.0 };
+                (bound - self.u[k]).abs() / x.abs()
+            });
+            rooms.fold(step, f64::min)
+        };
+        let (ahead, behind) = (room(1.0), room(-1.0));
+        let one_sided = |h: f64| [(0.5 * h, 4.0 / h), (h, -1.0 / h)];
+        match (ahead.min(behind), ahead.max(behind)) {
+            (least, _) if least > CRAMPED * step => Some([(least, 0.5 / least), (-least, -0.5 / least)]),
+            (_, most) if most > CRAMPED * step => Some(one_sided(if ahead >= behind { most } else { -most })),
+            _ => None,
+        }
+    }
+}
+
+/// Two offsets and the weights of what changes there, for a derivative of second order with steps of `h`.
+fn stencil(knob: &Knob, u: f64, h: f64) -> [(f64, f64); 2] {
+    let (least, most) = knob.bounds;
+    let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
+    match () {
+        () if u - h >= least && u + h <= most => [(h, 0.5 / h), (-h, -0.5 / h)],
+        () if u + 2.0 * h <= most => one_sided(h),
+        () => one_sided(-h),
+    }
+}
+
+/// d residual / d coordinate of each knob, by finite differences.
+pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
+    let knobs = bench.family.knobs();
+    let reach = |knob: usize| {
+        let reach = knobs[knob].reach;
+        if u[knob] + reach <= knobs[knob].bounds.1 { reach } else { -reach }
+    };
+    let moved = |&knob: &usize| {
+        let mut point = u.to_vec();
+        point[knob] += reach(knob);
+        point
+    };
+    let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
+    let there = bench.residuals(&points, Logs::Learn);
+    let column = |(&knob, there): (&usize, Option<Residual>)| match there {
+        Some(there) => {
+            let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
+            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(knob)).collect()
+        }
+        None => vec![0.0; residual.len()],
+    };
+    active.iter().zip(there).map(column).collect()
+}

@@ -1,0 +1,70 @@
+//! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
+//! leaves.
+
+use super::bench::{Bench, Logs, channels, corrected, squares};
+use super::solve::Fit;
+use btr_core::signal::stats::autocorrelation_time;
+
+/// Up to this error, in multiples of the noise floor, a residual passes for noise; above it, it has structure, and an interval
+/// would be wrong with confidence.
+pub const NOISE: f64 = 1.15;
+
+/// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measure {
+    /// Variance of the residual, in multiples of the noise's; at least 1.
+    variance: f64,
+    /// Samples that carry one independent piece of information.
+    memory: f64,
+    /// Number of samples.
+    samples: f64,
+}
+
+impl Measure {
+    /// Taken from the best fit, or the last.
+    pub fn of(bench: &Bench, best: &Fit) -> Self {
+        let samples = bench.samples(Logs::Learn) as f64;
+        Measure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
+    }
+
+    /// B: the smaller, the better. Differences above ten are decisive.
+    pub fn criterion(&self, fit: &Fit) -> f64 {
+        let scale = self.variance * self.memory;
+        fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
+    }
+
+    /// What the covariance of estimates is to be multiplied with.
+    pub(crate) fn inflation(&self) -> f64 {
+        self.variance * self.memory
+    }
+}
+
+/// Root mean square of a residual whose missing samples are zero.
+pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
+    (squares / samples.max(1) as f64).sqrt()
+}
+
+/// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
+/// blows up.
+pub(crate) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
+    let residual = bench.residual(u, Logs::HeldOut)?;
+    let as_simulated = squares(&residual);
+    if bench.family.is_chaotic() {
+        return Some(as_simulated);
+    }
+    let error = bench.step_error(u, &residual, Logs::HeldOut);
+    Some(squares(&corrected(residual, &error)).min(as_simulated))
+}
+
+/// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
+fn memory(bench: &Bench, fit: &Fit) -> f64 {
+    let logs = bench.logs(Logs::Learn).iter().map(|&log| &bench.family.logs()[log]);
+    let (mut weighted, mut weight) = (0.0, 0.0);
+    for rows in channels(logs) {
+        let series = &fit.residual[rows];
+        let squares = squares(series);
+        weighted += squares * autocorrelation_time(series);
+        weight += squares;
+    }
+    if weight > 0.0 { weighted / weight } else { 1.0 }
+}

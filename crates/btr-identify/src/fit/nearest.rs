@@ -1,0 +1,184 @@
+//! Where logs begin, as a model sees it. What their first readings tell is rough, above all of velocities: where they change
+//! within a few samples, no curve through them is any good. A model that knows how the robot moves tells more.
+
+use super::bench::{each, squares};
+use crate::residual_model::{Family, Rollout, Step};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::cell::Cell;
+
+/// Slopes are taken anew so often at most, ...
+const ROUNDS: usize = 4;
+/// ... until no number moves by more than this.
+const SETTLED: f64 = 0.1;
+/// A step that leads nowhere is halved so often.
+const HALVINGS: u32 = 3;
+/// Starts that moved by less are as good as where they were: slopes at the old ones tell the rest.
+pub(super) const MOVED: f64 = 3.0;
+
+/// Where the model at `u` leads nearest to each log, by Gauss and Newton from where the log seems to begin: the logs whose start
+/// that moves by more than `least`, with what it moves each number by, in units of a [`Rollout`]. And how many logs were
+/// simulated for it.
+///
+/// A model that lacks something sees starts that make up for a little of it: whether they are to be believed is to be asked of
+/// what they explain.
+pub fn nearest_starts(family: &dyn Family, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
+    let logs: Vec<usize> = (0..family.logs().len()).filter(|&log| family.begins_with(log) == log).collect();
+    let look = |log: usize| {
+        let start = Start { family, u, log, open: family.start_open(log), rollouts: Cell::new(0) };
+        let moved = start.nearest().filter(|at| at.amax() > least).map(|at| (log, at.as_slice().to_vec()));
+        (moved, start.rollouts.get())
+    };
+    let looked: Vec<_> = logs.into_par_iter().with_max_len(1).map(look).collect();
+    let rollouts = looked.iter().map(|(_, rollouts)| rollouts).sum();
+    (looked.into_iter().filter_map(|(moved, _)| moved).collect(), rollouts)
+}
+
+/// The start of a log as it is now, to be moved.
+struct Start<'a> {
+    family: &'a dyn Family,
+    u: &'a [f64],
+    log: usize,
+    open: Vec<f64>,
+    rollouts: Cell<usize>,
+}
+
+impl Start<'_> {
+    /// The best start; `None` where nobody looks for one, or the model blows up.
+    fn nearest(&self) -> Option<DVector<f64>> {
+        let mut at = DVector::zeros(self.open.len());
+        if at.is_empty() {
+            return None;
+        }
+        let mut residual = self.residual(&at)?;
+        for _ in 0..ROUNDS {
+            let Some((next, there)) = self.lower(&at, &residual, &self.step(&at, &residual)?) else { break };
+            let far = (&next - &at).amax();
+            (at, residual) = (next, there);
+            if far < SETTLED {
+                break;
+            }
+        }
+        Some(at)
+    }
+
+    fn residuals(&self, moved: &[DVector<f64>]) -> Vec<Option<DVector<f64>>> {
+        self.rollouts.update(|rollouts| rollouts + moved.len());
+        let (u, log) = (self.u, self.log);
+        let rollouts: Vec<Rollout> = moved.iter().map(|by| Rollout { u, log, moved: by.as_slice() }).collect();
+        let there = |r: &f64| if r.is_finite() { *r } else { 0.0 };
+        let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(there));
+        each(self.family, &rollouts, Step::USUAL, &|_, residual| residual.ok().map(known))
+    }
+
+    fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {
+        self.residuals(std::slice::from_ref(by)).pop().flatten()
+    }
+
+    /// What is known of each number beforehand: the inverse of its variance.
+    fn known(&self) -> DVector<f64> {
+        DVector::from_iterator(self.open.len(), self.open.iter().map(|open| open.powi(-2)))
+    }
+
+    fn cost(&self, by: &DVector<f64>, residual: &DVector<f64>) -> f64 {
+        squares(residual.as_slice()) + self.known().dot(&by.component_mul(by))
+    }
+
+    /// Where slopes say that the cost is lowest.
+    fn step(&self, at: &DVector<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
+        let nudged = |k: usize| {
+            let mut there = at.clone();
+            there[k] += 1.0;
+            there
+        };
+        let there = self.residuals(&(0..at.len()).map(nudged).collect::<Vec<_>>());
+        let slopes: Vec<DVector<f64>> =
+            there.into_iter().map(|there| Some(there? - residual)).collect::<Option<_>>()?;
+        let (slopes, known) = (DMatrix::from_columns(&slopes), self.known());
+        let normal = slopes.tr_mul(&slopes) + DMatrix::from_diagonal(&known);
+        let downhill = -(slopes.tr_mul(residual) + known.component_mul(at));
+        Some(normal.cholesky().map_or_else(|| DVector::zeros(at.len()), |normal| normal.solve(&downhill)))
+    }
+
+    /// The first point along a step, or half of it, and so on, that is lower.
+    fn lower(
+        &self,
+        at: &DVector<f64>,
+        residual: &DVector<f64>,
+        step: &DVector<f64>,
+    ) -> Option<(DVector<f64>, DVector<f64>)> {
+        let cost = self.cost(at, residual);
+        let halved = (0..=HALVINGS).map(|k| at + step * 0.5f64.powi(k as i32));
+        let mut tried = halved.filter_map(|next| self.residual(&next).map(|there| (next, there)));
+        tried.find(|(next, there)| self.cost(next, there) < cost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::residual_model::{Candidate, Knob, Recorded};
+    use btr_core::world::WorldError;
+    use proptest::prelude::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Throws of a ball, measured without noise, that began other than they seem to; nothing looks for where the last did.
+    struct Throws {
+        logs: Vec<Recorded>,
+        began: Vec<[f64; 2]>,
+        simulated: AtomicUsize,
+    }
+
+    impl Throws {
+        fn that_began(began: &[[f64; 2]]) -> Self {
+            let log = Recorded { name: String::new(), held_out: false, channels: Vec::new(), present: 0 };
+            let (logs, began) = (vec![log; began.len()], began.to_vec());
+            Throws { logs, began, simulated: AtomicUsize::new(0) }
+        }
+    }
+
+    impl Family for Throws {
+        fn knobs(&self) -> &[Knob] {
+            &[]
+        }
+
+        fn doubtful(&self) -> &[usize] {
+            &[]
+        }
+
+        fn candidates(&self) -> &[Candidate] {
+            &[]
+        }
+
+        fn logs(&self) -> &[Recorded] {
+            &self.logs
+        }
+
+        /// What drag does to a ball is not linear in its velocity.
+        fn residual(&self, Rollout { log, moved, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
+            self.simulated.fetch_add(1, Ordering::Relaxed);
+            let height = |[q, dq]: [f64; 2], t: f64| q + 20.0 * (1.0 + (dq + 3.0) * t / 20.0).ln();
+            let at = |k: usize| 0.01 * k as f64;
+            let lost = |k: usize| if k == 7 { f64::NAN } else { 0.0 };
+            let there = |k| height(self.began[log], at(k)) - height([moved[0], moved[1]], at(k)) + lost(k);
+            Ok((0..100).map(there).map(|r| 1e3 * r).collect())
+        }
+
+        fn start_open(&self, log: usize) -> Vec<f64> {
+            if log + 1 < self.logs.len() { vec![10.0, 300.0] } else { Vec::new() }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn logs_are_found_to_begin_where_they_did(q in -5.0f64..5.0, dq in -2.0f64..20.0) {
+            let throws = Throws::that_began(&[[q, dq], [0.0, 0.0], [q, dq]]);
+            let (moved, rollouts) = nearest_starts(&throws, &[], 0.2);
+            prop_assert_eq!(rollouts, throws.simulated.into_inner());
+            prop_assert_eq!(moved.len(), usize::from(q.abs().max(dq.abs()) > 0.2), "{:?}", &moved);
+            for (log, by) in moved {
+                prop_assert!(log == 0 && (by[0] - q).abs() < SETTLED && (by[1] - dq).abs() < SETTLED, "{by:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
+//! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
+
+use super::bench::{Bench, Logs, Residual, corrected, squares};
+use super::judge::chi;
+use crate::residual_model::Knob;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use std::ops::Range;
+
+/// The most Jacobians and steps of one call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Jacobians by finite differences.
+    pub jacobians: usize,
+    /// Steps that are tried.
+    pub steps: usize,
+}
+
+impl Effort {
+    /// Until nothing moves.
+    pub const FULL: Effort = Effort { jacobians: 5, steps: 20 };
+    /// What a race allows: no differences, a few steps.
+    pub const RACE: Effort = Effort { jacobians: 0, steps: 6 };
+}
+
+/// Why a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// Nothing moves any more.
+    Converged,
+    /// The effort is spent.
+    Effort,
+    /// No direction can be found, or nothing can be simulated around here.
+    Stuck,
+}
+
+/// A Jacobian is renewed when the cost has fallen below this share of what it was there.
+const WORN: f64 = 0.3;
+/// A fall of the cost by a smaller share, or by a smaller amount, is a stall.
+const STALL: (f64, f64) = (1e-4, 0.02);
+/// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
+const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
+
+/// A point with what is known around it.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The knobs that are free, as indices; all others stay where they are.
+    pub active: Vec<usize>,
+    /// One coordinate per knob of the family.
+    pub u: Vec<f64>,
+    /// On the logs to learn from, step error included.
+    pub residual: Residual,
+    /// Sum of squares of the residual and of the priors.
+    pub cost: f64,
+    /// What the integrator's error adds to every residual; fixed while fitting.
+    pub step_error: Residual,
+    /// d residual / d coordinate of each active knob, where it is known.
+    pub jacobian: Option<DMatrix<f64>>,
+    /// Whether the Jacobian was taken here by differences, and not carried over.
+    pub fresh: bool,
+}
+
+impl Fit {
+    /// A fit at a point; `None` where the simulation blows up.
+    pub fn at(bench: &Bench, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<Fit> {
+        let residual = bench.residual(&u, Logs::Learn)?;
+        let step_error = if step_error.is_empty() { vec![0.0; residual.len()] } else { step_error.to_vec() };
+        let residual = corrected(residual, &step_error);
+        let cost = cost(bench.family.knobs(), &active, &u, &residual);
+        Some(Fit { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+    }
+
+    /// Sum of squares of the residual alone.
+    pub fn squares(&self) -> f64 {
+        squares(&self.residual)
+    }
+
+    /// The same fit as some rows of the residual show it.
+    pub(crate) fn in_rows(&self, rows: Range<usize>) -> Fit {
+        let jacobian = self.jacobian.as_ref().map(|jacobian| jacobian.rows(rows.start, rows.len()).into_owned());
+        let (residual, step_error) = (self.residual[rows.clone()].to_vec(), self.step_error[rows].to_vec());
+        let cost = self.cost - self.squares() + squares(&residual);
+        Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
+    }
+
+    /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to
+    /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
+    /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
+    /// square in the logs to learn from, in multiples of the noise floor.
+    pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
+        let mut bare = self.bare();
+        let (error, size) = loop {
+            let halved = bench.halved(&self.u, Logs::Learn).unwrap_or_else(|| bare.clone());
+            let error = bench.beyond(&bare, &halved);
+            let size = chi(squares(&error), bench.samples(Logs::Learn));
+            if !bench.refine(size, || self.step_error_to_judge_on(bench)) {
+                break (error, size);
+            }
+            bare = halved;
+        };
+        let extrapolated = corrected(bare.clone(), &error);
+        let orderly = !bench.family.is_chaotic() && squares(&extrapolated) < squares(&bare);
+        (self.residual, self.step_error) = match orderly {
+            true => (extrapolated, error),
+            false => (bare, vec![0.0; error.len()]),
+        };
+        self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
+        size
+    }
+
+    /// The integrator's error in the held-out logs; 0 without such, or where it blows up.
+    pub(crate) fn step_error_to_judge_on(&self, bench: &Bench) -> f64 {
+        let usual = bench.residual(&self.u, Logs::HeldOut).unwrap_or_default();
+        let error = bench.step_error(&self.u, &usual, Logs::HeldOut);
+        chi(squares(&error), bench.samples(Logs::HeldOut))
+    }
+
+    /// The residual as simulated.
+    pub(super) fn bare(&self) -> Residual {
+        self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect()
+    }
+
+    /// Goes downhill as far as the effort allows.
+    pub fn solve(&mut self, bench: &Bench, effort: Effort) -> Ended {
+        let (start, better, worse, hopeless) = DAMPING;
+        let (mut damping, mut spent) = (start, 0);
+        let mut cost_there = self.cost;
+        let mut renewal = self.jacobian.is_none();
+        for _ in 0..effort.steps {
+            renewal |= !self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians;
+            if renewal {
+                if spent == effort.jacobians {
+                    return Ended::Effort;
+                }
+                self.differentiate(bench);
+                (spent, cost_there, damping) = (spent + 1, self.cost, start);
+            }
+            let Some(next) = self.step(bench, damping) else {
+                return if self.fresh { Ended::Converged } else { Ended::Stuck };
+            };
+            let fall = self.cost - next.cost;
+            let stalled = fall < STALL.0 * self.cost || fall < STALL.1;
+            if fall > 0.0 {
+                *self = next;
+                damping *= better;
+            } else {
+                damping *= worse;
+            }
+            // A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
+            let exhausted = fall > 0.0 || damping > hopeless;
+            if stalled && exhausted && (self.fresh || spent == effort.jacobians) {
+                return if spent == effort.jacobians && !self.fresh { Ended::Effort } else { Ended::Converged };
+            }
+            renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
+        }
+        Ended::Effort
+    }
+
+    /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
+    pub fn polish(&mut self, bench: &Bench) {
+        self.differentiate_widely(bench);
+        self.solve(bench, Effort { jacobians: 0, steps: 8 });
+    }
+
+    /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
+    /// simulated.
+    fn step(&self, bench: &Bench, damping: f64) -> Option<Fit> {
+        let knobs = bench.family.knobs();
+        let jacobian = self.jacobian.as_ref()?;
+        let step = self.direction(knobs, jacobian, damping)?;
+        let mut u = self.u.clone();
+        for (k, &knob) in self.active.iter().enumerate() {
+            u[knob] = knobs[knob].clamp(u[knob] + step[k]);
+        }
+        let moved = DVector::from_iterator(self.active.len(), self.active.iter().map(|&knob| u[knob] - self.u[knob]));
+        if moved.norm_squared() < 1e-18 {
+            return None;
+        }
+        let Some(residual) = bench.residual(&u, Logs::Learn) else {
+            // A blow-up is infinitely bad: the caller damps.
+            return Some(Fit { cost: f64::INFINITY, ..self.clone() });
+        };
+        let residual = corrected(residual, &self.step_error);
+        let cost = cost(knobs, &self.active, &u, &residual);
+        let mut next = Fit { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
+        let change =
+            DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
+        let surprise = change - jacobian * &moved;
+        let mut carried = jacobian.clone();
+        carried.ger(1.0 / moved.norm_squared(), &surprise, &moved, 1.0);
+        next.jacobian = Some(carried);
+        Some(next)
+    }
+
+    /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
+    /// carry over it; a gradient alone does not tell, where knobs move together.
+    fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
+        let gradient = self.gradient(knobs, jacobian);
+        let mut held = vec![None; self.active.len()];
+        loop {
+            let step = self.solved(knobs, jacobian, damping, &held, gradient.clone())?;
+            let leaves = |k: usize| {
+                let (u, (least, most)) = (self.u[self.active[k]], knobs[self.active[k]].bounds);
+                (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
+            };
+            let more: Vec<usize> = (0..held.len()).filter(|&k| held[k].is_none() && leaves(k)).collect();
+            if more.is_empty() {
+                return Some(step);
+            }
+            more.into_iter().for_each(|k| held[k] = Some(0.0));
+        }
+    }
+
+    /// Half the cost's gradient.
+    pub(super) fn gradient(&self, knobs: &[Knob], jacobian: &DMatrix<f64>) -> DVector<f64> {
+        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
+        for (k, &knob) in self.active.iter().enumerate() {
+            gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
+        }
+        gradient
+    }
+
+    /// What takes such a gradient away, where the residual changes as the Jacobian says; those that are held move by so
+    /// much.
+    pub(super) fn solved(
+        &self,
+        knobs: &[Knob],
+        jacobian: &DMatrix<f64>,
+        damping: f64,
+        held: &[Option<f64>],
+        mut gradient: DVector<f64>,
+    ) -> Option<DVector<f64>> {
+        let mut normal = jacobian.tr_mul(jacobian);
+        for (k, &knob) in self.active.iter().enumerate() {
+            normal[(k, k)] = (normal[(k, k)] + knobs[knob].spread.powi(-2)) * (1.0 + damping);
+        }
+        let held = || held.iter().enumerate().filter_map(|(k, by)| Some((k, (*by)?)));
+        for (k, by) in held() {
+            gradient.axpy(by, &normal.column(k), 1.0);
+            normal.row_mut(k).fill(0.0);
+            normal.column_mut(k).fill(0.0);
+            normal[(k, k)] = 1.0;
+        }
+        for (k, by) in held() {
+            gradient[k] = -by;
+        }
+        let step = normal.cholesky()?.solve(&gradient);
+        step.iter().all(|x| x.is_finite()).then(|| -step)
+    }
+}
+
+/// Sum of squares of residual and priors.
+pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
+    let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
+    squares(residual) + prior
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::made::knob;
+    use crate::residual_model::Law;
+
+    #[test]
+    fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
+        let knob = |most: f64| Knob { bounds: (-9.0, most), spread: 1e6, reach: 0.1, ..knob(Law::Linear, 0.0, 1.0) };
+        // Both would lower the error by growing, but together only as the first makes room for the second.
+        let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
+        let residual = vec![-0.1, -6.4];
+        assert!(jacobian.tr_mul(&DVector::from_column_slice(&residual)).max() < 0.0);
+        let fit = Fit {
+            active: vec![0, 1],
+            u: vec![1.0, 1.0],
+            cost: squares(&residual),
+            step_error: vec![0.0; 2],
+            residual,
+            jacobian: None,
+            fresh: false,
+        };
+        let step = |most: [f64; 2]| fit.direction(&most.map(knob), &jacobian, 0.0).map(|step| (step[0], step[1]));
+        assert!(step([1.0, 9.0]).is_some_and(|(first, second)| first < 0.0 && second > 0.0));
+        assert_eq!(step([1.0, 1.0]), Some((0.0, 0.0)));
+    }
+}

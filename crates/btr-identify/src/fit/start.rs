@@ -1,0 +1,199 @@
+//! Where a log begins is measured with noise, and not at all as far as velocities go. What another start state would do to the
+//! residual is therefore projected out of it: neither a parameter nor an effect is praised or blamed for it. Where something is
+//! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
+//! again, as if B's share of it were noise.
+
+use super::bench::each;
+use super::together::{rows_near, shared};
+use crate::residual_model::{Family, Rollout, Step};
+use nalgebra::{DMatrix, DVector};
+
+/// A direction shorter than this share of the longest one of its log is none.
+const NEGLIGIBLE: f64 = 1e-3;
+/// An answer of fewer noise floors changes nothing.
+const UNSEEN: f64 = 0.03;
+
+/// For each log, what its start states can do.
+pub(super) struct Starts(Vec<Vec<Window>>);
+
+/// The answers of some rows of a residual to their start state: orthonormal columns, and the share of each that is taken away.
+struct Window {
+    rows: Vec<usize>,
+    basis: DMatrix<f64>,
+    shares: Vec<f64>,
+}
+
+/// A rollout in which some numbers of a log's start are nudged.
+struct Shot {
+    log: usize,
+    nudged: Vec<usize>,
+    moved: Vec<f64>,
+}
+
+impl Shot {
+    fn of(family: &dyn Family, log: usize, nudged: Vec<usize>) -> Self {
+        let mut moved = vec![0.0; family.starts(log)];
+        nudged.iter().for_each(|&number| moved[number] = 1.0);
+        Shot { log, nudged, moved }
+    }
+}
+
+impl Starts {
+    /// As the model answers that stands at `u`, and how many logs were simulated for it.
+    pub(super) fn at(family: &dyn Family, u: &[f64]) -> (Starts, usize) {
+        // The first of each log is moved nowhere.
+        let nudged = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
+        let shots = |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| Shot::of(family, log, n));
+        let logs = (0..family.logs().len()).filter(|&log| family.starts(log) > 0);
+        let shots: Vec<Shot> = logs.flat_map(shots).collect();
+        let rollouts: Vec<Rollout> =
+            shots.iter().map(|shot| Rollout { u, log: shot.log, moved: &shot.moved }).collect();
+        let answers = each(family, &rollouts, Step::USUAL, &|_, residual| residual.ok());
+        let windows = |log: usize| {
+            let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
+            let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
+            let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
+            for (shot, there) in own().skip(1) {
+                let Some(there) = there else { continue };
+                let change = |&number: &usize| (number, change(family, log, number, usual, there));
+                changes.extend(shot.nudged.iter().map(change));
+            }
+            changes.sort_by_key(|(number, _)| *number);
+            let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
+            rows(family, log).into_iter().map(|rows| Window::new(rows, &changes, family.start_spread())).collect()
+        };
+        let starts = (0..family.logs().len()).map(windows).collect();
+        (Starts(starts), shots.len())
+    }
+
+    /// How many numbers the start of a log takes. What is known of a start takes none: the rest stays white.
+    pub(super) fn rank(&self, log: usize) -> usize {
+        self.0[log].iter().flat_map(|window| &window.shares).filter(|share| **share >= 1.0).count()
+    }
+
+    /// What no start state can do.
+    pub(super) fn project(&self, log: usize, residual: &mut [f64]) {
+        for window in &self.0[log] {
+            window.project(residual);
+        }
+    }
+}
+
+/// What one number of a start changes, where it is felt.
+fn change(family: &dyn Family, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+    let mut change = vec![0.0; usual.len()];
+    for row in rows_near(&family.logs()[log], family.start_near(log, number)).into_iter().flatten() {
+        let moved = there[row] - usual[row];
+        change[row] = if moved.is_finite() { moved } else { 0.0 };
+    }
+    change
+}
+
+/// The rows of each window of a log.
+fn rows(family: &dyn Family, log: usize) -> Vec<Vec<usize>> {
+    let (recorded, windows) = (&family.logs()[log], family.windows(log));
+    if windows.is_empty() {
+        return vec![(0..recorded.rows()).collect()];
+    }
+    let of_channel = |first: usize, window: &std::ops::Range<usize>| first + window.start..first + window.end;
+    let of = |window| recorded.channels.iter().flat_map(|c| of_channel(c.samples.start, window)).collect();
+    windows.iter().map(of).collect()
+}
+
+impl Window {
+    fn new(rows: Vec<usize>, changes: &[Vec<f64>], spread: f64) -> Self {
+        let own = |change: &Vec<f64>| DVector::from_iterator(rows.len(), rows.iter().map(|&row| change[row]));
+        let columns: Vec<DVector<f64>> = changes.iter().map(own).collect();
+        let (basis, shares) = if spread.is_finite() {
+            whitening(rows.len(), &columns, spread)
+        } else {
+            let basis = orthonormal(rows.len(), columns);
+            let shares = vec![1.0; basis.ncols()];
+            (basis, shares)
+        };
+        Window { rows, basis, shares }
+    }
+
+    fn project(&self, residual: &mut [f64]) {
+        for (column, share) in self.basis.column_iter().zip(&self.shares) {
+            let along: f64 = column.iter().zip(&self.rows).map(|(c, &row)| c * residual[row]).sum();
+            column.iter().zip(&self.rows).for_each(|(c, &row)| residual[row] -= share * along * c);
+        }
+    }
+}
+
+/// Directions of B, and what the whitening takes of each.
+fn whitening(rows: usize, columns: &[DVector<f64>], spread: f64) -> (DMatrix<f64>, Vec<f64>) {
+    if columns.is_empty() || rows == 0 {
+        return (DMatrix::zeros(rows, 0), Vec::new());
+    }
+    let answers = DMatrix::from_columns(columns) * spread;
+    let eigen = answers.tr_mul(&answers).symmetric_eigen();
+    let lengths = eigen.eigenvalues.map(|square| square.max(0.0).sqrt());
+    let seen: Vec<usize> = (0..columns.len()).filter(|&k| lengths[k] > UNSEEN).collect();
+    let basis: Vec<DVector<f64>> = seen.iter().map(|&k| &answers * eigen.eigenvectors.column(k) / lengths[k]).collect();
+    let shares = seen.iter().map(|&k| 1.0 - (1.0 + lengths[k].powi(2)).powf(-0.5)).collect();
+    (if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }, shares)
+}
+
+/// A basis of the same space (Gram and Schmidt, twice for the rounding).
+fn orthonormal(rows: usize, columns: Vec<DVector<f64>>) -> DMatrix<f64> {
+    let longest = columns.iter().map(|c| c.norm()).fold(0.0, f64::max);
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    for mut column in columns {
+        for _ in 0..2 {
+            basis.iter().for_each(|known| column.axpy(-known.dot(&column), known, 1.0));
+        }
+        let norm = column.norm();
+        if norm > NEGLIGIBLE * longest {
+            basis.push(column / norm);
+        }
+    }
+    if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decay(rate: f64) -> DVector<f64> {
+        DVector::from_fn(50, |i, _| (-rate * i as f64).exp())
+    }
+
+    fn starts(spread: f64) -> Starts {
+        let columns = [decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)];
+        let columns: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().copied().collect()).collect();
+        Starts(vec![vec![Window::new((0..50).collect(), &columns, spread)]])
+    }
+
+    #[test]
+    fn what_a_start_can_do_is_gone_and_the_rest_stays() {
+        let starts = starts(f64::INFINITY);
+        assert_eq!(starts.rank(0), 2);
+        let mut gone: Vec<f64> = (decay(0.1) * 7.0 - decay(0.5) * 2.0).iter().copied().collect();
+        starts.project(0, &mut gone);
+        assert!(gone.iter().all(|x| x.abs() < 1e-12));
+        let mut late: Vec<f64> = (0..50).map(|i| if i == 49 { 1.0 } else { 0.0 }).collect();
+        starts.project(0, &mut late);
+        assert!((late[49] - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn what_is_known_of_a_start_stays_white() {
+        // W·(1 + B·Bᵀ)·Wᵀ must be the identity.
+        let (starts, spread) = (starts(4.0), 4.0);
+        let answers = DMatrix::from_columns(&[decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)]) * spread;
+        let whitened = |column: DVector<f64>| {
+            let mut column: Vec<f64> = column.iter().copied().collect();
+            starts.project(0, &mut column);
+            DVector::from_vec(column)
+        };
+        let by_rows = |m: DMatrix<f64>| {
+            DMatrix::from_columns(&m.column_iter().map(|c| whitened(c.into_owned())).collect::<Vec<_>>())
+        };
+        let covariance = DMatrix::identity(50, 50) + &answers * answers.transpose();
+        let white = by_rows(by_rows(covariance).transpose());
+        assert_eq!(starts.rank(0), 0);
+        assert!((white - DMatrix::identity(50, 50)).amax() < 1e-3);
+    }
+}

@@ -1,0 +1,96 @@
+//! A channel on its own: what is missing, dead, saturated, rough or in another unit.
+
+use super::{Finding, Sensor, Severity, Topic};
+use btr_core::log::{Channel, Log, Role};
+use btr_core::signal::noise::Noise;
+use btr_core::signal::silence::{Spell, spells};
+
+/// Spells of torque off that are told one by one.
+const TOLD: usize = 3;
+/// A command with more spells than this was written when it was sent, most likely, not when it held.
+const SPARSE: usize = 10;
+
+/// A channel in numbers.
+pub(super) fn sensor(name: &str, channel: &Channel) -> Sensor {
+    let there: Vec<f64> = channel.values.iter().copied().filter(|x| x.is_finite()).collect();
+    let (min, max) = there.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let at_end = |x: &&f64| **x <= min || **x >= max;
+    let noise = Noise::of(&channel.values).filter(|_| channel.role == Role::Measured);
+    Sensor {
+        name: name.to_owned(),
+        unit: channel.unit.clone(),
+        missing: 1.0 - there.len() as f64 / channel.values.len().max(1) as f64,
+        min,
+        max,
+        noise: noise.map(|noise| noise.sigma()),
+        quantum: noise.map(|noise| noise.quantum).filter(|quantum| *quantum > 0.0),
+        at_ends: there.iter().filter(at_end).count() as f64 / there.len().max(1) as f64,
+    }
+}
+
+/// What is to be said about a channel.
+pub(super) fn findings(sensor: &Sensor, channel: &Channel) -> Vec<Finding> {
+    let mut found = Vec::new();
+    let Sensor { name, unit, missing, min, max, .. } = sensor;
+    let mut say = |topic, severity, sentence| found.push(Finding::new(topic, severity, name, sentence));
+    // Commands that are missing in parts are told about spell by spell.
+    if *missing > 0.01 && (channel.role != Role::Command || *missing >= 1.0) {
+        let severity = if *missing > 0.5 { Severity::Bad } else { Severity::Doubtful };
+        say(Topic::Missing, severity, format!("{name} lacks {:.1} % of its samples", 100.0 * missing));
+    }
+    let infinite = channel.values.iter().filter(|x| x.is_infinite()).count();
+    if infinite > 0 {
+        say(Topic::Missing, Severity::Bad, format!("{name} is infinite in {infinite} samples: leave them empty"));
+    }
+    if *missing >= 1.0 {
+        return found;
+    }
+    if min >= max {
+        say(Topic::Dead, Severity::Doubtful, format!("{name} never changes: it is {min} {unit} all the time"));
+    }
+    if unit == "rad" && min.abs().max(max.abs()) > 20.0 {
+        let sentence = format!("{name} reaches {:.0} rad: is it in degrees?", min.abs().max(max.abs()));
+        say(Topic::Unit, Severity::Doubtful, sentence);
+    }
+    if let Some(noise) = sensor.noise.filter(|noise| max > min && *noise > 0.1 * (max - min)) {
+        let sentence = format!("{name} errs by {noise:.2e} {unit} while it changes by {:.2e} {unit}", max - min);
+        say(Topic::Noise, Severity::Doubtful, sentence);
+    }
+    if name.starts_with("tau_") && max > min && sensor.at_ends > 0.05 {
+        let sentence =
+            format!("{name} stands at its end {:.0} % of the time: the motor is at its limit", 100.0 * sensor.at_ends);
+        say(Topic::Saturation, Severity::Doubtful, sentence);
+    }
+    found
+}
+
+/// Where commands are missing: lost for a moment, or torque off.
+pub(super) fn silences(log: &Log, name: &str, values: &[f64]) -> Vec<Finding> {
+    let (lost, off): (Vec<Spell>, Vec<Spell>) = spells(log, values).into_iter().partition(|spell| spell.lost);
+    let (lost, off) = (held(name, &lost), torque_off(name, &off, values));
+    lost.into_iter().chain(off).collect()
+}
+
+fn held(name: &str, lost: &[Spell]) -> Option<Finding> {
+    let longest_s = lost.iter().map(|spell| spell.end_s - spell.start_s).reduce(f64::max)?;
+    let samples: usize = lost.iter().map(|spell| spell.samples.len()).sum();
+    let times = if samples == 1 { "once".to_owned() } else { format!("{samples} times") };
+    let sentence = format!("{name} is empty {times}, {:.0} ms at most: the last command is held", 1e3 * longest_s);
+    Some(Finding::new(Topic::Missing, Severity::Fine, name, sentence))
+}
+
+fn torque_off(name: &str, off: &[Spell], values: &[f64]) -> Option<Finding> {
+    let samples: usize = off.iter().map(|spell| spell.samples.len()).sum();
+    if off.is_empty() || samples == values.len() {
+        return None;
+    }
+    let told: Vec<String> =
+        off.iter().take(TOLD).map(|spell| format!("{:.2}..{:.2} s", spell.start_s, spell.end_s)).collect();
+    let more = if off.len() > TOLD { format!(" and {} times more", off.len() - TOLD) } else { String::new() };
+    let sentence = format!("{name} is empty, which is torque off, {}{more}", told.join(", "));
+    if off.len() <= SPARSE {
+        return Some(Finding::new(Topic::Missing, Severity::Fine, name, sentence));
+    }
+    let sentence = format!("{sentence}; if its cells are only filled when a command is sent, fill in the others");
+    Some(Finding::new(Topic::Missing, Severity::Doubtful, name, sentence))
+}
