@@ -14,7 +14,7 @@ use btr_core::log::Log;
 use btr_identify::diagnose::{Diagnosis, Question, Rung, diagnose};
 use btr_identify::fit::Bench;
 use btr_identify::residual_model::Family;
-use btr_physics::io::{self, Meta};
+use btr_io::Meta;
 use reality::Subject;
 use score::{Case, Outcome, summary};
 use std::path::Path;
@@ -123,7 +123,7 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         }
         let kind = if recorded.held_out { "held_out" } else { "learn" };
         let path = folder.join(format!("{kind}_{}.csv", recorded.name.replace(' ', "_")));
-        io::write_log(&path, &rounded, &Meta::default())?;
+        btr_io::write_log(&path, &rounded, &Meta::default())?;
     }
     Ok(())
 }

@@ -107,8 +107,8 @@ impl From<btr_physics::run::RunError> for Failure {
     }
 }
 
-impl From<btr_physics::io::IoError> for Failure {
-    fn from(error: btr_physics::io::IoError) -> Self {
+impl From<btr_io::IoError> for Failure {
+    fn from(error: btr_io::IoError) -> Self {
         Failure::new("log", error.to_string(), Some(error.help()))
     }
 }

@@ -6,8 +6,8 @@ use crate::plot::paper::{Figure3, Generation, Individual, Parameter, Tracking, f
 use btr_core::coevolve::{self, Side};
 use btr_core::log::{Log, interpolate};
 use btr_core::world::Simulator;
+use btr_io::Meta;
 use btr_physics::experiment::Experiment;
-use btr_physics::io::{self, Meta};
 use btr_physics::report::Report;
 use btr_physics::run::Run;
 use btr_physics::urdf;
@@ -34,7 +34,7 @@ pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Resu
     let meta = meta(experiment, run)?;
     for (name, log) in [("real", real), ("simulated_before", &before), ("simulated_after", &after)] {
         let path = run.folder().join(format!("{name}.mcap"));
-        io::write_log(&path, log, &meta)?;
+        btr_io::write_log(&path, log, &meta)?;
         files.push(path);
     }
     Ok(files)

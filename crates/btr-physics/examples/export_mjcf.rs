@@ -7,7 +7,7 @@
 #[path = "../benches/scenes/mod.rs"]
 mod scenes;
 
-use btr_physics::io::{Meta, write_log};
+use btr_io::{Meta, write_log};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use btr_physics::sim::Setup;
 use nalgebra::Isometry3;

@@ -19,7 +19,6 @@ mod excite;
 pub mod experiment;
 mod floor;
 pub mod identify;
-pub mod io;
 pub mod kinematics;
 pub mod leg;
 pub mod model;

@@ -4,7 +4,6 @@
 use crate::augment::Cause;
 use crate::elsewhere::{Parcels, ServedModel};
 use crate::experiment::{Experiment, FileError, enlarges};
-use crate::io;
 use crate::verbs::AddError;
 use btr_core::coevolve::{Coevolution, Explanation, On, Plan, PlanError, State, Step, StopReason};
 use btr_core::distance::Distance;
@@ -251,7 +250,7 @@ impl Run {
         let path = self.folder.join(name);
         let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         written
-            .and_then(|()| io::write_whole(&path, |file| file.write_all(bytes)))
+            .and_then(|()| btr_io::write_whole(&path, |file| file.write_all(bytes)))
             .map_err(|source| RunError::Io { path: path.clone(), source })?;
         Ok(path)
     }

@@ -4,8 +4,8 @@
 use btr_core::log::{Log, Role};
 use btr_core::world::Simulator;
 use btr_identify::residual_model::Step;
+use btr_io::Meta;
 use btr_physics::experiment::{self, LogSource, Source};
-use btr_physics::io::{self, Meta};
 use std::path::{Path, PathBuf};
 
 const MODEL: &str = r#"name = "swing"
@@ -41,7 +41,7 @@ fn recorded(folder: &Path) -> Vec<PathBuf> {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let write = |(seed, name): (u64, &str)| {
         let path = folder.join(name);
-        io::write_log(&path, &model.simulate(&s, &c, 0, Some(seed)).unwrap(), &Meta::default()).unwrap();
+        btr_io::write_log(&path, &model.simulate(&s, &c, 0, Some(seed)).unwrap(), &Meta::default()).unwrap();
         path
     };
     [(1, "one.csv"), (2, "two.csv"), (3, "three.csv")].map(write).into()
@@ -87,7 +87,7 @@ fn the_index_sets_what_it_knows_of_a_log() {
 fn a_log_in_memory_is_read_under_the_names_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let paths = recorded(folder.path());
-    let (log, _) = io::read_log(&paths[0], &io::Mapping::default()).unwrap();
+    let (log, _) = btr_io::read_log(&paths[0], &btr_io::Mapping::default()).unwrap();
     let mut foreign = Log::new(log.clock_s().to_vec()).unwrap();
     for (ours, theirs) in [("cmd_hinge", "goal"), ("q_hinge", "encoder")] {
         let halves = log.values(ours).unwrap().iter().map(|value| 0.5 * value).collect();
@@ -134,7 +134,7 @@ fn a_prescribed_joint_weighs_what_it_carries_without_its_servo() {
     let path = folder.path().join("swing.csv");
     let model = experiment::model(&source(folder.path(), MODEL)).unwrap();
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    io::write_log(&path, &model.simulate(&s, &c, 0, None).unwrap(), &Meta::default()).unwrap();
+    btr_io::write_log(&path, &model.simulate(&s, &c, 0, None).unwrap(), &Meta::default()).unwrap();
     let prescribed = MODEL.replace("kind = \"position\"\nkp = 10.0\nkd = 0.2", "kind = \"prescribed\"");
     let (torque, error) = needed(folder.path(), &path, &prescribed);
     assert!(error < 0.1 * torque, "{error} of {torque} N·m");
@@ -185,7 +185,7 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let whole = model.simulate(&s, &c, 0, Some(1)).unwrap();
     let path = folder.path().join("whole.csv");
-    io::write_log(&path, &whole, &Meta::default()).unwrap();
+    btr_io::write_log(&path, &whole, &Meta::default()).unwrap();
     let kept = |k: usize| k == 0 || !(100..140).contains(&k) && !(150..190).contains(&k);
     let rows = std::fs::read_to_string(&path).unwrap();
     let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
@@ -213,7 +213,7 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let swinging = source(folder.path(), &swinging);
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let real = experiment::model(&swinging).unwrap().simulate(&s, &c, 0, Some(1)).unwrap();
-    io::write_log(&path, &real, &Meta::default()).unwrap();
+    btr_io::write_log(&path, &real, &Meta::default()).unwrap();
     let rows = std::fs::read_to_string(&path).unwrap();
     let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
     std::fs::write(&gap, rows.join("\n")).unwrap();

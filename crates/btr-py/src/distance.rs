@@ -6,7 +6,7 @@ use crate::settings::{self, Settings};
 use btr_core::distance::{Channels, DISTANCES, DistanceSpec};
 use btr_core::log::{self, Role};
 use btr_core::world::Behaviour;
-use btr_physics::io::{self, Mapping};
+use btr_io::Mapping;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -52,7 +52,7 @@ pub(crate) fn distances() -> PyResult<Vec<(&'static str, &'static str, String)>>
 #[pyfunction]
 pub(crate) fn measured(name: PathBuf, clock_s: Floats<'_>, series: Vec<(String, Floats<'_>)>) -> PyResult<Log> {
     let columns = series.into_iter().map(|(key, values)| (key, values.as_array().to_vec())).collect();
-    let made = io::log_of(&name, clock_s.as_array().to_vec(), columns, &Mapping::default());
+    let made = btr_io::log_of(&name, clock_s.as_array().to_vec(), columns, &Mapping::default());
     let mut log = made.map_err(Raise::raise)?.0;
     let foreign = log.channels().filter(|(_, channel)| channel.role == Role::Truth);
     let foreign: Vec<(String, log::Channel)> =

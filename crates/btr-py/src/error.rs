@@ -3,8 +3,8 @@
 use btr_core::log::LogError;
 use btr_core::space::SpaceError;
 use btr_core::world::WorldError;
+use btr_io::IoError;
 use btr_physics::experiment::FileError;
-use btr_physics::io::IoError;
 use btr_physics::verbs::{AddError, ProblemError};
 use pyo3::PyErr;
 use pyo3::create_exception;

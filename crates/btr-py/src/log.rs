@@ -3,8 +3,8 @@
 use crate::error::{Raise, raised};
 use crate::model::Model;
 use btr_core::log;
+use btr_io::{Mapping, Meta, Recording, Warning};
 use btr_physics::experiment::LogSource;
-use btr_physics::io::{self, Mapping, Meta, Recording, Warning};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
@@ -78,7 +78,7 @@ impl Log {
     #[pyo3(signature = (path, model = None))]
     fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
         let mapping = mapping(model)?;
-        let (log, warnings) = py.detach(|| io::read_log(&path, &mapping)).map_err(Raise::raise)?;
+        let (log, warnings) = py.detach(|| btr_io::read_log(&path, &mapping)).map_err(Raise::raise)?;
         warn(py, &warnings)?;
         Ok(Log::new(path, log))
     }
@@ -88,7 +88,7 @@ impl Log {
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
         py.detach(|| btr_cli::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
-        py.detach(|| io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
+        py.detach(|| btr_io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 
     /// What it is called in reports: the file's path where it was read. Without a name of its own it is a `log` (or
@@ -223,7 +223,8 @@ impl Log {
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let columns = PyDict::new(py);
         for (name, channel) in self.log.channels() {
-            let column = io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+            let column =
+                btr_io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
             columns.set_item(column, PyArray1::from_slice(py, &channel.values))?;
         }
         Ok(columns)
@@ -248,7 +249,8 @@ fn of_columns(
         Ok((key, values))
     };
     let columns = channels.iter().map(column).collect::<PyResult<_>>()?;
-    let (log, warnings) = io::log_of(&called, numbers(clock_s, "clock_s")?, columns, mapping).map_err(Raise::raise)?;
+    let (log, warnings) =
+        btr_io::log_of(&called, numbers(clock_s, "clock_s")?, columns, mapping).map_err(Raise::raise)?;
     Ok((Log::of(name, log), warnings))
 }
 
@@ -270,7 +272,7 @@ pub(crate) fn log_of_columns(
 #[pyfunction]
 pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: &Model) -> PyResult<Py<Log>> {
     let Log { name, is_named, log: given } = log.get();
-    let (other, warnings) = io::renamed(name, given.clone(), &mapping(Some(model))?).map_err(Raise::raise)?;
+    let (other, warnings) = btr_io::renamed(name, given.clone(), &mapping(Some(model))?).map_err(Raise::raise)?;
     warn(py, &warnings)?;
     if other.is_same(given) {
         return Ok(log);
@@ -282,7 +284,7 @@ pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: &Model) -> PyResult<P
 #[pyfunction]
 pub(crate) fn time_of(columns: Vec<String>, model: Option<&Model>) -> PyResult<Option<(String, f64)>> {
     let mapping = mapping(model)?;
-    Ok(io::time_of(&columns, &mapping).map(|(column, unit_s)| (column.to_owned(), unit_s)))
+    Ok(btr_io::time_of(&columns, &mapping).map(|(column, unit_s)| (column.to_owned(), unit_s)))
 }
 
 /// What a model says of foreign names.

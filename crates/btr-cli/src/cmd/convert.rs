@@ -3,13 +3,13 @@
 use super::output::{Kind, guard};
 use crate::args::Global;
 use crate::failure::{DONE, Failure};
-use btr_physics::io::{self, Mapping, Meta};
+use btr_io::{Mapping, Meta};
 use std::path::Path;
 
 pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<u8, Failure> {
     guard(Kind::Log { over_measurements: false }.at(Some(to)), [from.to_owned()])?;
-    let (log, warnings) = io::read_log(from, &Mapping::default())?;
-    io::write_log(to, &log, &Meta::default())?;
+    let (log, warnings) = btr_io::read_log(from, &Mapping::default())?;
+    btr_io::write_log(to, &log, &Meta::default())?;
     if global.json {
         let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
         println!("{}", serde_json::json!({ "ok": true, "samples": log.len(), "warnings": warnings }));

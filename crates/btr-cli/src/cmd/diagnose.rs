@@ -7,7 +7,7 @@ use crate::failure::{DONE, Failure, MISSED};
 use crate::report::{self, Subject};
 use crate::table::{Table, number};
 use btr_identify::diagnose::{Question, Verdict};
-use btr_physics::io::{self, Meta};
+use btr_io::Meta;
 use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
 fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
     let rivals: Vec<&str> = report.effects.iter().flat_map(|found| &found.alike).map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
-        Some(commands) => io::write_log(path, commands, &Meta::default())?,
+        Some(commands) => btr_io::write_log(path, commands, &Meta::default())?,
         None if rivals.is_empty() => eprintln!("{} is not written: there is nothing to tell apart", path.display()),
         None => eprintln!(
             "{} is not written: no motion in the range of these logs tells what was found from {}",

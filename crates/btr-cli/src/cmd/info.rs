@@ -6,8 +6,8 @@ use crate::table::{Table, number};
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
+use btr_io::Mapping;
 use btr_physics::drive::DRIVES;
-use btr_physics::io::{self, Mapping};
 use btr_physics::task::TERMS;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -20,7 +20,7 @@ pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<u8, Failure> {
 }
 
 fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
-    let (log, warnings) = io::read_log(path, &Mapping::default())?;
+    let (log, warnings) = btr_io::read_log(path, &Mapping::default())?;
     let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     let rate_hz = (log.len().saturating_sub(1)) as f64 / log.duration_s();
     if global.json {

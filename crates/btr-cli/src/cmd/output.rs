@@ -5,9 +5,9 @@ use crate::args::Global;
 use crate::failure::Failure;
 use crate::report;
 use btr_core::log::Role;
+use btr_io::{IoError, Mapping};
 use btr_physics::adapt::named_files;
 use btr_physics::experiment::Source;
-use btr_physics::io::{self, IoError, Mapping};
 use std::path::{Path, PathBuf};
 
 /// What is written.
@@ -85,7 +85,7 @@ impl Output<'_> {
             Kind::Model => self.ends_in("toml", "a model"),
             Kind::Report => self.ends_in("html", "a report"),
             Kind::Log { over_measurements } => {
-                io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
+                btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
                 if !over_measurements && self.path.exists() && !holds_commands_alone(self.path) {
                     return Err(refused(format!("{name} is there and holds more than commands: it would be lost")));
                 }
@@ -98,7 +98,7 @@ impl Output<'_> {
         if self.path.extension().is_none_or(|extension| extension != ending) {
             return Err(refused(format!("{}: the name of {what} ends in .{ending}", self.path.display())));
         }
-        let written = io::can_write(self.path);
+        let written = btr_io::can_write(self.path);
         written.map_err(|source| unwritable(&IoError::File { path: self.path.to_owned(), source }))
     }
 }
@@ -106,7 +106,7 @@ impl Output<'_> {
 /// Whether nothing would be lost with this file that a simulation or a robot has answered. What cannot be read may be
 /// anything, and so may a column whose name says nothing.
 fn holds_commands_alone(path: &Path) -> bool {
-    io::read_log(path, &Mapping::default())
+    btr_io::read_log(path, &Mapping::default())
         .is_ok_and(|(log, _)| log.channels().all(|(_, channel)| channel.role == Role::Command))
 }
 

@@ -6,8 +6,8 @@ use crate::args::{Global, Simulate};
 use crate::failure::{DONE, Failure};
 use crate::table::number;
 use btr_core::world::Simulator;
+use btr_io::Meta;
 use btr_physics::experiment::{self, Source};
-use btr_physics::io::{self, Meta};
 
 pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
@@ -23,7 +23,7 @@ pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let (robot, ..) = model.at(&s, 0);
     let meta =
         Meta { model_toml: Some(source.text), urdf: Some(btr_physics::urdf::to_urdf(&robot)), ..Meta::default() };
-    io::write_log(&args.output, &log, &meta)?;
+    btr_io::write_log(&args.output, &log, &meta)?;
     let terms = model.fitness.terms(&log).map_err(btr_core::world::WorldError::from)?;
     if global.json {
         let terms: serde_json::Map<_, _> = terms.iter().map(|(t, x)| (t.name.to_owned(), (*x).into())).collect();

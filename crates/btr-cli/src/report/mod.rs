@@ -16,7 +16,7 @@ pub use fit::fit;
 pub use ladder::Subject;
 
 use crate::plot::escaped;
-use btr_physics::io::{self, IoError};
+use btr_io::IoError;
 use std::fmt::Write;
 use std::io::Write as _;
 use std::path::Path;
@@ -26,7 +26,7 @@ use std::path::Path;
 /// # Errors
 /// [`IoError::File`] where the file cannot be written.
 pub fn write(path: &Path, page: &str) -> Result<(), IoError> {
-    let written = io::write_whole(path, |out| out.write_all(page.as_bytes()));
+    let written = btr_io::write_whole(path, |out| out.write_all(page.as_bytes()));
     written.map_err(|source| IoError::File { path: path.to_owned(), source })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, robots};
 use btr_core::log::Log;
-use btr_physics::io::{Mapping, read_log};
+use btr_io::{Mapping, read_log};
 
 /// A log, with the bits of its numbers.
 fn bits(lab: &Lab, name: &str) -> Vec<(String, Vec<u64>)> {

@@ -1,7 +1,7 @@
 //! Where a model fails, and what logs are worth: `btr compare` and `btr check`.
 
 use crate::lab::Lab;
-use btr_physics::io::{Mapping, Meta, read_log, write_log};
+use btr_io::{Mapping, Meta, read_log, write_log};
 use serde_json::Value;
 
 /// A servo that swings a pendulum, with a sensor that errs.

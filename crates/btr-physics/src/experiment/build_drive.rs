@@ -90,7 +90,7 @@ impl Builder<'_> {
                 let path =
                     section.log.as_ref().ok_or_else(|| self.error(&["drive"], "replay needs log = PATH", None))?;
                 let path = self.source.folder().join(path);
-                let (log, _) = crate::io::read_recorded(&path, &self.file.channels)
+                let (log, _) = btr_io::read_recorded(&path, &self.file.channels)
                     .map_err(|e| self.error(&["drive", "log"], &e, Some(e.help())))?;
                 Ok(DriveKind::Replay(Arc::new(Replay::new(&log, robot))))
             }

@@ -2,12 +2,12 @@
 //! that steer a run.
 
 use crate::effect::On;
-use crate::io::Mapping;
 use crate::robot::Base;
 use crate::sim::EngineName;
 use btr_core::coevolve::Plan;
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Scale;
+use btr_io::Mapping;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

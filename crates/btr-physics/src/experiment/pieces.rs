@@ -3,7 +3,6 @@
 use super::file::File;
 use super::log_source::LogSource;
 use super::parse::FileError;
-use crate::io;
 use btr_core::log::Log;
 use btr_core::signal::silence;
 use std::path::{Path, PathBuf};
@@ -26,9 +25,9 @@ pub(super) struct Piece {
 /// Reads a log that simulations are to be compared with, from time zero, with what was noticed.
 pub(super) fn read(source: &LogSource, file: &File) -> Result<(Log, Vec<String>), FileError> {
     let (log, warnings) = match source {
-        LogSource::File(path) => io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
+        LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
         LogSource::Made { name, log } => {
-            let renamed = io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
+            let renamed = btr_io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
             (renamed.0.from_zero(), renamed.1)
         }
     };
@@ -101,6 +100,6 @@ pub(super) fn about(path: &Path, message: &str, help: Option<String>) -> FileErr
 }
 
 /// What a reader of logs says names the log itself.
-pub(super) fn unreadable(error: &io::IoError) -> FileError {
+pub(super) fn unreadable(error: &btr_io::IoError) -> FileError {
     about(Path::new(""), &error.to_string(), Some(error.help()))
 }

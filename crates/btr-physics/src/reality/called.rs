@@ -2,11 +2,11 @@
 
 use super::store::{Store, StoreError, or_pending};
 use crate::experiment::{Robotic, timely, told};
-use crate::io::Meta;
 use crate::model::Model;
 use crate::robot::Base;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
+use btr_io::Meta;
 use nalgebra::Isometry3;
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -2,12 +2,12 @@
 //! (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
 
 use super::clock::of_test;
-use crate::io::{self, Mapping, Meta};
 use crate::model::Model;
 use crate::task::Fitness;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Outcome, Trial};
+use btr_io::{Mapping, Meta};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::ops::ControlFlow;
@@ -29,7 +29,7 @@ pub enum StoreError {
     },
     /// A log that cannot be read or written.
     #[error(transparent)]
-    Log(#[from] io::IoError),
+    Log(#[from] btr_io::IoError),
     /// A log that breaks off: it may still be on its way.
     #[error("{}: {why}", path.display())]
     Half {
@@ -81,7 +81,7 @@ impl Store {
             Ok(_) => return Err(StoreError::OtherTrial { path: folder }),
             Err(_) => {}
         }
-        io::write_log(&folder.join("references.csv"), &commands(references), &Meta::default())?;
+        btr_io::write_log(&folder.join("references.csv"), &commands(references), &Meta::default())?;
         write_text(&path, &text)?;
         Ok(folder)
     }
@@ -112,7 +112,7 @@ impl Store {
     /// # Errors
     /// A log that cannot be read, or only half of one.
     pub fn judge(&self, path: &Path) -> Result<Outcome, StoreError> {
-        let (log, warnings) = io::read_log(path, &self.mapping)?;
+        let (log, warnings) = btr_io::read_log(path, &self.mapping)?;
         let log = of_test(log, self.test_s);
         if let Some(why) = warnings.iter().find(|warning| warning.is_half()) {
             return Err(StoreError::Half { path: path.to_owned(), why: why.to_string() });
@@ -132,7 +132,7 @@ impl Store {
     /// When the disk refuses.
     pub fn keep(&self, trial: &Trial, log: &Log, meta: &Meta) -> Result<Outcome, StoreError> {
         let path = self.folder_of(trial).join("log.mcap");
-        io::write_log(&path, log, meta)?;
+        btr_io::write_log(&path, log, meta)?;
         self.judge(&path)
     }
 
@@ -192,7 +192,7 @@ pub(super) fn or_pending(result: Result<Outcome, StoreError>) -> Outcome {
 }
 
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), StoreError> {
-    io::write_whole(path, |file| file.write_all(text.as_bytes()))
+    btr_io::write_whole(path, |file| file.write_all(text.as_bytes()))
         .map_err(|source| StoreError::Io { path: path.to_owned(), source })
 }
 

@@ -2,9 +2,9 @@
 
 use super::Revealing;
 use super::store::{Store, or_pending};
-use crate::io::Meta;
 use crate::model::Model;
 use btr_core::world::{Outcome, Reality, Simulator, Trial};
+use btr_io::Meta;
 use indexmap::IndexMap;
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! The frames of an episode in a Parquet file, as numbers.
 
-use crate::io::error::IoError;
+use crate::error::IoError;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;

@@ -1,8 +1,8 @@
 //! MCAP to a log: from `/btr/channels` where there is one, else from the standard topics.
 
 use super::recording::Recording;
-use crate::io::error::{IoError, Warning};
-use crate::io::mapping::Mapping;
+use crate::error::{IoError, Warning};
+use crate::mapping::Mapping;
 use btr_core::log::Log;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;

@@ -2,8 +2,8 @@
 
 use super::other::{Kind, Names, Sample, kind, samples};
 use super::{merge, own};
-use crate::io::error::{IoError, Warning};
-use crate::io::mapping::Mapping;
+use crate::error::{IoError, Warning};
+use crate::mapping::Mapping;
 use btr_core::log::Log;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
@@ -127,7 +127,7 @@ impl<'a> Recording<'a> {
             });
         };
         self.warnings.extend(merged.warnings);
-        let (log, more) = crate::io::series::assemble(
+        let (log, more) = crate::series::assemble(
             path,
             merged.clock_s,
             merged.series.into_iter().map(|(name, values)| self.mapping.series(name, values)).collect(),

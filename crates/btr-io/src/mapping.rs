@@ -95,7 +95,7 @@ impl Mapping {
     }
 
     /// What a log has to call one of btr's channels, and the key that says so.
-    pub(crate) fn theirs(&self, ours: &str) -> Option<(&str, String)> {
+    pub fn theirs(&self, ours: &str) -> Option<(&str, String)> {
         let exact = self.channels.get_key_value(ours).map(|(key, t)| (key.as_str(), t.name().to_owned()));
         let by_pattern = |(key, theirs): (&'_ String, &Theirs)| fill(key, theirs.name(), ours);
         exact

@@ -1,7 +1,7 @@
 //! Samples of several topics on the joint states' clock: commands held, the rest interpolated.
 
 use super::other::{Kind, Names, Sample};
-use crate::io::error::Warning;
+use crate::error::Warning;
 use btr_core::log::{hold, interpolate};
 
 /// Channels on one clock.
