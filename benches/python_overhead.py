@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What Python adds to a population of rollouts: the same ones from Rust and from Python, side by side.
 
-    cargo build --release -p btr-physics --example rollouts && pip install .
+    cargo build --release -p btr-lab --example rollouts && pip install .
     python benches/python_overhead.py [--candidates 64] [--rounds 12]
 
 Prints medians of rounds of ten, and the median of the ratios of neighbouring rounds.

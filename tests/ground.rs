@@ -5,14 +5,13 @@ use btr_core::log::{Log, Role};
 use btr_identify::diagnose::{Question, Verdict, diagnose};
 use btr_identify::fit::{Bench, Logs, squares};
 use btr_identify::residual_model::{Family, Rollout, Step};
-use btr_physics::ant;
-use btr_physics::beside::Beside;
+use btr_lab::experiment::{Source, model};
+use btr_lab::identification::Beside;
 use btr_physics::drive::{Drive, Replay};
-use btr_physics::effect::{EFFECTS, Placed, find};
-use btr_physics::experiment::{Source, model};
+use btr_physics::effects::{EFFECTS, Placed, find};
 use btr_physics::model::{Model, Scenario};
+use btr_physics::presets::ant;
 use btr_physics::robot::{JointKind, Link};
-use btr_physics::sim;
 use std::sync::Arc;
 
 const MODEL: &str = r#"
@@ -72,7 +71,7 @@ fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
         setup.dt_s /= 6.0;
         setup.rest_s = stood_s.unwrap_or(0.0);
         let drive = model.scenarios[episode].replay.clone().unwrap();
-        sim::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
+        btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
     };
     let logs = (0..2).map(record).collect();
     let names = EFFECTS.iter().map(|effect| effect.card().name);
@@ -135,7 +134,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     effects.push(hidden);
     setup.rest_s = 0.5;
     let drive = model.scenarios[0].replay.clone().unwrap();
-    let log = sim::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
+    let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     let read = |link: &Link| (log.values(&format!("q_{}", link.joint.name)).unwrap()[0], 0.0);
     model.scenarios[0].start = model.robot.movable().map(|(_, link)| read(link)).collect();
     let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
@@ -161,7 +160,7 @@ fn where_feet_came_down_is_not_held_against_the_model() {
         link.joint.start = told[k] + by(0.02, k);
     }
     let drive = model.scenarios[0].replay.clone().unwrap();
-    let log = sim::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
+    let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     // Where the joints were put down is read no better than sensors read, and feet hold on to it.
     model.scenarios[0].start = told.iter().enumerate().map(|(k, q)| (q + by(0.012, k), 0.0)).collect();
     let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
@@ -184,7 +183,7 @@ fn a_walk_that_grows_its_errors_is_compared_in_windows() {
         let (robot, effects, mut setup) = model.at(&model.simulations.nominal(), 0);
         setup.rest_s = 1.0;
         let drive = model.scenarios[0].replay.clone().unwrap();
-        let log = sim::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
+        let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
         Beside::new(Arc::new(model), vec![log], &[]).unwrap().is_chaotic()
     };
     assert_eq!(["auto", "rapier"].map(is_chaotic), [false, true]);

@@ -5,13 +5,12 @@ use btr_core::log::{Log, Role};
 use btr_identify::diagnose::{Diagnosis, Question, Verdict, diagnose};
 use btr_identify::fit::Bench;
 use btr_identify::residual_model::Family;
-use btr_physics::beside::Beside;
+use btr_lab::experiment::{Source, model};
+use btr_lab::identification::Beside;
+use btr_lab::verbs::{NextExperiment, next_experiment};
 use btr_physics::drive::Replay;
-use btr_physics::effect::{EFFECTS, On, Placed, formula};
-use btr_physics::experiment::{Source, model};
+use btr_physics::effects::{EFFECTS, On, Placed, formula};
 use btr_physics::model::{Model, Scenario};
-use btr_physics::sim;
-use btr_physics::verbs::{NextExperiment, next_experiment};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -49,7 +48,7 @@ fn beside(hidden: &[Placed], without: &[&str]) -> Beside {
         let (robot, mut effects, setup) = model.at(&model.simulations.nominal(), episode);
         effects.extend_from_slice(hidden);
         let drive = model.scenarios[episode].replay.clone().unwrap();
-        sim::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
+        btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
     };
     let logs = (0..3).map(record).collect();
     Beside::new(Arc::new(model), logs, without).unwrap()

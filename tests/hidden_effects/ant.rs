@@ -3,9 +3,9 @@
 use crate::excite::{Commands, between, clock};
 use crate::reality::Subject;
 use btr_core::random::Rng;
-use btr_physics::ant;
 use btr_physics::drive::{Drive, Sine};
-use btr_physics::effect::On;
+use btr_physics::effects::On;
+use btr_physics::presets::ant;
 use std::f64::consts::TAU;
 
 /// It has encoders and a gyroscope.

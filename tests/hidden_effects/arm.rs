@@ -3,7 +3,7 @@
 
 use crate::excite;
 use crate::reality::Subject;
-use btr_physics::effect::On;
+use btr_physics::effects::On;
 
 /// It has encoders only, and its base does not move.
 pub(crate) static ARM: Subject = Subject {

@@ -5,13 +5,13 @@ use crate::score::{Case, Planted};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
 use btr_identify::residual_model::{Candidate, Family, Knob, Law, Rollout, Step};
-use btr_physics::beside::Beside;
+use btr_lab::experiment::{Source, model, starts};
+use btr_lab::identification::Beside;
 use btr_physics::drive::Replay;
-use btr_physics::effect::{self, On, Placed};
-use btr_physics::experiment::{Source, model, starts};
+use btr_physics::effects;
+use btr_physics::effects::{On, Placed};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{Base, JointKind, Robot};
-use btr_physics::sim;
 use rand::RngExt;
 use std::path::Path;
 use std::sync::Arc;
@@ -162,7 +162,8 @@ impl Reality {
         setup.rest_s = if free { SETTLE_S } else { 0.0 };
         let Some(drive) = settled.replay else { quit(&"no replay") };
         let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
-        let log = sim::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
+        let log =
+            btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
         let began_s = log.clock_s()[settle];
         let clock = log.clock_s()[settle..].iter().map(|t| t - began_s).collect();
         let mut cut = Log::new(clock).unwrap_or_else(|e| quit(&e));
@@ -190,7 +191,7 @@ impl Reality {
         let joints: Vec<String> = self.model.robot.movable().map(|(_, link)| link.joint.name.clone()).collect();
         let joint = &joints[(self.rng.random::<f64>() * joints.len() as f64) as usize];
         let (on, text) = self.subject.outside[law];
-        let effect = effect::formula(on, text, &[]).unwrap_or_else(|e| quit(&e));
+        let effect = effects::formula(on, text, &[]).unwrap_or_else(|e| quit(&e));
         let placed = Placed { effect, site: joint.clone(), values: Vec::new() };
         let family = self.beside(&[placed]);
         Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, family }

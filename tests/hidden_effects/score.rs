@@ -4,8 +4,8 @@ use btr_identify::diagnose::thresholds::TIE;
 use btr_identify::diagnose::{Diagnosis, Verdict};
 use btr_identify::fit::{Bench, Effort, Fit, Measure};
 use btr_identify::residual_model::Family;
-use btr_physics::beside::Beside;
-use btr_physics::effect::{Placed, find};
+use btr_lab::identification::Beside;
+use btr_physics::effects::{Placed, find};
 
 /// An effect that is there.
 pub(crate) struct Planted {

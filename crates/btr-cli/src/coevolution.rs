@@ -5,12 +5,13 @@ use crate::figures;
 use btr_core::coevolve::{Coevolution, Step, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::diagnose::Rung;
-use btr_physics::adapt;
-use btr_physics::doubts::Told;
-use btr_physics::experiment::Experiment;
-use btr_physics::identify;
-use btr_physics::report::{self, ByDistance, Report};
-use btr_physics::run::Run;
+use btr_lab::experiment::Experiment;
+use btr_lab::experiment::adapt;
+use btr_lab::run::Run;
+use btr_lab::run::doubts::Told;
+use btr_lab::run::identify;
+use btr_lab::run::report;
+use btr_lab::run::report::{ByDistance, Report};
 use std::path::{Path, PathBuf};
 
 /// Who looks on while a run goes on.

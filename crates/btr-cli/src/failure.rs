@@ -2,7 +2,7 @@
 
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
-use btr_physics::verbs::{Doubt, Problem, ProblemError};
+use btr_lab::verbs::{Doubt, Problem, ProblemError};
 
 /// Exit code of a run that was done.
 pub(crate) const DONE: u8 = 0;
@@ -95,14 +95,14 @@ impl Failure {
     }
 }
 
-impl From<btr_physics::experiment::FileError> for Failure {
-    fn from(error: btr_physics::experiment::FileError) -> Self {
+impl From<btr_lab::experiment::FileError> for Failure {
+    fn from(error: btr_lab::experiment::FileError) -> Self {
         Failure::new("file", error.to_string(), error.help)
     }
 }
 
-impl From<btr_physics::run::RunError> for Failure {
-    fn from(error: btr_physics::run::RunError) -> Self {
+impl From<btr_lab::run::RunError> for Failure {
+    fn from(error: btr_lab::run::RunError) -> Self {
         Failure::new("run", error.to_string(), error.help())
     }
 }
@@ -119,8 +119,8 @@ impl From<WorldError> for Failure {
     }
 }
 
-impl From<btr_physics::verbs::AddError> for Failure {
-    fn from(error: btr_physics::verbs::AddError) -> Self {
+impl From<btr_lab::verbs::AddError> for Failure {
+    fn from(error: btr_lab::verbs::AddError) -> Self {
         let help = error.help();
         Failure::new("add", error.to_string(), help)
     }

@@ -7,10 +7,10 @@ use btr_core::coevolve::{self, Side};
 use btr_core::log::{Log, interpolate};
 use btr_core::world::Simulator;
 use btr_io::Meta;
-use btr_physics::experiment::Experiment;
-use btr_physics::report::Report;
-use btr_physics::run::Run;
-use btr_physics::urdf;
+use btr_lab::experiment::Experiment;
+use btr_lab::run::Run;
+use btr_lab::run::report::Report;
+use btr_physics::robot::urdf;
 use std::path::PathBuf;
 
 /// How many joints figure 5 shows; the paper shows three.

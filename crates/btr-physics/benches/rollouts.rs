@@ -7,7 +7,7 @@
 
 mod scenes;
 
-use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL};
+use btr_physics::presets::nao::{CONTROL_S, STEPS_PER_CONTROL};
 use divan::counter::ItemsCount;
 use rayon::prelude::*;
 use scenes::{ENGINES, NAMES, Scene};

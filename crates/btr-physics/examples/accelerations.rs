@@ -2,12 +2,13 @@
 //! JSON list, then for every line of its input, a state as JSON, the accelerations: of the root where it floats
 //! (angular, linear, world's axes), then of the joints.
 
-use btr_physics::ant::ant;
+use btr_physics::engine::forward_dynamics;
 use btr_physics::engine::{BaseState, State};
-use btr_physics::nao::nao;
+use btr_physics::presets::ant::ant;
+use btr_physics::presets::nao::nao;
 use btr_physics::robot::Base;
-use btr_physics::sim::{Setup, forward_dynamics};
-use btr_physics::urdf::load_urdf;
+use btr_physics::robot::urdf::load_urdf;
+use btr_physics::setup::Setup;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 use std::error::Error;

@@ -9,7 +9,7 @@ mod scenes;
 
 use btr_io::{Meta, write_log};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
-use btr_physics::sim::Setup;
+use btr_physics::setup::Setup;
 use nalgebra::Isometry3;
 use scenes::{ENGINES, NAMES, Scene};
 use std::error::Error;

@@ -4,9 +4,10 @@
 use btr_core::log::Log;
 use btr_core::space::Space;
 use btr_physics::drive::{Drive, NaoKick, NaoWalk, References};
-use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL, UNCERTAIN_MASSES, nao};
+use btr_physics::presets::nao::{CONTROL_S, STEPS_PER_CONTROL, UNCERTAIN_MASSES, nao};
 use btr_physics::robot::Robot;
-use btr_physics::sim::{Ball, Sensors, Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{Ball, Sensors, Setup};
 use nalgebra::Point3;
 
 /// N in the paper.

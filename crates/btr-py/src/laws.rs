@@ -1,8 +1,8 @@
 //! A user's laws as functions in Python: how they are called, and how what they raise ends the work.
 
 use crate::error::raised;
-use btr_physics::effect::{Function, Laws, Param, Scene};
-use btr_physics::elsewhere::{Stopped, Way};
+use btr_lab::distributed::{Stopped, Way};
+use btr_physics::effects::{Function, Laws, Param, Scene};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyString};

@@ -4,7 +4,7 @@ use crate::error::{Raise, raised};
 use crate::model::Model;
 use btr_core::log;
 use btr_io::{Mapping, Meta, Recording, Warning};
-use btr_physics::experiment::LogSource;
+use btr_lab::experiment::LogSource;
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;

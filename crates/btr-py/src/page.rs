@@ -3,7 +3,7 @@
 use crate::error::{Raise, raised};
 use crate::work::at_once;
 use btr_cli::report;
-use btr_physics::experiment::Source;
+use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 

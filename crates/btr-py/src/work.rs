@@ -3,8 +3,9 @@
 use crate::error::raised;
 use crate::laws;
 use crate::model::Model;
-use btr_physics::elsewhere::{self, Executor, Stopped, Way};
-use btr_physics::experiment::Source;
+use btr_lab::distributed;
+use btr_lab::distributed::{Executor, Stopped, Way};
+use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -53,7 +54,7 @@ struct Elsewhere {
 
 /// What workers are told once; `key` is the same for the same content.
 #[pyclass(frozen, module = "btr", name = "Parcel")]
-pub(crate) struct Parcel(Arc<elsewhere::Parcel>);
+pub(crate) struct Parcel(Arc<distributed::Parcel>);
 
 #[pymethods]
 impl Parcel {
@@ -77,7 +78,7 @@ impl Executor for Elsewhere {
         &self.functions
     }
 
-    fn work(&self, parcels: &[Arc<elsewhere::Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, parcels: &[Arc<distributed::Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
             let parcels: Vec<Parcel> = parcels.iter().cloned().map(Parcel).collect();
             let answer = self.object.call_method1(py, "work", (parcels, PyBytes::new(py, batch)))?;
@@ -128,7 +129,7 @@ pub(crate) fn serve<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let serve = || catch_unwind(AssertUnwindSafe(|| elsewhere::serve(&parcels, batch, &laws::unpacked)));
+    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&parcels, batch, &laws::unpacked)));
     match py.detach(|| threaded(serve))? {
         Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why, None))?)),
         Err(cause) => Err(cause_of(cause)),

@@ -5,9 +5,9 @@ use super::output::{Kind, guard};
 use crate::args::{Add, Global};
 use crate::failure::{DONE, Failure};
 use btr_io::{IoError, write_whole};
-use btr_physics::adapt::{moved, named_files};
-use btr_physics::experiment;
-use btr_physics::verbs::{AddError, Addition, add};
+use btr_lab::experiment;
+use btr_lab::experiment::adapt::{moved, named_files};
+use btr_lab::verbs::{AddError, Addition, add};
 use std::io::Write;
 use std::path::Path;
 

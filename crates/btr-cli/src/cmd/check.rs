@@ -5,8 +5,10 @@ use crate::args::{Check, Global};
 use crate::failure::{DONE, Failure, MISSED};
 use crate::table::{Table, maybe, number};
 use btr_identify::quality::Severity;
-use btr_physics::experiment::{self, Checked};
-use btr_physics::verbs::{self, Told};
+use btr_lab::experiment;
+use btr_lab::experiment::Checked;
+use btr_lab::verbs;
+use btr_lab::verbs::Told;
 
 pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;

@@ -8,7 +8,8 @@ use crate::report;
 use crate::table::{Table, maybe, number};
 use btr_identify::compare::ChannelError;
 use btr_identify::residual_model::Step;
-use btr_physics::verbs::{self, Compared};
+use btr_lab::verbs;
+use btr_lab::verbs::Compared;
 
 /// A channel that errs by more noise floors is not only noise.
 const LOUD: f64 = 2.0;

@@ -8,7 +8,8 @@ use crate::report::{self, Subject};
 use crate::table::{Table, number};
 use btr_identify::diagnose::{Question, Verdict};
 use btr_io::Meta;
-use btr_physics::verbs::{self, DiagnoseReport, LadderStep, Problem};
+use btr_lab::verbs;
+use btr_lab::verbs::{DiagnoseReport, LadderStep, Problem};
 use std::path::{Path, PathBuf};
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {

@@ -3,8 +3,8 @@
 use crate::args::Global;
 use crate::failure::{DONE, Failure};
 use crate::table::{Table, number};
-use btr_physics::effect::{Card, EFFECTS, FORMULA, Param, SiteKind};
-use btr_physics::experiment::suggestion;
+use btr_lab::experiment::suggestion;
+use btr_physics::effects::{Card, EFFECTS, FORMULA, Param, SiteKind};
 use serde_json::{Value, json};
 
 /// Every card; formulas share one.

@@ -7,7 +7,8 @@ use crate::args::{Fit, Global};
 use crate::failure::{DONE, Failure};
 use crate::report::{self, Subject};
 use crate::table::{Table, number};
-use btr_physics::verbs::{self, FitReport, Problem};
+use btr_lab::verbs;
+use btr_lab::verbs::{FitReport, Problem};
 
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;

@@ -8,7 +8,7 @@ use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
 use btr_io::Mapping;
 use btr_physics::drive::DRIVES;
-use btr_physics::task::TERMS;
+use btr_physics::model::task::TERMS;
 use serde_json::{Value, json};
 use std::path::Path;
 

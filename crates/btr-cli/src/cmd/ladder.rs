@@ -5,8 +5,10 @@ use crate::failure::Failure;
 use crate::table::{Table, number};
 use btr_identify::fit::Estimate;
 use btr_identify::quality::Severity;
-use btr_physics::experiment::{self, Replays, Source};
-use btr_physics::verbs::{self, Doubt, Floor, LadderStep};
+use btr_lab::experiment;
+use btr_lab::experiment::{Replays, Source};
+use btr_lab::verbs;
+use btr_lab::verbs::{Doubt, Floor, LadderStep};
 use std::path::{Path, PathBuf};
 
 /// The model's text with the settings of the command line.

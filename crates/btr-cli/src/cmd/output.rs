@@ -6,8 +6,8 @@ use crate::failure::Failure;
 use crate::report;
 use btr_core::log::Role;
 use btr_io::{IoError, Mapping};
-use btr_physics::adapt::named_files;
-use btr_physics::experiment::Source;
+use btr_lab::experiment::Source;
+use btr_lab::experiment::adapt::named_files;
 use std::path::{Path, PathBuf};
 
 /// What is written.

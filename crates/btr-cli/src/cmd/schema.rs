@@ -1,7 +1,7 @@
 //! `btr schema`.
 
 use crate::failure::{DONE, Failure};
-use btr_physics::experiment::File;
+use btr_lab::experiment::File;
 
 pub(crate) fn run() -> Result<u8, Failure> {
     let schema = schemars::schema_for!(File);

@@ -7,7 +7,8 @@ use crate::failure::{DONE, Failure};
 use crate::table::number;
 use btr_core::world::Simulator;
 use btr_io::Meta;
-use btr_physics::experiment::{self, Source};
+use btr_lab::experiment;
+use btr_lab::experiment::Source;
 
 pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
@@ -21,8 +22,11 @@ pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let log = model.simulate(&s, &c, 0, global.seed)?;
     let (robot, ..) = model.at(&s, 0);
-    let meta =
-        Meta { model_toml: Some(source.text), urdf: Some(btr_physics::urdf::to_urdf(&robot)), ..Meta::default() };
+    let meta = Meta {
+        model_toml: Some(source.text),
+        urdf: Some(btr_physics::robot::urdf::to_urdf(&robot)),
+        ..Meta::default()
+    };
     btr_io::write_log(&args.output, &log, &meta)?;
     let terms = model.fitness.terms(&log).map_err(btr_core::world::WorldError::from)?;
     if global.json {

@@ -5,7 +5,7 @@ use super::{Block, Report, Section};
 use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use crate::plot::heat::{Heat, heat};
 use btr_identify::compare::{Cell, Regime, Track};
-use btr_physics::verbs::Compared;
+use btr_lab::verbs::Compared;
 
 /// Columns of the map over time.
 const WINDOWS: usize = 12;

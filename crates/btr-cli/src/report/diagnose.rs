@@ -9,8 +9,8 @@ use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use btr_core::log::Log;
 use btr_identify::diagnose::{Ranked, Verdict};
-use btr_physics::effect;
-use btr_physics::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
+use btr_lab::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
+use btr_physics::effects;
 
 /// Candidates of a round that are drawn, the best first.
 const CANDIDATES_SHOWN: usize = 12;
@@ -103,7 +103,7 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
             "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
         )));
     }
-    if let Some(card) = effect::find(&effect.effect).map(|effect| effect.card()) {
+    if let Some(card) = effects::find(&effect.effect).map(|effect| effect.card()) {
         let lines = [("Law", card.law), ("How it shows", card.tell), ("Source", card.cite)];
         blocks.push(Block::List(lines.iter().map(|(what, text)| format!("{what}: {text}")).collect()));
     }

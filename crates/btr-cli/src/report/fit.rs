@@ -8,7 +8,7 @@ use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::{maybe, number};
 use btr_core::space::Dim;
 use btr_identify::fit::{Ended, Estimate};
-use btr_physics::verbs::FitReport;
+use btr_lab::verbs::FitReport;
 
 /// The page of `btr fit`; `u` is the point of the family that was found.
 pub fn fit(asked: &Subject, found: &FitReport, u: &[f64]) -> String {

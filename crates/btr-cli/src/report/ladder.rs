@@ -8,7 +8,7 @@ use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::number;
 use btr_core::world::WorldError;
-use btr_physics::verbs::{Floor, LadderStep, Problem};
+use btr_lab::verbs::{Floor, LadderStep, Problem};
 use std::path::{Path, PathBuf};
 
 /// What a page is about: a question to `diagnose` or `fit`.
@@ -156,7 +156,7 @@ mod tests {
 
     use super::*;
     use btr_identify::residual_model::Family;
-    use btr_physics::experiment::Source;
+    use btr_lab::experiment::Source;
 
     #[test]
     fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {

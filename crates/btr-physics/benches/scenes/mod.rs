@@ -3,11 +3,12 @@
 
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_physics::ant;
 use btr_physics::drive::{Drive, MotionError, NaoWalk};
-use btr_physics::nao::{CONTROL_S, nao};
+use btr_physics::presets::ant;
+use btr_physics::presets::nao::{CONTROL_S, nao};
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Link, Robot};
-use btr_physics::sim::{Candidate, EngineName, Setup, simulate_all};
+use btr_physics::rollout::{Candidate, simulate_all};
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// The scenes by name.

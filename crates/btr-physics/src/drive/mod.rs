@@ -1,28 +1,23 @@
 //! Drives: what the joints are told, over time.
 
-mod cart_table;
 mod hold;
-mod nao_kick;
-mod nao_walk;
+pub mod nao;
 mod plan;
 mod policy;
-mod posture;
-mod reference;
 mod replay;
 mod sine;
-mod zmp_motion;
 
-pub use cart_table::com_for_zmp;
 pub use hold::Hold;
-pub use nao_kick::NaoKick;
-pub use nao_walk::NaoWalk;
+pub use nao::cart_table::com_for_zmp;
+pub use nao::kick::NaoKick;
+pub use nao::posture::{Posture, Stance};
+pub use nao::reference::References;
+pub use nao::walk::NaoWalk;
+pub use nao::zmp_motion::MotionError;
 pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};
 pub use policy::{PolicyPlan, SENSES};
-pub use posture::{Posture, Stance};
-pub use reference::References;
 pub use replay::Replay;
 pub use sine::Sine;
-pub use zmp_motion::MotionError;
 
 use crate::engine::Dynamics;
 use crate::robot::Robot;

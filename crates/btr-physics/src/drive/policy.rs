@@ -2,8 +2,8 @@
 
 use super::Drive;
 use crate::engine::Dynamics;
+use crate::robot::site;
 use crate::robot::{Joint, Robot};
-use crate::site;
 use btr_core::signal::smooth::Motion;
 use btr_core::space::Dim;
 use nalgebra::Vector3;
@@ -209,9 +209,10 @@ impl Drive for Policy {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::ant::{OMEGA_RAD_S, ant};
     use crate::drive::DriveKind;
-    use crate::sim::{Candidate, EngineName, Sensors, Setup, simulate, simulate_all};
+    use crate::presets::ant::{OMEGA_RAD_S, ant};
+    use crate::rollout::{Candidate, simulate, simulate_all};
+    use crate::setup::{EngineName, Sensors, Setup};
     use btr_core::log::Log;
     use proptest::prelude::*;
 
@@ -228,7 +229,7 @@ mod tests {
         let all = plan.dims(&robot).len();
         Policy::new(
             &plan,
-            Box::new(crate::ant::tripod()),
+            Box::new(crate::presets::ant::tripod()),
             &robot,
             &weights.iter().copied().cycle().take(all).collect::<Vec<_>>(),
         )
@@ -277,7 +278,7 @@ mod tests {
             for tick in 1..8 {
                 let (row, next_s) = (10 * tick, 0.05 * tick as f64);
                 let x: Vec<f64> = inputs.iter().map(|(name, _)| logged(&log, name, row - 10, next_s)).collect();
-                crate::ant::tripod().command(next_s, &mut told);
+                crate::presets::ant::tripod().command(next_s, &mut told);
                 for (o, (joint, named)) in outputs.iter().enumerate() {
                     let correction: f64 = if hidden == 0 {
                         x.iter().zip(drive.weights[o..].iter().step_by(outputs.len())).map(|(x, w)| x * w).sum()
@@ -310,7 +311,7 @@ mod tests {
         let robot = ant();
         for hidden in [0, 2] {
             let log = simulate(&robot, &[], &setup(EngineName::Auto), &policy(hidden, &[0.0]), None);
-            assert_eq!(log, simulate(&robot, &[], &setup(EngineName::Auto), &crate::ant::tripod(), None));
+            assert_eq!(log, simulate(&robot, &[], &setup(EngineName::Auto), &crate::presets::ant::tripod(), None));
         }
     }
 

@@ -1,23 +1,25 @@
 //! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
 //! simulations that everything else searches.
 
+pub mod parameter;
 mod rollouts;
+pub mod task;
 
 use crate::drive::{Drive, DrivePlan};
-use crate::effect::Placed;
-use crate::parameter::Target;
-use crate::restart::Restart;
+use crate::effects::Placed;
 use crate::robot::{Joint, JointKind, Robot};
-use crate::sim::{EngineName, Setup};
-use crate::task::Fitness;
+use crate::rollout::restart::Restart;
+use crate::setup::{EngineName, Setup};
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
 use btr_core::world::WorldError;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use parameter::Target;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
+use task::Fitness;
 
-pub(crate) use rollouts::Point;
+pub use rollouts::Point;
 
 /// One situation in which the robot is tried.
 #[derive(Clone, Debug, Default)]

@@ -1,14 +1,16 @@
 //! Rollouts of a model: one or many, of its own situations or of others.
 
+use super::task;
 use super::{Model, Scenario};
-use crate::abreast::{self, Run};
 use crate::drive::Drive;
-use crate::effect::Placed;
+use crate::effects::Placed;
 use crate::engine::Dynamics;
-use crate::restart::{self, Restart};
 use crate::robot::{JointKind, Robot};
-use crate::sim::{self, Setup};
-use crate::task;
+use crate::rollout::batch;
+use crate::rollout::batch::Run;
+use crate::rollout::restart;
+use crate::rollout::restart::Restart;
+use crate::setup::Setup;
 use btr_core::log::Log;
 use btr_core::parallel;
 use btr_core::signal::smooth;
@@ -65,13 +67,7 @@ impl Model {
     }
 
     /// The same with a step so fine that its error is as good as none, and noisy sensors.
-    pub(crate) fn measured(
-        &self,
-        s: &[f64],
-        situation: &Scenario,
-        further: &[Placed],
-        noise: u64,
-    ) -> Result<Log, WorldError> {
+    pub fn measured(&self, s: &[f64], situation: &Scenario, further: &[Placed], noise: u64) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
         self.run_once(
             (s, &own),
@@ -85,7 +81,7 @@ impl Model {
 
     /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step,
     /// with the time in s.
-    pub(crate) fn led(
+    pub fn led(
         &self,
         s: &[f64],
         situation: &Scenario,
@@ -97,7 +93,7 @@ impl Model {
 
     /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many that
     /// last as long.
-    pub(crate) fn rollouts_in<'a>(&self, points: &[Point<'a>], step: Step) -> Vec<Result<Log, WorldError>> {
+    pub fn rollouts_in<'a>(&self, points: &[Point<'a>], step: Step) -> Vec<Result<Log, WorldError>> {
         let own = self.drive.space().nominal();
         let job = |point: &Point<'a>| self.prepare(point.s, &own, point.situation, point.further, step);
         self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
@@ -107,7 +103,7 @@ impl Model {
     /// by side where they follow each other.
     /// `heed` is called before every few of them; what it unwinds with ends the rest.
     pub fn simulate_all(&self, jobs: &[Job], heed: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
-        let at_once = parallel::side_by_side(abreast::at_most(), jobs.len());
+        let at_once = parallel::side_by_side(batch::at_most(), jobs.len());
         let heeding = |few| {
             heed();
             self.few(few)
@@ -121,7 +117,7 @@ impl Model {
     }
 
     /// What each job gives with effects of its own beside those of the model, in the order of the jobs.
-    pub(crate) fn behave_with(&self, jobs: &[(Job, &[Placed])]) -> Vec<Result<Behaviour, WorldError>> {
+    pub fn behave_with(&self, jobs: &[(Job, &[Placed])]) -> Vec<Result<Behaviour, WorldError>> {
         let ready = |(job, further): &(Job, &[Placed])| {
             self.prepare(job.s, job.c, &self.scenarios[job.scenario], further, Step::USUAL)
         };
@@ -151,13 +147,13 @@ impl Model {
             lead(time_s, engine);
         });
         let Ready { robot, effects, setup, drive, .. } = &ready;
-        let mut log = sim::simulate_led(robot, effects, setup, drive.as_ref(), noise, lead)?;
+        let mut log = crate::rollout::simulate_led(robot, effects, setup, drive.as_ref(), noise, lead)?;
         self.smooth_needed(&mut log, situation);
         Ok(log)
     }
 
     fn run_ready(&self, jobs: &[Result<Ready, WorldError>]) -> Vec<Result<Log, WorldError>> {
-        let mut logs = abreast::simulate_all(jobs.iter().map(Ready::run).collect());
+        let mut logs = batch::simulate_all(jobs.iter().map(Ready::run).collect());
         for (log, job) in logs.iter_mut().zip(jobs) {
             if let (Ok(log), Ok(ready)) = (log, job) {
                 self.smooth_needed(log, ready.situation);
@@ -212,7 +208,7 @@ impl Simulator for Model {
     }
 
     fn side_by_side(&self) -> usize {
-        abreast::at_most()
+        batch::at_most()
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
@@ -237,9 +233,12 @@ impl Simulator for Model {
 }
 
 /// What a run is to be of.
-pub(crate) struct Point<'a> {
+pub struct Point<'a> {
+    /// A point of S.
     pub s: &'a [f64],
+    /// Effects beside those of the model.
     pub further: &'a [Placed],
+    /// When and from where it runs.
     pub situation: &'a Scenario,
 }
 

@@ -4,10 +4,10 @@ use crate::engines::{link, servo, tree};
 use crate::scene::{Told, hold, run_with};
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Robot};
-use btr_physics::sim::{EngineName, Setup};
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Vector3};
 
 const DURATION_S: f64 = 2.2;

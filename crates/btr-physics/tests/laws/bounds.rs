@@ -2,12 +2,13 @@
 
 use crate::scene::{ENGINES, Told, arm, fast, fast_weightless, last, on, placed, run, swimmer};
 use btr_core::log::Log;
-use btr_physics::ant;
-use btr_physics::effect::Placed;
-use btr_physics::nao::nao;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::ant;
+use btr_physics::presets::nao::nao;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot, Sampling};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::Setup;
 use proptest::prelude::{Just, ProptestConfig, Strategy, prop_assert, prop_oneof, proptest};
 
 /// A robot, whether it is in the air, and what it is told.

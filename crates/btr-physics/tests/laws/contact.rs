@@ -1,10 +1,10 @@
 //! Robots on the floor, on both engines. Where one is asked for more, it is said.
 
 use crate::scene::{ENGINES, G, Told, brick, hold, last, on, placed, run, run_with, setup};
-use btr_physics::ant;
-use btr_physics::nao::{CONTROL_S, STEPS_PER_CONTROL, nao};
+use btr_physics::presets::ant;
+use btr_physics::presets::nao::{CONTROL_S, STEPS_PER_CONTROL, nao};
 use btr_physics::robot::{Geometry, Robot};
-use btr_physics::sim::{Ball, EngineName, Ground, Setup};
+use btr_physics::setup::{Ball, EngineName, Ground, Setup};
 use nalgebra::{Point3, Vector3};
 
 /// A floor of friction 0.5, tilted by this angle.

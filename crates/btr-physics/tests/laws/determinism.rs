@@ -2,9 +2,10 @@
 
 use crate::scene::{ENGINES, setup};
 use btr_core::log::Log;
-use btr_physics::ant;
-use btr_physics::effect::{Placed, find};
-use btr_physics::sim::{EngineName, Setup, simulate};
+use btr_physics::effects::{Placed, find};
+use btr_physics::presets::ant;
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{EngineName, Setup};
 
 fn walk(engine: EngineName, noise_seed: Option<u64>) -> Log {
     let mut walking = Setup { duration_s: 0.5, engine, ..Setup::default() };
@@ -59,7 +60,8 @@ fn what_does_not_fit_is_an_error() {
 
 #[test]
 fn blow_ups_are_reported_with_time_and_joint() {
-    let mut robot = btr_physics::pendulum::pendulum(1.0, 1.0, btr_physics::robot::Actuator::Torque { max_torque: 1e9 });
+    let mut robot =
+        btr_physics::presets::pendulum::pendulum(1.0, 1.0, btr_physics::robot::Actuator::Torque { max_torque: 1e9 });
     robot.links[1].joint.name = "knee".to_owned();
     let error = simulate(&robot, &[], &setup(0.001, 1.0), &crate::scene::hold(1e6), None).unwrap_err();
     let text = error.to_string();

@@ -2,11 +2,11 @@
 
 use crate::scene::{hold, run, setup};
 use btr_core::log::{Log, Role};
-use btr_physics::ant;
 use btr_physics::drive::{Drive, Replay, Sine};
-use btr_physics::pendulum::pendulum;
+use btr_physics::presets::ant;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
-use btr_physics::sim::Setup;
+use btr_physics::setup::Setup;
 
 #[test]
 fn sine_is_the_papers_formula() {

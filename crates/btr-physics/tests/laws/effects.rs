@@ -3,11 +3,12 @@
 use crate::scene::arm;
 use btr_core::log::Log;
 use btr_core::random::stream;
-use btr_physics::ant;
 use btr_physics::drive::Drive;
-use btr_physics::effect::{Card, EFFECTS, Effect, Placed, SiteKind, find};
+use btr_physics::effects::{Card, EFFECTS, Effect, Placed, SiteKind, find};
+use btr_physics::presets::ant;
 use btr_physics::robot::Robot;
-use btr_physics::sim::{Sensors, Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{Sensors, Setup};
 use rand::RngExt;
 
 /// A motion in which everything happens: joints reverse, start, stop and work hard.

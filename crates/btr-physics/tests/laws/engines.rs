@@ -2,10 +2,10 @@
 
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Link, Robot};
-use btr_physics::sim::{EngineName, Setup};
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use proptest::prelude::*;
 

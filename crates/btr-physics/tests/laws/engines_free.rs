@@ -2,11 +2,11 @@
 
 use crate::scene::{ENGINES, G, Told, hold, last, on, run, setup, swimmer};
 use btr_core::log::Log;
-use btr_physics::ant;
 use btr_physics::drive::Drive;
-use btr_physics::nao::nao;
+use btr_physics::presets::ant;
+use btr_physics::presets::nao::nao;
 use btr_physics::robot::{Actuator, Robot};
-use btr_physics::sim::{EngineName, Setup};
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 

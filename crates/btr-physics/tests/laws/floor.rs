@@ -2,10 +2,10 @@
 
 use crate::scene::{G, brick, hold, last, on, placed, run, run_with};
 use btr_core::log::Log;
-use btr_physics::ant;
-use btr_physics::nao::nao;
+use btr_physics::presets::ant;
+use btr_physics::presets::nao::nao;
 use btr_physics::robot::{Actuator, Geometry, JointKind, Robot};
-use btr_physics::sim::{Ball, EngineName, Ground, Setup};
+use btr_physics::setup::{Ball, EngineName, Ground, Setup};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 

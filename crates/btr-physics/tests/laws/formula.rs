@@ -3,12 +3,12 @@
 use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_physics::effect::{
+use btr_physics::effects::{
     Effect, FormulaError, Function, Laws, On, Param, Placed, Scene, formula, formula_or_function,
 };
-use btr_physics::pendulum::pendulum;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
-use btr_physics::sim::simulate;
+use btr_physics::rollout::simulate;
 use proptest::prelude::*;
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use crate::scene::{ENGINES, G, Told, brick, centre_of_mass, hold, last, on, poses, run, setup, swimmer, weightless};
 use btr_core::log::Log;
 use btr_physics::robot::{Actuator, Base, Robot};
-use btr_physics::sim::{EngineName, Setup};
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
 fn servo() -> Actuator {

@@ -1,10 +1,10 @@
 //! Joints that swing, stick and resist.
 
 use crate::scene::{G, hold, last, placed, run, run_with, setup, weightless};
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Robot};
-use btr_physics::sim::Setup;
+use btr_physics::setup::Setup;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::TAU;
 

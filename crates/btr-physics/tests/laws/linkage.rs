@@ -2,9 +2,11 @@
 
 use crate::engines::tree;
 use crate::scene::{G, Told, arm, fast, hold, placed, run, run_with};
+use btr_physics::engine::forward_dynamics;
 use btr_physics::engine::{BaseState, State};
 use btr_physics::robot::{Actuator, Base, Mimic, Robot};
-use btr_physics::sim::{EngineName, Setup, forward_dynamics, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 

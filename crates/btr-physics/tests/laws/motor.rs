@@ -1,7 +1,7 @@
 //! Actuators do what their formulas say.
 
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup, weightless};
-use btr_physics::pendulum::pendulum;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, DutyLoop, Robot};
 use proptest::prelude::{ProptestConfig, prop_assert, proptest};
 

@@ -1,11 +1,12 @@
 //! Parameters reach what they name.
 
-use btr_physics::ant::{self, UNCERTAIN_LENGTHS};
-use btr_physics::effect::Placed;
-use btr_physics::nao::{UNCERTAIN_MASSES, nao};
-use btr_physics::parameter::{ParameterError, Target, apply};
+use btr_physics::effects::Placed;
+use btr_physics::model::parameter::{ParameterError, Target, apply};
+use btr_physics::presets::ant;
+use btr_physics::presets::ant::UNCERTAIN_LENGTHS;
+use btr_physics::presets::nao::{UNCERTAIN_MASSES, nao};
 use btr_physics::robot::{Actuator, Geometry};
-use btr_physics::sim::Setup;
+use btr_physics::setup::Setup;
 
 fn set(name: &str, value: f64, robot: &mut btr_physics::robot::Robot) -> (Vec<Placed>, Setup) {
     let (mut placed, mut setup) = (Vec::new(), Setup::default());
@@ -74,7 +75,7 @@ fn motors_floors_and_effects() {
     };
     assert_eq!((kp("L1_knee"), kp("R3_knee"), kp("L1_yaw")), (7.0, 7.0, 12.0));
     let (_, setup) = set("ground_friction", 0.3, &mut robot);
-    assert_eq!(setup.ground, Some(btr_physics::sim::Ground::hard(0.3)));
+    assert_eq!(setup.ground, Some(btr_physics::setup::Ground::hard(0.3)));
     let (placed, _) = set("coulomb_friction.torque@L1_knee,R1_knee", 0.2, &mut robot);
     assert_eq!((placed.len(), placed[0].values[0], placed[0].site.as_str()), (1, 0.2, "L1_knee,R1_knee"));
 }

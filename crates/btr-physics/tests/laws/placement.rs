@@ -1,11 +1,12 @@
 //! Every effect on links, mounting, sensors and clock does what its law says.
 
 use crate::scene::{G, arm, fast, fast_weightless, hold, last, placed, run, run_with};
-use btr_physics::ant;
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::ant;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
-use btr_physics::sim::{Sensors, Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{Sensors, Setup};
 
 /// The position and the motor's torque that a stiff servo settles at.
 fn held(effect: Placed, at_rad: f64) -> (f64, f64) {

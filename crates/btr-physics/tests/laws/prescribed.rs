@@ -3,8 +3,8 @@
 use crate::scene::{G, Told, arm, fast, fast_weightless, placed, run, run_with};
 use btr_core::log::{Log, Role};
 use btr_physics::drive::Replay;
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
 
 const MASS: f64 = 1.3;
@@ -25,7 +25,7 @@ fn swing() -> Log {
 /// What the swing takes, next to what inverse dynamics says; away from the ends, where smoothing knows less.
 fn needed(effects: &[Placed], steps: usize, extra: impl Fn(f64, f64, f64) -> f64) -> f64 {
     let robot = pendulum(MASS, LENGTH, Actuator::Prescribed);
-    let setup = btr_physics::sim::Setup { sample_s: Some(DT_S), ..fast(DT_S / steps as f64, 1.9) };
+    let setup = btr_physics::setup::Setup { sample_s: Some(DT_S), ..fast(DT_S / steps as f64, 1.9) };
     let log = run_with(&robot, effects, &setup, &Replay::new(&swing(), &robot));
     let tau = log.values("tau_hinge").unwrap();
     let error = |(i, tau): (usize, &f64)| {

@@ -3,9 +3,10 @@
 use crate::scene::{Told, fast, placed, run, run_with};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_physics::pendulum::pendulum;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, DutyLoop, Robot, Sampling};
-use btr_physics::sim::{Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::Setup;
 
 const KP: f64 = 80.0;
 const KD: f64 = 8.0;

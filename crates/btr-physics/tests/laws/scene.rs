@@ -2,9 +2,10 @@
 
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effect::{Placed, find};
+use btr_physics::effects::{Placed, find};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
-use btr_physics::sim::{EngineName, Setup, simulate};
+use btr_physics::rollout::simulate;
+use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 pub(crate) const G: f64 = 9.81;

@@ -2,10 +2,10 @@
 
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
-use btr_physics::effect::Placed;
-use btr_physics::pendulum::pendulum;
+use btr_physics::effects::Placed;
+use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
-use btr_physics::sim::Setup;
+use btr_physics::setup::Setup;
 use std::f64::consts::TAU;
 
 /// kg·m².

@@ -1,0 +1,173 @@
+//! A family whose residuals are worked out elsewhere, or here, as long as nobody stops it.
+
+use super::folder::Folder;
+use super::message::{Asked, Batch, Content, Derived, Parcel, Residuals, Rollouts, Sparse, proof_of};
+use super::{MOST_AT_ONCE, Way};
+use crate::experiment;
+use crate::experiment::LogSource;
+use crate::verbs::Problem;
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+/// The family of a problem, served.
+pub struct Served {
+    local: Arc<dyn Family>,
+    /// The family that the parcel holds, and what was made of it one after the other to get this one.
+    base: Arc<dyn Family>,
+    derived: Vec<Derived>,
+    way: Arc<Way>,
+    parcel: Option<Arc<Parcel>>,
+    proof: Arc<OnceLock<u64>>,
+}
+
+impl Served {
+    /// The family of a problem, which was made of these logs.
+    ///
+    /// # Errors
+    /// A file that the model names and that cannot be read any more.
+    pub fn new(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], way: Arc<Way>) -> Result<Self, String> {
+        let local: Arc<dyn Family> = Arc::new(problem.beside.clone());
+        let parcel = way.executor.as_ref().map(|e| parcel(problem, learn, held_out, e.functions())).transpose()?;
+        Ok(Served { parcel: parcel.map(Arc::new), ..Served::here(local, way) })
+    }
+
+    /// A family that nobody works on but this process, as long as nobody stops it.
+    pub fn here(local: Arc<dyn Family>, way: Arc<Way>) -> Self {
+        Served { base: local.clone(), local, derived: Vec::new(), way, parcel: None, proof: Arc::default() }
+    }
+
+    fn derived(&self, local: Box<dyn Family>, how: Derived) -> Box<dyn Family> {
+        let (way, parcel, proof) = (self.way.clone(), self.parcel.clone(), self.proof.clone());
+        let (base, derived) = (self.base.clone(), self.derived.iter().cloned().chain([how]).collect());
+        Box::new(Served { local: Arc::from(local), base, derived, way, parcel, proof })
+    }
+
+    /// What workers make of some rollouts; `None` where there is nobody to ask.
+    fn ask(&self, rollouts: &[Rollout], step: Step) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
+        let parcel = self.parcel.as_ref()?;
+        let asked = |one: &Rollout| Asked { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
+        let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
+        let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
+        let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
+        let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;
+        Some(residuals.into_iter().map(|r| r.map_err(|what| WorldError::Setup { what })).collect())
+    }
+}
+
+/// What a family computes for the model as it stands.
+pub(super) fn proof(family: &dyn Family) -> u64 {
+    let origin = vec![0.0; family.knobs().len()];
+    let of_log = |log: usize| family.residual(Rollout::of(&origin, log), Step::USUAL).unwrap_or_default();
+    let residuals: Vec<Vec<f64>> = (0..family.logs().len()).map(of_log).collect();
+    let sizes: Vec<f64> = family.knobs().iter().flat_map(|knob| [knob.origin, knob.size, knob.reach]).collect();
+    proof_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
+}
+
+fn parcel(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], functions: &[u8]) -> Result<Parcel, String> {
+    let read = |log: &LogSource| -> Result<(PathBuf, Log), String> {
+        let path = std::path::absolute(log.path()).map_err(|e| e.to_string())?;
+        Ok((path, experiment::recorded(&problem.source, log).map_err(|e| e.to_string())?))
+    };
+    let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
+    Parcel::of(&Content::Problem {
+        model: Folder::pack(&problem.source, false, functions)?,
+        learn: read(learn)?,
+        held_out: read(held_out)?,
+    })
+}
+
+impl Family for Served {
+    fn knobs(&self) -> &[Knob] {
+        self.local.knobs()
+    }
+
+    fn doubtful(&self) -> &[usize] {
+        self.local.doubtful()
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        self.local.candidates()
+    }
+
+    fn features(&self) -> &[Feature] {
+        self.local.features()
+    }
+
+    fn clock_s(&self, log: usize) -> &[f64] {
+        self.local.clock_s(log)
+    }
+
+    fn logs(&self) -> &[Recorded] {
+        self.local.logs()
+    }
+
+    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+        self.residuals(&[rollout], step).pop().unwrap_or_else(|| self.local.residual(rollout, step))
+    }
+
+    fn side_by_side(&self) -> usize {
+        if self.parcel.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
+    }
+
+    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+        self.way.heed();
+        self.ask(rollouts, step).unwrap_or_else(|| self.local.residuals(rollouts, step))
+    }
+
+    fn order(&self) -> i32 {
+        self.local.order()
+    }
+
+    fn starts(&self, log: usize) -> usize {
+        self.local.starts(log)
+    }
+
+    fn windows(&self, log: usize) -> Vec<Range<usize>> {
+        self.local.windows(log)
+    }
+
+    fn has_contact(&self) -> bool {
+        self.local.has_contact()
+    }
+
+    fn is_chaotic(&self) -> bool {
+        self.local.is_chaotic()
+    }
+
+    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+        self.way.heed();
+        Some(self.derived(self.local.seen_from(u)?, Derived::SeenFrom(u.to_vec())))
+    }
+
+    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
+        Some(self.derived(self.local.begun(moved)?, Derived::Begun(moved.to_vec())))
+    }
+
+    fn beginnings(&self) -> Option<Box<dyn Family>> {
+        Some(self.derived(self.local.beginnings()?, Derived::Beginnings))
+    }
+
+    fn start_near(&self, log: usize, number: usize) -> &[String] {
+        self.local.start_near(log, number)
+    }
+
+    fn near(&self, candidate: usize) -> &[String] {
+        self.local.near(candidate)
+    }
+
+    fn start_spread(&self) -> f64 {
+        self.local.start_spread()
+    }
+
+    fn start_open(&self, log: usize) -> Vec<f64> {
+        self.local.start_open(log)
+    }
+
+    fn begins_with(&self, log: usize) -> usize {
+        self.local.begins_with(log)
+    }
+}

@@ -1,0 +1,152 @@
+//! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
+
+use super::folder::Folder;
+use super::message::{Batch, Candidate, Content, Order, Parcel, Rated, proof_of};
+use super::{Executor, MOST_AT_ONCE, Way};
+use crate::experiment::Source;
+use btr_core::distance::DistanceSpec;
+use btr_core::space::Space;
+use btr_core::world::{Behaviour, Job, Made, Measure, Simulator, Wanted, WorldError};
+use btr_physics::model::Model;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What goes to the workers of a run: its experiment, and each real test once somebody is compared with it.
+#[derive(Default)]
+pub struct Parcels {
+    experiment: Mutex<Option<(String, Arc<Parcel>, u64)>>,
+    tests: Mutex<BTreeMap<usize, Arc<Parcel>>>,
+}
+
+/// A model whose runs are served.
+pub struct ServedModel<'a> {
+    local: &'a Model,
+    way: &'a Way,
+    parcels: &'a Parcels,
+    /// The experiment's parcel, and what workers must prove; none where there are no workers.
+    experiment: Option<(Arc<Parcel>, u64)>,
+}
+
+impl<'a> ServedModel<'a> {
+    /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands
+    /// for what the text says of reality.
+    ///
+    /// # Errors
+    /// A file that the experiment names and that cannot be read any more.
+    pub fn new(
+        local: &'a Model,
+        source: &Source,
+        (distance, robot): (&DistanceSpec, bool),
+        way: &'a Way,
+        parcels: &'a Parcels,
+    ) -> Result<Self, String> {
+        let parcel =
+            |executor: &dyn Executor| parcels.experiment(local, source, (distance, robot), executor.functions());
+        let experiment = way.executor.as_deref().map(parcel).transpose()?;
+        Ok(ServedModel { local, way, parcels, experiment })
+    }
+}
+
+impl Parcels {
+    fn experiment(
+        &self,
+        model: &Model,
+        source: &Source,
+        (distance, robot): (&DistanceSpec, bool),
+        functions: &[u8],
+    ) -> Result<(Arc<Parcel>, u64), String> {
+        let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, parcel, proof)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
+            return Ok((parcel.clone(), *proof));
+        }
+        let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
+        let experiment = Folder::pack(source, !robot, functions)?;
+        let parcel = Parcel::of(&Content::Experiment { experiment, distance, robot })?;
+        let (parcel, proof) = (Arc::new(parcel), proof(model));
+        *known = Some((source.text.clone(), parcel.clone(), proof));
+        Ok((parcel, proof))
+    }
+
+    fn test(&self, number: usize, behaviour: &Behaviour) -> Option<Arc<Parcel>> {
+        let mut tests = self.tests.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = tests.get(&number) {
+            return Some(known.clone());
+        }
+        let parcel = Arc::new(Parcel::of(&Content::Test(behaviour.clone())).ok()?);
+        tests.insert(number, parcel.clone());
+        Some(parcel)
+    }
+}
+
+/// What a model computes as it stands.
+pub(super) fn proof(model: &Model) -> u64 {
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let Ok(log) = model.simulate(&s, &c, 0, None) else { return 0 };
+    proof_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
+}
+
+impl ServedModel<'_> {
+    fn ask(&self, jobs: &[Job], wanted: &[Wanted]) -> Option<Vec<Result<Made, WorldError>>> {
+        let (experiment, proof) = self.experiment.as_ref()?;
+        let (mut parcels, mut numbers) = (vec![experiment.clone()], Vec::new());
+        let mut asked = |wanted: &Wanted| {
+            Some(match wanted {
+                Wanted::Behaviour => Order::Behaviour,
+                Wanted::Fitness => Order::Fitness,
+                Wanted::Distance(against) => {
+                    let test = match numbers.iter().position(|number| *number == against.test) {
+                        Some(known) => known,
+                        None => {
+                            parcels.push(self.parcels.test(against.test, against.real)?);
+                            numbers.push(against.test);
+                            numbers.len() - 1
+                        }
+                    };
+                    Order::Distance { test, squares: against.squares }
+                }
+            })
+        };
+        let candidate = |(job, wanted): (&Job, &Wanted)| {
+            let (s, c, scenario) = (job.s.to_vec(), job.c.to_vec(), job.scenario);
+            Some(Candidate { s, c, scenario, wanted: asked(wanted)? })
+        };
+        let candidates: Option<Vec<Candidate>> = jobs.iter().zip(wanted).map(candidate).collect();
+        let made: Vec<Rated> = self.way.ask(&parcels, &Batch::Population(candidates?), jobs.len(), || *proof)?;
+        Some(made.into_iter().map(|made| made.map_err(|what| WorldError::Setup { what })).collect())
+    }
+}
+
+impl Simulator for ServedModel<'_> {
+    fn simulations(&self) -> &Space {
+        self.local.simulations()
+    }
+
+    fn controllers(&self) -> &Space {
+        self.local.controllers()
+    }
+
+    fn scenarios(&self) -> usize {
+        self.local.scenarios()
+    }
+
+    fn measure(&self, name: &str) -> Option<Measure> {
+        self.local.measure(name)
+    }
+
+    fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
+        self.local.run(s, c, scenario)
+    }
+
+    fn side_by_side(&self) -> usize {
+        if self.experiment.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
+    }
+
+    fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
+        self.local.run_all(jobs)
+    }
+
+    fn make_all(&self, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+        self.way.heed();
+        self.ask(jobs, wanted).unwrap_or_else(|| self.local.make_all(jobs, wanted))
+    }
+}

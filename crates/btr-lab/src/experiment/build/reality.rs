@@ -1,0 +1,156 @@
+//! Where the truth comes from.
+
+use super::Builder;
+use super::model::noise;
+use crate::experiment::file::{DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection};
+use crate::experiment::logs::scenarios::Situations;
+use crate::experiment::parse::FileError;
+use crate::reality::{Command, Logs, Manual, Revealing, Stage, Store, Twin};
+use btr_core::log::Log;
+use btr_core::random;
+use btr_core::space::{Space, SpaceError};
+use btr_physics::model::Model;
+use rand::RngExt;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Label of the random stream that draws a hidden twin.
+const TWIN_STREAM: u64 = 100;
+/// A week.
+const LONGEST_TEST_S: f64 = 604_800.0;
+
+impl Builder<'_> {
+    pub(super) fn reality(
+        &self,
+        section: &RealitySection,
+        model: &Arc<Model>,
+        recorded: &[Log],
+        seed: u64,
+        folder: &Path,
+    ) -> Result<Box<dyn Revealing>, FileError> {
+        let (fitness, store) = (model.fitness.clone(), self.store(model, folder));
+        Ok(match section {
+            RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
+            RealitySection::Logs(_) => Box::new(Logs::new(recorded[..model.learn].to_vec(), fitness)),
+            RealitySection::Command(command) => {
+                let timely = command.timeout_s > 0.0 && command.timeout_s <= LONGEST_TEST_S;
+                if command.run.is_empty() || !timely {
+                    let message = "a command needs run = [program, ...] and a timeout_s above 0, a week at most";
+                    return Err(self.error(&["reality"], message, None));
+                }
+                if !["csv", "mcap"].contains(&command.log.as_str()) {
+                    return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
+                }
+                Box::new(Command::new(command.clone(), model.clone(), store))
+            }
+            RealitySection::Manual {} if model.drive.senses() => {
+                let why = "nobody can play a policy by hand: its references depend on what the robot senses";
+                let help = "kind = \"command\", with a program that runs the policy on the robot";
+                return Err(self.error(&["reality", "kind"], why, Some(help.to_owned())));
+            }
+            RealitySection::Manual {} => Box::new(Manual::new(model.clone(), store)),
+        })
+    }
+
+    /// Where the real tests of a run are kept.
+    pub(super) fn store(&self, model: &Model, folder: &Path) -> Store {
+        let controllers = model.drive.space().clone();
+        let (fitness, mapping) = (model.fitness.clone(), self.file.channels.clone());
+        let test_s = model.scenarios.iter().map(|scenario| scenario.duration_s).fold(0.0, f64::max);
+        Store::new(folder.join("transfers"), controllers, fitness, mapping, test_s)
+    }
+
+    fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {
+        let point = self.twin_point(twin, &model.simulations, seed)?;
+        let first = self.stage(twin, &[], 0, point)?;
+        let mut later = Vec::new();
+        let mut before = &first;
+        for (k, drift) in twin.drift.iter().enumerate() {
+            let effects: Vec<EffectSection> = twin.drift[..=k].iter().flat_map(|drift| drift.effects.clone()).collect();
+            let point = self.drifted(drift, &model.simulations, &before.parameters)?;
+            later.push(self.stage(twin, &effects, drift.test, point)?);
+            before = later.last().unwrap_or(&first);
+        }
+        Ok(Twin::new(first, later, random::derive(seed, &[TWIN_STREAM, 1]), store))
+    }
+
+    /// Where in S a twin stands after a change.
+    fn drifted(&self, drift: &DriftSection, space: &Space, before: &[f64]) -> Result<Vec<f64>, FileError> {
+        let mut point = before.to_vec();
+        for (name, times) in &drift.times {
+            let keys = ["reality", "drift", "times", name];
+            let Some(place) = space.index_of(name) else {
+                let known = space.dims().iter().map(|d| d.name.as_str());
+                return Err(self.unknown(&keys, "parameter of S", name, known));
+            };
+            point[place] *= times;
+        }
+        self.inside(space, &point, &["reality", "drift", "times"])?;
+        Ok(point)
+    }
+
+    /// The twin with the effects it has from the beginning, and others that came later.
+    fn stage(
+        &self,
+        twin: &TwinSection,
+        later: &[EffectSection],
+        from_test: usize,
+        parameters: Vec<f64>,
+    ) -> Result<Stage, FileError> {
+        let mut hidden = self.model(Situations::single(self.file.simulation.duration_s))?;
+        hidden.effects.extend(self.effects(&twin.effects, "reality.effects", &hidden.robot)?);
+        hidden.effects.extend(self.effects(later, "reality.drift.effects", &hidden.robot)?);
+        hidden.setup.noise = noise(&twin.noise);
+        if let Some(steps) = twin.steps_per_control {
+            if steps == 0 {
+                return Err(self.error(
+                    &["reality", "steps_per_control"],
+                    "steps_per_control must be at least 1",
+                    None,
+                ));
+            }
+            hidden.setup.dt_s = hidden.setup.control_s / f64::from(steps);
+        }
+        let effects = twin.effects.iter().chain(later);
+        let names = effects.map(|e| format!("{}@{}", e.effect, e.site)).collect();
+        Ok(Stage { from_test, model: hidden, parameters, hidden: names })
+    }
+
+    fn twin_point(&self, twin: &TwinSection, space: &Space, seed: u64) -> Result<Vec<f64>, FileError> {
+        let keys = ["reality", "parameters"];
+        let mut point = space.nominal();
+        match &twin.parameters {
+            TwinParameters::Word(word) if word == "nominal" => {}
+            TwinParameters::Word(word) if word == "random" => {
+                let spread = twin.spread.unwrap_or(1.0);
+                let mut rng = random::stream(seed, &[TWIN_STREAM, 0]);
+                let unit: Vec<f64> = (0..space.len()).map(|_| 0.5 + spread * (rng.random::<f64>() - 0.5)).collect();
+                point = space.from_unit(&unit);
+            }
+            TwinParameters::Word(word) => return Err(self.unknown(&keys, "choice", word, ["nominal", "random"])),
+            TwinParameters::Values(values) => {
+                for (name, value) in values {
+                    let Some(k) = space.index_of(name) else {
+                        let known = space.dims().iter().map(|d| d.name.as_str());
+                        return Err(self.unknown(&["reality", "parameters", name], "parameter of S", name, known));
+                    };
+                    point[k] = *value;
+                }
+            }
+        }
+        self.inside(space, &point, &keys)?;
+        Ok(point)
+    }
+
+    /// A twin is somewhere in S.
+    fn inside(&self, space: &Space, point: &[f64], keys: &[&str]) -> Result<(), FileError> {
+        space.check(point).map_err(|e| {
+            let help = "a twin lives in S: widen the bounds in [parameters] or move the twin".to_owned();
+            let keys = match &e {
+                SpaceError::Outside { name, .. } => [keys, &[name.as_str()]].concat(),
+                _ => keys.to_vec(),
+            };
+            self.error(&keys, format!("the hidden twin lies outside S: {e}"), Some(help))
+        })
+    }
+}

@@ -1,0 +1,132 @@
+//! What a log is worth for a robot: beside what the log shows by itself, whether its joints are the robot's.
+
+use crate::experiment::nearest;
+use btr_core::log::{Channel, Log, Role};
+use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
+use btr_physics::robot::{Actuator, Joint, JointKind, Robot};
+use btr_physics::sensor::Noise;
+
+/// A joint that goes beyond its limits by so many times its range is not in these units.
+const FAR: f64 = 1.0;
+/// A share of its range is what a limit may be off by.
+const SLACK: f64 = 0.05;
+
+/// All that is to be said about a log that is compared with this robot, whose sensors err as `noise` says.
+pub(crate) fn quality(log: &Log, robot: &Robot, noise: &Noise) -> Quality {
+    let mut quality = check(log);
+    let mut found = Vec::new();
+    for joint in robot.movable().map(|(_, link)| &link.joint) {
+        let beyond = ["q", "cmd"].into_iter().filter_map(|kind| beyond(log, kind, joint));
+        found.extend(
+            beyond.chain(idle(log, joint)).chain(unmeasured(log, joint, robot)).chain(noiseless(log, joint, noise)),
+        );
+    }
+    // What the limits tell about units need not be guessed from the size of the numbers.
+    let tells = |limits: &Finding, of: &Finding| match limits.topic {
+        Topic::Unit => limits.channel == of.channel,
+        Topic::Limits => limits.channel == of.channel && of.severity < Severity::Bad,
+        _ => false,
+    };
+    let told = |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|limits| tells(limits, finding));
+    // What a joint is told that follows another one says nothing about it.
+    let led =
+        |finding: &Finding| robot.movable().any(|(_, l)| l.joint.mimic.is_some() && l.joint.name == finding.channel);
+    quality.findings.retain(|finding| !told(finding) && !led(finding));
+    quality.add(found);
+    quality
+}
+
+/// Positions, or commands of a servo, that the joint cannot have.
+fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
+    let name = format!("{kind}_{}", joint.name);
+    let channel = log.channel(&name).filter(|channel| channel.unit == joint.position_unit())?;
+    if kind == "cmd" && joint.command_unit() != joint.position_unit() {
+        return None;
+    }
+    let (low, high) = joint.limits;
+    let (least, most) = ends(channel)?;
+    let over = (most - high).max(low - least);
+    let range = high - low;
+    if !(range.is_finite() && over > SLACK * range) {
+        return None;
+    }
+    let reach = if most - high >= low - least { most } else { least };
+    let sentence = format!("{name} reaches {reach:.2} {}, but {} ends at {low} and {high}", channel.unit, joint.name);
+    if over < FAR * range {
+        // A servo may well be told to go where its joint cannot.
+        let severity = if kind == "cmd" { Severity::Fine } else { Severity::Doubtful };
+        return Some(Finding::new(Topic::Limits, severity, &name, sentence));
+    }
+    let unit = if joint.kind == JointKind::Prismatic { "mm" } else { "degrees" };
+    let sentence = format!("{sentence}: is it in {unit}?");
+    Some(Finding::new(Topic::Unit, Severity::Bad, &name, sentence))
+}
+
+/// A joint that is told something and has nothing to do it with.
+fn idle(log: &Log, joint: &Joint) -> Option<Finding> {
+    let name = format!("cmd_{}", joint.name);
+    let idle = joint.actuator == Actuator::Passive && joint.mimic.is_none();
+    let told = idle && ends(log.channel(&name)?).is_some();
+    told.then(|| {
+        let joint = &joint.name;
+        let sentence =
+            format!("{name} is in the log, but {joint} has no actuator: give it one in [actuators.\"{joint}\"]");
+        Finding::new(Topic::Actuator, Severity::Doubtful, joint, sentence)
+    })
+}
+
+/// A joint whose position is not in the log at all; one that is there and empty is told about elsewhere.
+fn unmeasured(log: &Log, joint: &Joint, robot: &Robot) -> Option<Finding> {
+    let name = format!("q_{}", joint.name);
+    if log.channel(&name).is_some() {
+        return None;
+    }
+    let help = match strange(log, joint, robot).as_slice() {
+        [] => String::new(),
+        all @ [first, ..] => format!(
+            "; is it `{}`? Say so in the model file: [channels.channels] {name} = \"{first}\"",
+            all.join("` or `")
+        ),
+    };
+    let sentence = format!("{name} is not in the log: {} cannot be judged{help}", joint.name);
+    Some(Finding::new(Topic::Missing, Severity::Doubtful, &name, sentence))
+}
+
+/// Columns that nobody uses and that may be a joint's position: one that is called almost as it should be, or else
+/// those that the joint's name is in.
+fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
+    let known = |joint: &str| robot.movable().any(|(_, link)| link.joint.name == joint);
+    let unknown = |other: &&str| other.strip_prefix("q_").is_some_and(|joint| !known(joint));
+    let names = || log.channels().map(|(name, _)| name);
+    if let Some(like) = nearest(&format!("q_{}", joint.name), names().filter(unknown)) {
+        return vec![like];
+    }
+    // A column of `left_knee` is none of `knee`.
+    let longest = |column: &str| {
+        let inside = robot.movable().map(|(_, link)| &link.joint.name).filter(|name| column.contains(name.as_str()));
+        inside.max_by_key(|name| name.len()).cloned()
+    };
+    let unused = log.channels().filter(|(_, channel)| channel.role == Role::Truth).map(|(name, _)| name);
+    unused.filter(|column| longest(column).as_ref() == Some(&joint.name)).collect()
+}
+
+/// Readings without any noise, as simulations make them.
+fn noiseless(log: &Log, joint: &Joint, noise: &Noise) -> Option<Finding> {
+    let name = format!("q_{}", joint.name);
+    let channel = log.channel(&name)?;
+    let (least, most) = ends(channel)?;
+    let floor = noise.floor(&name, &channel.values)?;
+    (least < most && noise.is_assumed(&name, &channel.values)).then(|| {
+        let sentence = format!(
+            "{name} shows no noise, as if simulated: errors are measured in {floor:.1e} {}; [noise] says what the sensor does",
+            channel.unit
+        );
+        Finding::new(Topic::Noise, Severity::Fine, &name, sentence)
+    })
+}
+
+/// Least and greatest value; `None` where there is none at all.
+fn ends(channel: &Channel) -> Option<(f64, f64)> {
+    let there = channel.values.iter().copied().filter(|x| x.is_finite());
+    there.fold(None, |ends, x| Some(ends.map_or((x, x), |(low, high): (f64, f64)| (low.min(x), high.max(x)))))
+}

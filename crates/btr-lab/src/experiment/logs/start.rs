@@ -1,0 +1,38 @@
+//! In which state a robot is when a log begins.
+
+use btr_core::log::{Log, LogError};
+use btr_core::signal::noise::Noise;
+use btr_core::signal::smooth;
+use btr_physics::robot::{Actuator, Robot};
+
+/// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
+/// say what a joint with a motor was told cannot be replayed.
+///
+/// # Errors
+/// Commands that are missing.
+pub fn starts(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
+    robot
+        .movable()
+        .map(|(_, link)| {
+            let joint = &link.joint;
+            if !matches!(joint.actuator, Actuator::Prescribed | Actuator::Passive) {
+                log.values(&format!("cmd_{}", joint.name))?;
+            }
+            Ok(start_of(log, &joint.name).unwrap_or((joint.start, 0.0)))
+        })
+        .collect()
+}
+
+/// Where a joint is when the log begins, and how fast it moves: as the first positions together tell: a single
+/// reading errs by the sensor's noise, and a difference of two by far more. A log without noise is taken at its word.
+fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
+    let first = |prefix: &str| {
+        let channel = log.channel(&format!("{prefix}_{joint}"))?;
+        channel.values.iter().copied().find(|x| x.is_finite())
+    };
+    let reading = (first("q")?, first("dq").unwrap_or(0.0));
+    let positions = &log.channel(&format!("q_{joint}"))?.values;
+    let Some(noise) = Noise::of(positions).filter(|noise| !noise.is_negligible()) else { return Some(reading) };
+    let begin = smooth::start(log.clock_s(), positions, noise.sigma(), first("dq"));
+    Some(begin.map_or(reading, |motion| (motion.value, motion.velocity)))
+}

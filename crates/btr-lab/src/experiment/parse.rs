@@ -1,0 +1,210 @@
+//! Reading a file into [`File`], with errors that name file, line, column and remedy.
+
+use super::file::File;
+use btr_physics::effects::Laws;
+use std::path::{Path, PathBuf};
+
+/// What is wrong with a model or experiment file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}{message}", place(path, *line, *column))]
+pub struct FileError {
+    /// The file; empty where the message names it.
+    pub path: PathBuf,
+    /// Line from 1; 0 when the whole file is meant.
+    pub line: usize,
+    /// Column from 1; 0 when the whole line is meant.
+    pub column: usize,
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+fn place(path: &Path, line: usize, column: usize) -> String {
+    let path = path.display();
+    match (line, column) {
+        (0, _) if path.to_string().is_empty() => String::new(),
+        (0, _) => format!("{path}: "),
+        (line, 0) => format!("{path}:{line}: "),
+        (line, column) => format!("{path}:{line}:{column}: "),
+    }
+}
+
+/// Text with the name of its file, for error messages.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The file.
+    pub path: PathBuf,
+    /// All of it.
+    pub text: String,
+    /// The functions that its laws name; none but where a program brings them along.
+    pub laws: Laws,
+}
+
+impl Source {
+    /// A text for which no functions are brought along.
+    pub fn new(path: impl Into<PathBuf>, text: impl Into<String>) -> Self {
+        Source { path: path.into(), text: text.into(), laws: Laws::default() }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is not there or not text.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let refused = |message: String| FileError {
+            path: path.to_owned(),
+            line: 0,
+            column: 0,
+            message,
+            help: Some("give the path of a model or experiment file (TOML); robots/ has examples".to_owned()),
+        };
+        if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
+            return Err(refused("not a TOML file".to_owned()));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| refused(e.to_string()))?;
+        Ok(Source::new(path, text))
+    }
+
+    /// The folder against which relative paths in the file are taken.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Applies `key=value` settings: dotted keys, values in TOML (bare words count as strings).
+    ///
+    /// # Errors
+    /// A setting without `=`, or a key that runs into a value.
+    pub fn set(&mut self, settings: &[String]) -> Result<(), FileError> {
+        if settings.is_empty() {
+            return Ok(());
+        }
+        let mut document =
+            self.text.parse::<toml_edit::DocumentMut>().map_err(|e| self.at_span(e.span(), e.message()))?;
+        for setting in settings {
+            apply_setting(&mut document, setting).map_err(|message| self.error(&[], &message, None))?;
+        }
+        self.text = document.to_string();
+        Ok(())
+    }
+
+    /// The typed file.
+    ///
+    /// # Errors
+    /// Syntax, unknown keys (with a suggestion), wrong types: at their line.
+    pub fn parse(&self) -> Result<File, FileError> {
+        toml::from_str(&self.text).map_err(|e| self.refused(&e))
+    }
+
+    /// What serde says about the text, at its place and with a suggestion.
+    pub(super) fn refused(&self, error: &toml::de::Error) -> FileError {
+        let message = in_plain_words(error.message());
+        FileError { help: did_you_mean(error.message()), ..self.at_span(error.span(), &message) }
+    }
+
+    /// An error about the value at a path of keys.
+    pub fn error(&self, keys: &[&str], message: &str, help: Option<String>) -> FileError {
+        let span = toml_edit::Document::parse(self.text.as_str()).ok().and_then(|d| span_of(d.as_item(), keys));
+        FileError { help, ..self.at_span(span, message) }
+    }
+
+    fn at_span(&self, span: Option<std::ops::Range<usize>>, message: &str) -> FileError {
+        let (line, column) = span.map_or((0, 0), |s| line_and_column(&self.text, s.start));
+        FileError { path: self.path.clone(), line, column, message: message.trim_end().to_owned(), help: None }
+    }
+}
+
+/// The span of the deepest key of the path that exists.
+fn span_of(root: &toml_edit::Item, keys: &[&str]) -> Option<std::ops::Range<usize>> {
+    let (mut item, mut span) = (root, None);
+    for key in keys {
+        let next = match key.parse::<usize>() {
+            Ok(index) => item.get(index),
+            Err(_) => None,
+        };
+        let found = item.as_table_like().and_then(|table| table.get_key_value(key));
+        if let Some((name, value)) = found {
+            span = name.span().or_else(|| value.span()).or(span);
+            item = value;
+        } else if let Some(value) = next {
+            span = value.span().or(span);
+            item = value;
+        } else {
+            break;
+        }
+    }
+    span
+}
+
+fn line_and_column(text: &str, at: usize) -> (usize, usize) {
+    let before = &text[..at.min(text.len())];
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+    (line, column)
+}
+
+fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
+    let (key, value) = setting.split_once('=').ok_or_else(|| format!("--set {setting}: expected key=value"))?;
+    let keys = keys_of(key.trim()).ok_or_else(|| format!("--set {setting}: `{key}` is no name of a value"))?;
+    let value = value.trim().parse::<toml_edit::Value>().unwrap_or_else(|_| value.trim().into());
+    let mut item = document.as_item_mut();
+    for key in &keys[..keys.len().saturating_sub(1)] {
+        let table =
+            item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: `{key}` is not inside a table"))?;
+        item = table.entry(key.get()).or_insert(toml_edit::table());
+    }
+    let last = keys.last().ok_or_else(|| format!("--set {setting}: expected key=value"))?;
+    let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: the key runs into a value"))?;
+    table.insert(last.get(), toml_edit::value(value));
+    Ok(())
+}
+
+/// The parts of a dotted key. Those that TOML wants in quotes do without them here, where no dot is in them: shells take
+/// quotes away, and `parameters.mass@bob.value` says what it means.
+fn keys_of(dotted: &str) -> Option<Vec<toml_edit::Key>> {
+    let is_bare = |part: &str| part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    let quoted = |part: &str| match part {
+        part if is_bare(part) || part.contains(['"', '\'']) => part.to_owned(),
+        part => format!("\"{part}\""),
+    };
+    let spelt_out = || dotted.split('.').map(quoted).collect::<Vec<_>>().join(".");
+    toml_edit::Key::parse(dotted).or_else(|_| toml_edit::Key::parse(&spelt_out())).ok()
+}
+
+/// serde names Rust's types; people write numbers.
+fn in_plain_words(message: &str) -> String {
+    let types = [
+        ("expected f64", "expected a number"),
+        ("expected u64", "expected a whole number"),
+        ("expected u32", "expected a whole number"),
+        ("expected usize", "expected a whole number"),
+        ("expected an array of length 2", "expected two numbers"),
+    ];
+    types.iter().fold(message.to_owned(), |text, (theirs, plain)| text.replace(theirs, plain))
+}
+
+/// serde says "unknown field `x`, expected one of `a`, `b`": find the nearest of those that would have been right.
+fn did_you_mean(message: &str) -> Option<String> {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    if !(message.starts_with("unknown field") || message.starts_with("unknown variant")) {
+        return None;
+    }
+    let wrong = quoted.next()?;
+    let known: Vec<&str> = quoted.collect();
+    nearest(wrong, known.iter().copied()).map(|name| format!("did you mean `{name}`?"))
+}
+
+/// Which known names may have been meant, as a question: one that is like `wrong`, or else those with a word that is.
+pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    let known: Vec<&str> = known.into_iter().collect();
+    let by_word = || known.iter().copied().filter(|name| nearest(wrong, name.split('_')).is_some()).collect();
+    let names: Vec<&str> = nearest(wrong, known.iter().copied()).map_or_else(by_word, |name| vec![name]);
+    (!names.is_empty()).then(|| format!("did you mean `{}`?", names.join("` or `")))
+}
+
+/// The known name most like `wrong`, if any is like it at all.
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let scored = known.into_iter().map(|name| (name, strsim::damerau_levenshtein(wrong, name)));
+    let (name, distance) = scored.min_by_key(|(_, distance)| *distance)?;
+    (distance <= wrong.len().max(name.len()) / 3 + 1).then_some(name)
+}

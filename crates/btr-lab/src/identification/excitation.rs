@@ -1,0 +1,175 @@
+//! Drives that could tell rivals apart: each joint alone and all together, within what the logs showed.
+
+use btr_core::log::{Log, LogError, Role};
+use btr_physics::robot::{Actuator, Joint, Robot};
+use std::f64::consts::TAU;
+
+/// Until then the joints go from where the robot starts to the middle of their ranges.
+const EASE_S: f64 = 1.0;
+
+/// A kind of motion.
+struct Kind {
+    name: &'static str,
+    /// What it does, for a sentence.
+    told: &'static str,
+    /// The share of the range that it uses.
+    share: f64,
+    /// Between -1 and 1, over time in s and as a share of the whole; NaN switches the torque off.
+    wave: fn(f64, f64) -> f64,
+}
+
+const KINDS: [Kind; 8] = [
+    Kind { name: "creep", told: "ramps that creep through zero velocity", share: 0.06, wave: |t, _| ramp(t / 4.0) },
+    Kind {
+        name: "slow_ramps",
+        told: "slow ramps to and fro through zero velocity",
+        share: 0.15,
+        wave: |t, _| ramp(t / 3.0),
+    },
+    Kind { name: "ramps", told: "ramps to and fro", share: 0.7, wave: |t, _| ramp(t / 2.5) },
+    Kind { name: "steps", told: "steps", share: 0.8, wave: |t, _| LEVELS[(t / 0.8) as usize % LEVELS.len()] },
+    Kind { name: "multisine", told: "a sum of sines", share: 0.8, wave: |t, _| multisine(t) },
+    Kind { name: "chirp", told: "a sine that grows faster", share: 0.3, wave: |t, share| chirp(t, share) },
+    Kind {
+        name: "poses",
+        told: "poses held across the range",
+        share: 1.0,
+        wave: |_, share| POSES[(share * 5.0) as usize % 5],
+    },
+    Kind {
+        name: "free_swing",
+        told: "torque off from a held pose, and a free swing",
+        share: 0.7,
+        wave: |_, share| free(share),
+    },
+];
+
+const LEVELS: [f64; 7] = [1.0, -0.5, 0.3, -1.0, 0.6, -0.2, 0.9];
+const POSES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+
+/// A triangle that begins in the middle.
+fn ramp(turns: f64) -> f64 {
+    4.0 * ((turns - 0.25).rem_euclid(1.0) - 0.5).abs() - 1.0
+}
+
+fn multisine(t: f64) -> f64 {
+    (0..5).map(f64::from).map(|k| (TAU * (0.3 + 0.55 * k) * t + 2.4 * k * k).sin()).sum::<f64>() / 5.0
+}
+
+/// From 0.2 Hz to 5 Hz.
+fn chirp(t: f64, share: f64) -> f64 {
+    (TAU * (0.2 + 2.4 * share) * t).sin()
+}
+
+fn free(share: f64) -> f64 {
+    if share < 0.25 { 1.0 } else { f64::NAN }
+}
+
+/// What a joint was told in the logs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Told {
+    /// Least and greatest command.
+    range: (f64, f64),
+    /// The fastest that it changed, per s.
+    rate: f64,
+}
+
+impl Told {
+    /// `None` where the joint was never told two different things.
+    pub(crate) fn of(joint: &str, logs: &[Log]) -> Option<Told> {
+        let name = format!("cmd_{joint}");
+        let mut told = Told { range: (f64::INFINITY, f64::NEG_INFINITY), rate: 0.0 };
+        for log in logs {
+            let Some(channel) = log.channel(&name) else { continue };
+            let samples: Vec<(f64, f64)> = log
+                .clock_s()
+                .iter()
+                .copied()
+                .zip(channel.values.iter().copied())
+                .filter(|(_, x)| x.is_finite())
+                .collect();
+            for (_, x) in &samples {
+                told.range = (told.range.0.min(*x), told.range.1.max(*x));
+            }
+            let rates = samples.windows(2).map(|pair| ((pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0)).abs());
+            told.rate = rates.fold(told.rate, f64::max);
+        }
+        (told.range.0 < told.range.1).then_some(told)
+    }
+}
+
+/// Commands for all joints.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Excitation {
+    /// The kind of motion.
+    pub kind: &'static str,
+    /// The same for a sentence.
+    pub told: &'static str,
+    /// The joints that move.
+    pub joints: Vec<String>,
+    /// The commands.
+    pub commands: Log,
+}
+
+/// Every kind of motion for every joint alone, and for all at once. A joint that was never moved is held.
+pub(crate) fn excitations(
+    robot: &Robot,
+    logs: &[Log],
+    tick_s: f64,
+    duration_s: f64,
+) -> Result<Vec<Excitation>, LogError> {
+    let joints: Vec<(&Joint, Option<Told>)> =
+        robot.movable().map(|(_, link)| (&link.joint, Told::of(&link.joint.name, logs))).collect();
+    let moving: Vec<usize> = (0..joints.len()).filter(|&i| joints[i].1.is_some()).collect();
+    let mut groups: Vec<Vec<usize>> = moving.iter().map(|&i| vec![i]).collect();
+    if moving.len() > 1 {
+        groups.push(moving);
+    }
+    let clock: Vec<f64> = (0..=(duration_s / tick_s).round() as usize).map(|i| i as f64 * tick_s).collect();
+    let mut all = Vec::new();
+    for group in &groups {
+        for kind in &KINDS {
+            let mut commands = Log::new(clock.clone())?;
+            for (i, (joint, told)) in joints.iter().enumerate() {
+                let kind = group.contains(&i).then_some(kind);
+                commands.insert(
+                    format!("cmd_{}", joint.name),
+                    joint.command_unit(),
+                    Role::Command,
+                    row(&clock, joint, *told, kind),
+                )?;
+            }
+            let names = group.iter().map(|&i| joints[i].0.name.clone()).collect();
+            all.push(Excitation { kind: kind.name, told: kind.told, joints: names, commands });
+        }
+    }
+    Ok(all)
+}
+
+/// The commands of a joint: to the middle of its range, then the motion, never faster than the logs were.
+fn row(clock: &[f64], joint: &Joint, told: Option<Told>, kind: Option<&Kind>) -> Vec<f64> {
+    let rest = match joint.actuator {
+        Actuator::Torque { .. } | Actuator::Voltage { servo: None, .. } => 0.0,
+        _ => joint.start,
+    };
+    let Some(Told { range: (low, high), rate }) = told else { return vec![rest; clock.len()] };
+    let (middle, reach) = (0.5 * (low + high), 0.5 * (high - low));
+    let last_s = clock.last().copied().unwrap_or(0.0);
+    let mut before: Option<(f64, f64)> = None;
+    let command = |&t: &f64| {
+        let eased = (t / EASE_S).min(1.0);
+        let moving_s = (t - EASE_S).max(0.0);
+        let wave =
+            kind.map_or(0.0, |kind| kind.share * (kind.wave)(moving_s, moving_s / (last_s - EASE_S).max(EASE_S)));
+        let wanted = rest + eased * (middle - rest) + if t < EASE_S { 0.0 } else { reach * wave };
+        let limited = match before {
+            Some((then, was)) if wanted.is_finite() => {
+                was + (wanted - was).clamp(-rate * (t - then), rate * (t - then))
+            }
+            _ => wanted,
+        };
+        before = Some((t, limited)).filter(|_| limited.is_finite());
+        limited
+    };
+    clock.iter().map(command).collect()
+}

@@ -1,0 +1,87 @@
+//! Numbers of a model, and of effects that it lacks, as knobs: their laws, sizes, bounds and priors.
+
+use super::scales::Scales;
+use btr_core::space::{Dim, Scale};
+use btr_identify::residual_model::{Knob, Law};
+use btr_physics::effects::Param;
+use btr_physics::setup::Setup;
+
+/// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
+const WEAK: f64 = 33.0;
+/// The same for shapes, in factors of two.
+const SHAPE: f64 = 3.0;
+/// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
+const REACH: (f64, f64) = (0.05, 0.1);
+
+/// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
+pub(super) fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
+    let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
+    let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
+        let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
+        let card = btr_physics::effects::find(effect)?.card();
+        Some((card.params.iter().find(|p| p.name == param)?, site))
+    });
+    let (law, size, spread) = match effect {
+        // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
+        Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
+            (Law::Exponential, std::f64::consts::LN_2, SHAPE)
+        }
+        Some((param, site)) if dim.scale == Scale::Linear && !param.shape => {
+            (Law::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
+        }
+        _ if dim.min > 0.0 && nominal > 0.0 => (Law::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
+        _ => (Law::Linear, (dim.max - dim.min) / 4.0, 1.0),
+    };
+    let mut knob = Knob {
+        name: dim.name.clone(),
+        unit: dim.unit.clone(),
+        origin: nominal,
+        size,
+        law,
+        bounds: (0.0, 0.0),
+        spread,
+        reach: if effect.is_some() { REACH.1 } else { REACH.0 },
+        amplitude: law == Law::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
+    };
+    knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
+    knob
+}
+
+/// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
+pub(super) fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
+    let size = param.hint.abs() * scale;
+    let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
+    let (law, origin, size, bounds, spread) = match param {
+        p if p.shape && p.bounds.0 > 0.0 => {
+            let size = std::f64::consts::LN_2;
+            (
+                Law::Exponential,
+                p.hint * scale,
+                size,
+                ((p.bounds.0 / p.hint).ln() / size, (p.bounds.1 / p.hint).ln() / size),
+                SHAPE,
+            )
+        }
+        p if p.shape => {
+            let size = (most - least) / 8.0;
+            (Law::Linear, p.hint * scale, size, ((least - p.hint * scale) / size, (most - p.hint * scale) / size), 4.0)
+        }
+        p if p.off.is_infinite() => (Law::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
+        p if p.off.is_nan() => (Law::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
+        p => (Law::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
+    };
+    let unit = param.unit.to_owned();
+    Knob { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
+}
+
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
+}
+
+/// What the model has where the effect would put its own value.
+pub(super) fn own(param: &Param, setup: &Setup) -> f64 {
+    match param.name {
+        "coefficient" => setup.ground.map_or(f64::NAN, |ground| ground.friction),
+        _ => f64::NAN,
+    }
+}

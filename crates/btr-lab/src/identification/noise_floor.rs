@@ -1,0 +1,137 @@
+//! What a model leaves of its own motion on the ground. With contact, windows do not fit to the sensors' noise even
+//! where nothing is missing: the state at a window's start is known roughly, and a foot that touches down a sample
+//! later ends elsewhere. So the model is asked to explain itself: it moves with other numbers in doubt than its own, as
+//! plausible as those, is measured with noise, and is compared at its true numbers as a robot's log would be. What
+//! remains is the floor.
+
+use super::Beside;
+use btr_core::log::Log;
+use btr_core::random::{derive, stream};
+use btr_core::world::WorldError;
+use btr_identify::fit::{Bench, squares};
+use btr_identify::residual_model::Family;
+use btr_physics::sensor::Noise;
+use indexmap::IndexMap;
+use rand::RngExt;
+use std::sync::Arc;
+
+/// Streams of the numbers in doubt, and of the noise.
+const SEED: u64 = 0xF100;
+/// How often the model is asked: one motion is one sample of chaos.
+const DRAWS: u64 = 4;
+/// How far those numbers are from the model's own, in standard deviations.
+const OFF: f64 = 0.7;
+
+/// Sums of squares, and how many samples they are of.
+#[derive(Clone, Copy, Default)]
+struct Left(f64, usize);
+
+impl Left {
+    fn add(&mut self, squares: f64, samples: usize) {
+        *self = Left(self.0 + squares, self.1 + samples);
+    }
+
+    fn rms(self) -> f64 {
+        (self.0 / self.1.max(1) as f64).sqrt()
+    }
+}
+
+/// What remains of every channel, by scenario.
+type Leftovers = Vec<(usize, IndexMap<String, Left>)>;
+
+/// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the
+/// sensors' noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a
+/// short log says too little.
+pub(crate) fn raise(beside: &mut Beside, u: &[f64]) -> Result<(), WorldError> {
+    let mut left: Vec<Leftovers> = Vec::new();
+    for draw in 0..DRAWS {
+        left.push(of_logs(beside, u, &plausible(beside, u, draw), draw)?);
+    }
+    let all = || left.iter().flatten();
+    let mut channels: IndexMap<String, Left> = IndexMap::new();
+    for (name, own) in all().flat_map(|(_, log)| log) {
+        channels.entry(name.clone()).or_default().add(own.0, own.1);
+    }
+    let excess: IndexMap<String, f64> = channels.into_iter().map(|(name, left)| (name, left.rms().max(1.0))).collect();
+    let of_scenario = |scenario: usize| {
+        let mut share = Left::default();
+        for (name, own) in all().filter(|(of, _)| *of == scenario).flat_map(|(_, log)| log) {
+            share.add(own.0 / excess[name].powi(2), own.1);
+        }
+        if share.1 == 0 { 1.0 } else { share.rms() }
+    };
+    let shares: Vec<f64> = (0..beside.logs().len()).map(|log| of_scenario(beside.scenario(log))).collect();
+    for (log, share) in beside.floors().zip(shares) {
+        for channel in &mut log.channels {
+            channel.sigma *= excess.get(&channel.name).map_or(1.0, |excess| (excess * share).max(1.0));
+        }
+    }
+    Ok(())
+}
+
+/// The noise floor of a channel as its sensor has it.
+fn noise_of(beside: &Beside, scenario: usize, name: &str) -> f64 {
+    let values = beside.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
+    beside.model().setup.noise.floor(name, values).unwrap_or(1.0)
+}
+
+/// The point with numbers in doubt that could be true as well.
+fn plausible(beside: &Beside, u: &[f64], draw: u64) -> Vec<f64> {
+    let mut truth = u.to_vec();
+    let mut rng = stream(SEED, &[draw]);
+    for &k in beside.doubtful() {
+        let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+        truth[k] = beside.knobs()[k].clamp(u[k] + sign * OFF * beside.knobs()[k].spread.min(1.0));
+    }
+    truth
+}
+
+/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts
+/// are seen by the model at `u`.
+fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
+    let mut model = beside.model().in_situations(beside.model().scenarios.clone());
+    model.setup.noise = noise(beside);
+    let (values, effects) = (beside.inner(truth), beside.placed(truth));
+    let record = |(scenario, recorded): (usize, &Log)| {
+        // With a finer step: the integrator's own error remains as well.
+        let seed = derive(SEED, &[draw + 1, scenario as u64]);
+        seen(&model.measured(&values, &model.scenarios[scenario], &effects, seed)?, recorded)
+    };
+    let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
+    let twin = beside.beside_others(Arc::new(model), logs, u)?;
+    let bench = Bench::at(&twin, truth);
+    let mut left = Vec::new();
+    for (index, log) in twin.logs().iter().enumerate() {
+        let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
+        let Some(residual) = residual else { continue };
+        let samples = log.present / log.channels.len();
+        let own = |channel: &btr_identify::residual_model::Measured| {
+            (channel.name.clone(), Left(squares(&residual[channel.samples.clone()]), samples))
+        };
+        left.push((twin.scenario(index), log.channels.iter().map(own).collect()));
+    }
+    Ok(left)
+}
+
+/// Sensors as noisy as those of the logs.
+fn noise(beside: &Beside) -> Noise {
+    let largest = |begin: &str| {
+        let channels =
+            beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
+        let own = channels.filter(|(_, name)| name.starts_with(begin));
+        own.map(|(log, name)| noise_of(beside, beside.scenario(log), name)).fold(0.0, f64::max)
+    };
+    let noise = beside.model().setup.noise;
+    let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
+    let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
+    Noise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }
+}
+
+/// The channels of a simulation that a recording has as well.
+fn seen(simulated: &Log, recorded: &Log) -> Result<Log, WorldError> {
+    let mut log = Log::new(simulated.clock_s().to_vec())?;
+    for (name, channel) in simulated.channels().filter(|(name, _)| recorded.channel(name).is_some()) {
+        log.insert(name, channel.unit.clone(), channel.role, channel.values.clone())?;
+    }
+    Ok(log)
+}

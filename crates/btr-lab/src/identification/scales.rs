@@ -1,0 +1,137 @@
+//! What is large and what is small for a robot: the hints of the effects' cards are made for a desk arm, and a crane's friction
+//! is not a finger's.
+
+use btr_core::log::Log;
+use btr_core::world::Step;
+use btr_core::world::{Simulator, WorldError};
+use btr_physics::engine::carried_inertia;
+use btr_physics::model::Model;
+use btr_physics::robot::{JointKind, Robot};
+
+/// The desk arm that the cards' hints are made for.
+const DESK: Scale = Scale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
+
+/// Standard gravity, in m/s².
+const G: f64 = 9.81;
+
+/// What a joint usually does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    /// Root mean square of the motor's torque, in N·m (N).
+    torque: f64,
+    /// Largest usual speed, in rad/s (m/s).
+    speed: f64,
+    /// What it moves, in kg·m² (kg).
+    inertia: f64,
+    /// The carried link's mass in kg.
+    mass: f64,
+}
+
+/// The scales of all joints, and the largest for what sits elsewhere.
+#[derive(Clone)]
+pub(crate) struct Scales {
+    joints: Vec<(String, String, Scale)>,
+    whole: Scale,
+}
+
+impl Scales {
+    /// Simulates the logs once, with the model as it stands, and looks what the motors do.
+    pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
+        let nominal = model.simulations().nominal();
+        let simulated = (0..model.learn.min(recorded.len())).map(|log| model.rollout(&nominal, log, &[], Step::USUAL));
+        Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+    }
+
+    /// Looks what the motors do in logs of simulations.
+    pub(crate) fn seen(robot: &Robot, simulated: &[Log]) -> Result<Self, WorldError> {
+        let carried = carried_inertia(robot);
+        let mut joints: Vec<(String, String, Scale)> = robot
+            .movable()
+            .zip(carried)
+            .map(|((_, link), inertia)| {
+                let scale = Scale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg };
+                (link.joint.name.clone(), link.name.clone(), scale)
+            })
+            .collect();
+        for simulated in simulated {
+            for (joint, _, scale) in &mut joints {
+                scale.torque = scale.torque.max(rms(simulated.values(&format!("tau_{joint}"))?));
+                scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));
+            }
+        }
+        let largest = |of: fn(&Scale) -> f64| joints.iter().map(|(_, _, scale)| of(scale)).fold(0.0, f64::max);
+        let whole = Scale {
+            torque: largest(|s| s.torque),
+            speed: largest(|s| s.speed),
+            inertia: largest(|s| s.inertia),
+            mass: largest(|s| s.mass),
+        };
+        // A joint that does nothing has the others' measure, or the desk arm's.
+        let or = |x: f64, other: f64, desk: f64| [x, 0.1 * other, desk].into_iter().find(|v| *v > 0.0).unwrap_or(desk);
+        for (_, _, scale) in &mut joints {
+            scale.torque = or(scale.torque.max(0.1 * whole.torque), whole.torque, DESK.torque);
+            scale.speed = or(scale.speed.max(0.1 * whole.speed), whole.speed, DESK.speed);
+            scale.mass = or(scale.mass, whole.mass, DESK.mass);
+            scale.inertia = or(scale.inertia, whole.inertia, DESK.inertia);
+        }
+        Ok(Scales { joints, whole })
+    }
+
+    /// A guess from the robot alone, without knowing what it does: motors carry its weight, at a desk arm's speed.
+    pub(crate) fn guess(robot: &Robot) -> Self {
+        let carried = carried_inertia(robot);
+        let mass = robot.mass_kg();
+        let scale = |inertia: f64, slides: bool| {
+            let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
+            Scale { torque: mass * G * arm, speed: DESK.speed, inertia, mass }
+        };
+        let joints: Vec<_> = robot
+            .movable()
+            .zip(carried)
+            .map(|((_, link), inertia)| {
+                let slides = link.joint.kind == JointKind::Prismatic;
+                (link.joint.name.clone(), link.name.clone(), scale(inertia, slides))
+            })
+            .collect();
+        let whole = joints.iter().map(|(_, _, scale)| *scale).max_by(|a, b| a.torque.total_cmp(&b.torque));
+        Scales { joints, whole: whole.unwrap_or(DESK) }
+    }
+
+    /// By how much a hint in this unit is to be scaled at a site.
+    pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
+        let there = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);
+        let scale = there.map_or(&self.whole, |(_, _, scale)| scale);
+        let (torque, speed) = (scale.torque / DESK.torque, scale.speed / DESK.speed);
+        let factor = match unit {
+            "N·m" | "N" | "N·m/rad" => torque,
+            "N·m·s/rad" => torque / speed,
+            "N·m·s²/rad²" | "N·m·s^2/rad^2" => torque / (speed * speed),
+            "1/(N·m)" => 1.0 / torque,
+            "1/J" => 1.0 / (torque * speed),
+            "rad/s" => speed,
+            "kg·m²" | "kg·m^2" => scale.inertia / DESK.inertia,
+            "kg" => scale.mass / DESK.mass,
+            _ => 1.0,
+        };
+        if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|x| x.is_finite());
+    (finite().map(|x| x * x).sum::<f64>() / finite().count().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn drag_is_scaled_as_torque_over_squared_speed() {
+        let whole = Scale { torque: 2.0, speed: 12.0, ..DESK };
+        let scales = Scales { joints: Vec::new(), whole };
+        let drag = btr_physics::effects::find("quadratic_drag").unwrap().card();
+        assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,49 @@
+//! Where effects could sit.
+
+use btr_physics::effects::{Effect, Placed, SiteKind};
+use btr_physics::model::Model;
+use btr_physics::robot::{JointKind, Robot};
+
+/// Where an effect could sit and does not yet.
+pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
+    let card = effect.card();
+    let taken = |site: &str| {
+        let there = |placed: &&Placed| {
+            placed.effect.card().name == card.name && btr_physics::robot::site::matches(&placed.site, site)
+        };
+        let named = format!("{}.", card.name);
+        let in_doubt = model.simulations.dims().iter().any(|dim| {
+            dim.name.starts_with(&named)
+                && btr_physics::robot::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
+        });
+        in_doubt || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
+    };
+    let joints = || model.robot.movable().map(|(_, link)| link);
+    let all: Vec<String> = match card.site {
+        SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
+        SiteKind::Link => {
+            let moves = |link: &&btr_physics::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
+            model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()
+        }
+        SiteKind::Base => vec!["base".to_owned()],
+        SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
+        SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
+    };
+    all.into_iter().filter(|site| !taken(site)).collect()
+}
+
+/// For each joint that moves, the position channels of all that hang on the root by the same joint.
+pub(super) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
+    let limb = |mut link: usize| {
+        while let Some(parent) = robot.links[link].parent.filter(|&parent| robot.links[parent].parent.is_some()) {
+            link = parent;
+        }
+        link
+    };
+    let own: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
+    let channel = |link: &btr_physics::robot::Link| format!("q_{}", link.joint.name);
+    let members = |limb: &usize| {
+        robot.movable().zip(&own).filter(|(_, other)| *other == limb).map(|((_, link), _)| channel(link)).collect()
+    };
+    own.iter().map(members).collect()
+}

@@ -1,0 +1,296 @@
+//! Terms of the laws that an error may follow: what a formula would say if nobody had thought of the effect yet.
+
+use super::scales::Scales;
+use btr_identify::residual_model::{Knob, Law};
+use btr_physics::effects::{Effect, FormulaError, On, formula};
+
+/// How far from zero a shape is expected: it may be anywhere.
+const ANYWHERE: f64 = 1e4;
+/// Reach of differences.
+const REACH: f64 = 0.1;
+/// An amplitude is within so many typical sizes, and hardly feels its prior.
+const MOST: f64 = 50.0;
+const WEAK: f64 = 33.0;
+/// The share of a joint's usual speed below which a smoothed sign is not yet one.
+const SMOOTH: f64 = 0.01;
+/// The usual speed of the robot that scales are made for, in rad/s.
+const SPEED: f64 = 3.0;
+/// The parts of a pair of sine and cosine below this share of the larger are left out of the text.
+const SEEN: f64 = 0.03;
+
+/// What shapes a term: `s` in its factors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shape {
+    /// A rate in rad/s, which the error tells.
+    Rate,
+    /// An order, as of cogging.
+    Order,
+    /// A position from which on something acts.
+    Threshold([f64; 2]),
+}
+
+/// A sum of factors with an amplitude each.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Term {
+    /// What it is on.
+    pub on: On,
+    /// Expressions in the variables of formulas and in `s`.
+    factors: Vec<String>,
+    /// What `s` is.
+    pub shape: Option<Shape>,
+    /// Unit and typical size of its amplitudes.
+    unit: &'static str,
+    size: f64,
+    /// For terms that swing: the place of the steady one among the terms of the same joint.
+    pub swings: Option<usize>,
+}
+
+/// What the terms of a joint are made for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// Least and greatest position in the logs.
+    pub q: (f64, f64),
+    /// Length of the longest log in s.
+    pub duration_s: f64,
+    /// Whether there is a servo that a command or a reading could mislead.
+    pub servo: bool,
+}
+
+impl Term {
+    fn new(on: On, factor: &str, unit: &'static str, size: f64) -> Self {
+        Term { on, factors: vec![factor.to_owned()], shape: None, unit, size, swings: None }
+    }
+
+    /// Sine and cosine of `s` times something, times `factor`.
+    fn pair(on: On, (factor, of): (&str, &str), shape: Shape, unit: &'static str, size: f64) -> Self {
+        let prefix = if factor == "1" { String::new() } else { format!("{factor}*") };
+        let factors = ["sin", "cos"].iter().map(|f| format!("{prefix}{f}(s*{of})")).collect();
+        Term { factors, shape: Some(shape), ..Term::new(on, factor, unit, size) }
+    }
+
+    /// Nothing below a position, then growing.
+    fn hinge(factor: &str, start: [f64; 2], unit: &'static str, size: f64) -> Self {
+        Term { shape: Some(Shape::Threshold(start)), ..Term::new(On::Torque, factor, unit, size) }
+    }
+
+    /// The names of its parameters, amplitudes first.
+    pub(crate) fn names(&self) -> Vec<&'static str> {
+        ["a", "b"].into_iter().take(self.amplitudes()).chain(self.shape.map(|_| "s")).collect()
+    }
+
+    /// How many amplitudes it has.
+    pub(crate) fn amplitudes(&self) -> usize {
+        self.factors.len()
+    }
+
+    /// The formula with its parameters free.
+    pub(crate) fn formula(&self) -> Result<&'static dyn Effect, FormulaError> {
+        let names = self.names();
+        let sum: Vec<String> = self.factors.iter().zip(&names).map(|(f, name)| format!("{name}*{f}")).collect();
+        formula(self.on, &format!("{}{}", base(self.on, " + "), sum.join(" + ")), &names)
+    }
+
+    /// Its knobs, in the order of its names.
+    pub(crate) fn knobs(&self, joint: &str, scales: &Scales, extent: &Extent) -> Vec<Knob> {
+        let knob = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| Knob {
+            name: format!("formula.{name}@{joint}"),
+            unit: unit.to_owned(),
+            origin,
+            size,
+            law: Law::Linear,
+            bounds,
+            spread,
+            reach: REACH,
+            amplitude: name != "s",
+        };
+        let size = self.size * scales.of_unit(self.unit, joint);
+        let amplitude = |name: &&str| knob(name, self.unit, (0.0, size), (-MOST, MOST), WEAK);
+        let shape = self.shape.map(|shape| match shape {
+            // A rate that is off by this much is off by a radian when the log ends.
+            Shape::Rate => knob("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
+            Shape::Order => knob("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
+            Shape::Threshold([start, _]) => {
+                let range = (extent.q.1 - extent.q.0).max(f64::MIN_POSITIVE);
+                knob("s", "rad", (start, range), (-1.0, 1.0), ANYWHERE)
+            }
+        });
+        self.names().iter().take(self.amplitudes()).map(amplitude).chain(shape).collect()
+    }
+
+    /// Values of its shape to start from; none for rates, and one of nothing where there is no shape.
+    pub(crate) fn starts(&self) -> Vec<Vec<f64>> {
+        match self.shape {
+            None => vec![vec![]],
+            Some(Shape::Rate) => vec![],
+            Some(Shape::Order) => [1.0, 2.0, 4.0].map(|order| vec![order]).to_vec(),
+            Some(Shape::Threshold(starts)) => starts.map(|start| vec![start]).to_vec(),
+        }
+    }
+
+    /// The term with these values, each part with its sign: ` - 0.31*sin(19*t)`.
+    pub(crate) fn text(&self, values: &[f64]) -> String {
+        let (amplitudes, shape) = values.split_at(self.amplitudes().min(values.len()));
+        let largest = amplitudes.iter().fold(0.0, |most: f64, a| most.max(a.abs()));
+        let seen = self.factors.iter().zip(amplitudes).filter(|(_, a)| a.abs() > SEEN * largest);
+        seen.map(|(factor, a)| {
+            let sign = if *a < 0.0 { '-' } else { '+' };
+            let size = rounded(a.abs(), 2);
+            match factor.as_str() {
+                "1" => format!(" {sign} {size}"),
+                _ => format!(" {sign} {size}*{}", substituted(factor, shape)),
+            }
+        })
+        .collect()
+    }
+}
+
+/// A whole law: the terms with their values.
+pub(crate) fn law(on: On, terms: &[(&Term, Vec<f64>)]) -> String {
+    let sum: String = terms.iter().map(|(term, values)| term.text(values)).collect();
+    let whole = format!("{}{sum}", base(on, ""));
+    whole
+        .strip_prefix(" - ")
+        .map(|rest| format!("-{rest}"))
+        .unwrap_or_else(|| whole.trim_start_matches(" + ").to_owned())
+}
+
+/// What a law starts from: a command and a reading are changed, a torque is added.
+fn base(on: On, joined: &str) -> String {
+    match on {
+        On::Torque => String::new(),
+        On::Command => format!("cmd{joined}"),
+        On::Reading => format!("q{joined}"),
+    }
+}
+
+/// A factor with its shape's value in place of the name `s`.
+fn substituted(factor: &str, shape: &[f64]) -> String {
+    let Some(value) = shape.first() else { return factor.to_owned() };
+    let number = if *value < 0.0 { format!("({})", rounded(*value, 4)) } else { rounded(*value, 4) };
+    let characters: Vec<char> = factor.chars().collect();
+    let letter = |i: Option<usize>| i.and_then(|i| characters.get(i)).is_some_and(|c| c.is_alphanumeric());
+    let alone = |i: usize| characters[i] == 's' && !letter(i.checked_sub(1)) && !letter(Some(i + 1));
+    (0..characters.len()).map(|i| if alone(i) { number.clone() } else { characters[i].to_string() }).collect()
+}
+
+/// With so many digits after the first.
+fn rounded(x: f64, digits: usize) -> String {
+    format!("{x:.digits$e}").parse::<f64>().map_or_else(|_| x.to_string(), |x| x.to_string())
+}
+
+/// All terms of a joint, those of one place one after the other.
+pub(crate) fn terms(joint: &str, scales: &Scales, extent: &Extent) -> Vec<Term> {
+    let speed = SPEED * scales.of_unit("rad/s", joint);
+    let sign = format!("tanh(dq/{})", rounded(SMOOTH * speed, 1));
+    let mut all = torques(&sign, extent);
+    if extent.servo {
+        place(&mut all, commands(extent));
+        place(&mut all, readings(extent));
+    }
+    all
+}
+
+/// Adds the terms of a place to those of others.
+fn place(all: &mut Vec<Term>, terms: Vec<Term>) {
+    let start = all.len();
+    all.extend(terms.into_iter().map(|term| Term { swings: term.swings.map(|i| start + i), ..term }));
+}
+
+/// The steady terms that swing, too: the first `count`.
+fn swings(steady: &[Term], count: usize) -> Vec<Term> {
+    let swing = |(i, term): (usize, &Term)| Term {
+        swings: Some(i),
+        ..Term::pair(term.on, (&term.factors[0], "t"), Shape::Rate, term.unit, term.size)
+    };
+    steady.iter().enumerate().take(count).map(swing).collect()
+}
+
+fn torques(sign: &str, extent: &Extent) -> Vec<Term> {
+    let torque = |factor: &str, unit, size| Term::new(On::Torque, factor, unit, size);
+    let per_s = 1.0 / extent.duration_s;
+    let (low, range) = (extent.q.0, extent.q.1 - extent.q.0);
+    let (above, below) = ([0.5, 0.75].map(|x| low + x * range), [0.5, 0.25].map(|x| -(low + x * range)));
+    let mut all = vec![
+        torque("1", "N·m", 0.1),
+        torque(sign, "N·m", 0.1),
+        torque("dq", "N·m·s/rad", 0.05),
+        torque("q", "N·m/rad", 0.3),
+        torque("dq*abs(dq)", "N·m·s²/rad²", 0.03),
+        torque("q*q", "N·m/rad", 0.3),
+        torque("dq*max(0,q)", "N·m·s/rad", 0.1),
+        torque("dq*max(0,-q)", "N·m·s/rad", 0.1),
+        torque(&format!("abs(tau)*{sign}"), "1", 0.1),
+        torque("ddq", "kg·m²", 0.003),
+        torque("t", "N·m", 0.1 * per_s),
+        torque(&format!("t*{sign}"), "N·m", 0.1 * per_s),
+        torque("t*dq", "N·m·s/rad", 0.05 * per_s),
+        Term::pair(On::Torque, ("1", "q"), Shape::Order, "N·m", 0.1),
+        Term::pair(On::Torque, ("t", "q"), Shape::Order, "N·m", 0.1 * per_s),
+        Term::hinge("max(0,q-s)", above, "N·m/rad", 0.5),
+        Term::hinge("max(0,-q-s)", below, "N·m/rad", 0.5),
+        Term::hinge("max(0,q-s)^2", above, "N·m/rad", 1.0),
+        Term::hinge("max(0,-q-s)^2", below, "N·m/rad", 1.0),
+    ];
+    all.extend(swings(&all, 4));
+    all
+}
+
+fn commands(extent: &Extent) -> Vec<Term> {
+    let command = |factor: &str, unit, size| Term::new(On::Command, factor, unit, size);
+    let per_s = 1.0 / extent.duration_s;
+    let mut all = vec![
+        command("1", "rad", 0.02),
+        command("cmd", "1", 0.03),
+        command("dq", "s", 0.01),
+        command("tau", "1/(N·m)", 0.01),
+        command("t", "rad", 0.02 * per_s),
+        command("t*cmd", "1", 0.03 * per_s),
+    ];
+    all.extend(swings(&all, 2));
+    all
+}
+
+fn readings(extent: &Extent) -> Vec<Term> {
+    let reading = |factor: &str, unit, size| Term::new(On::Reading, factor, unit, size);
+    let mut all = vec![
+        reading("1", "rad", 0.02),
+        reading("q", "1", 0.03),
+        reading("q*q", "1/rad", 0.03),
+        reading("t", "rad", 0.02 / extent.duration_s),
+        Term::pair(On::Reading, ("1", "q"), Shape::Order, "rad", 0.02),
+    ];
+    all.extend(swings(&all, 1));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_law_reads_as_one_would_write_it() {
+        let swing = Term::pair(On::Torque, ("1", "t"), Shape::Rate, "N·m", 1.0);
+        let drag = Term::new(On::Torque, "dq*abs(dq)", "N·m·s²/rad²", 1.0);
+        assert_eq!(law(On::Torque, &[(&swing, vec![-0.3104, 0.001, 19.0])]), "-0.31*sin(19*t)");
+        let both = [(&swing, vec![0.5, -0.25, 19.0]), (&drag, vec![-0.2])];
+        assert_eq!(law(On::Torque, &both), "0.5*sin(19*t) - 0.25*cos(19*t) - 0.2*dq*abs(dq)");
+        let hinge = Term::hinge("max(0,q-s)^2", [0.0, 0.1], "N·m/rad", 1.0);
+        assert_eq!(law(On::Torque, &[(&hinge, vec![-8.0, -0.2])]), "-8*max(0,q-(-0.2))^2");
+        let offset = Term::new(On::Reading, "1", "rad", 1.0);
+        assert_eq!(law(On::Reading, &[(&offset, vec![-0.05])]), "q - 0.05");
+    }
+
+    #[test]
+    fn every_term_is_a_formula_and_so_is_what_is_written_of_it() {
+        let extent = Extent { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
+        let scales =
+            Scales::guess(&btr_physics::presets::pendulum::pendulum(1.0, 0.5, btr_physics::robot::Actuator::Passive));
+        for term in terms("hinge", &scales, &extent) {
+            let effect = term.formula().unwrap();
+            assert_eq!(effect.card().params.len(), term.knobs("hinge", &scales, &extent).len());
+            let values: Vec<f64> = term.names().iter().map(|_| -0.25).collect();
+            formula(term.on, &law(term.on, &[(&term, values)]), &[]).unwrap();
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Logs of a robot that stands on its own feet, cut into short windows. Contact makes motion chaotic: a whole rollout
+//! leaves its log for good at the first foot that touches down a sample too late. So the robot is moved, at the
+//! beginning of every window, to where the log says it is. Joints are read by local parabolas. What nobody reads, the
+//! base's velocity and height, comes from a run of the model that is pulled towards all that is measured (an observer
+//! after D. G. Luenberger, "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964,
+//! with constant gains).
+
+use btr_core::log::{Log, interpolate};
+use btr_core::signal::smooth::{Motion, smooth};
+use btr_core::world::WorldError;
+use btr_physics::effects::Placed;
+use btr_physics::engine::{Dynamics, State};
+use btr_physics::model::{Model, Scenario};
+use btr_physics::rollout::restart::Restart;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use std::ops::Range;
+
+/// Length of a window in s; all windows of a log are about equally long.
+const WINDOW_S: f64 = 0.4;
+/// How long the observer takes to find the robot, at the log's beginning, in s.
+const SETTLE_S: f64 = 0.2;
+/// What a window's start does for so long is not compared, in s.
+const BURN_IN_S: f64 = 0.05;
+/// Time between two pulls of the observer in s, and what share of the error each takes: of joints, of the gyroscope.
+const PULL_S: f64 = 0.01;
+const PULL: (f64, f64) = (0.5, 0.5);
+
+/// How uncertain the observer leaves the base: velocity in m/s, height in m, roll and pitch in rad, turning in rad/s.
+const BASE: [f64; 9] = [0.05, 0.05, 0.05, 0.003, 0.01, 0.01, 0.03, 0.03, 0.03];
+/// The same for a joint's velocity: what one noise floor comes to within so many seconds.
+const REACH_S: f64 = 0.03;
+
+/// The windows of a log.
+pub(crate) struct Windows {
+    pub restarts: Vec<Restart>,
+    /// What is compared of each.
+    pub samples: Vec<Range<usize>>,
+}
+
+/// Cuts a log, as the model sees it that has the values `s` and these effects. A log that is too short for a window has none.
+pub(crate) fn cut(
+    model: &Model,
+    s: &[f64],
+    effects: &[Placed],
+    situation: &Scenario,
+    log: &Log,
+) -> Result<Windows, WorldError> {
+    let clock = log.clock_s();
+    let count = ((log.duration_s() - SETTLE_S) / WINDOW_S).round().max(0.0) as usize;
+    let length_s = (log.duration_s() - SETTLE_S) / count.max(1) as f64;
+    let starts_s: Vec<f64> = (0..count).map(|k| SETTLE_S + length_s * k as f64).collect();
+    let restarts = observe(model, s, effects, situation, log, &starts_s)?;
+    let sample = |time_s: f64| clock.partition_point(|t| t - clock[0] <= time_s + 1e-6);
+    let samples = (0..restarts.len()).map(|k| {
+        let end = restarts.get(k + 1).map_or(clock.len(), |next| sample(next.time_s));
+        sample(restarts[k].time_s + BURN_IN_S).min(end)..end
+    });
+    Ok(Windows { samples: samples.collect(), restarts })
+}
+
+/// What is measured of a robot's state, smoothed.
+struct Measured<'a> {
+    clock_s: &'a [f64],
+    joints: Vec<Option<Vec<Motion>>>,
+    gyro: Option<[Vec<f64>; 3]>,
+}
+
+impl<'a> Measured<'a> {
+    fn of(model: &Model, log: &'a Log) -> Self {
+        let smoothed = |name: &str| log.channel(name).map(|channel| smooth(log.clock_s(), &channel.values));
+        let joints = model.robot.movable().map(|(_, link)| smoothed(&format!("q_{}", link.joint.name))).collect();
+        let axis =
+            |axis: &str| Some(smoothed(&format!("imu_gyro_{axis}"))?.iter().map(|motion| motion.value).collect());
+        let gyro = || Some([axis("x")?, axis("y")?, axis("z")?]);
+        Measured { clock_s: log.clock_s(), joints, gyro: gyro() }
+    }
+
+    /// Position and velocity of a joint.
+    fn joint(&self, joint: usize, time_s: f64) -> Option<(f64, f64)> {
+        let motions = self.joints.get(joint)?.as_ref()?;
+        let at = self.clock_s[0] + time_s;
+        let next = self.clock_s.partition_point(|t| *t < at).min(self.clock_s.len() - 1);
+        let [before, after] = [next.saturating_sub(1), next].map(|i| (self.clock_s[i], motions[i]));
+        let along = |(t, motion): (f64, Motion)| {
+            let ahead = at - t;
+            let q = motion.value + ahead * (motion.velocity + 0.5 * ahead * motion.acceleration);
+            (q, motion.velocity + ahead * motion.acceleration)
+        };
+        let share = if after.0 > before.0 { ((at - before.0) / (after.0 - before.0)).clamp(0.0, 1.0) } else { 1.0 };
+        // The nearer of the two where they are the same sample, or where one is missing.
+        let (a, b) = (along(before), along(after));
+        let mixed = |a: f64, b: f64| match (a.is_finite(), b.is_finite()) {
+            (true, false) => a,
+            (false, _) => b,
+            _ => a + share * (b - a),
+        };
+        let state = (mixed(a.0, b.0), mixed(a.1, b.1));
+        (state.0.is_finite() && state.1.is_finite()).then_some(state)
+    }
+
+    /// The angular velocity in the root's axes.
+    fn turning(&self, time_s: f64) -> Option<Vector3<f64>> {
+        let at = [self.clock_s[0] + time_s];
+        let [x, y, z] = self.gyro.as_ref()?;
+        let turning = Vector3::from([x, y, z].map(|axis| interpolate(self.clock_s, axis, &at)[0]));
+        turning.iter().all(|w| w.is_finite()).then_some(turning)
+    }
+
+    /// Takes shares of the errors of a state away.
+    fn pull(&self, state: &mut State, time_s: f64, (joints, gyro): (f64, f64)) {
+        for (i, (q, dq)) in state.joints.iter_mut().enumerate() {
+            if let Some((measured, velocity)) = self.joint(i, time_s) {
+                *q += joints * (measured - *q);
+                *dq += joints * (velocity - *dq);
+            }
+        }
+        if let Some(turning) = self.turning(time_s) {
+            let there = state.base.pose.rotation * turning;
+            state.base.angular_rad_s += gyro * (there - state.base.angular_rad_s);
+        }
+    }
+}
+
+/// The states at some times: of the joints as measured, of the base as the model has it that is pulled along.
+fn observe(
+    model: &Model,
+    s: &[f64],
+    effects: &[Placed],
+    situation: &Scenario,
+    log: &Log,
+    starts_s: &[f64],
+) -> Result<Vec<Restart>, WorldError> {
+    let measured = Measured::of(model, log);
+    let half_s = 0.5 * model.setup.dt_s;
+    let (mut pulls, mut restarts) = (1, Vec::new());
+    let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
+        if time_s + half_s >= PULL_S * f64::from(pulls) {
+            pulls += 1;
+            let mut state = State::of(engine);
+            measured.pull(&mut state, time_s, PULL);
+            engine.place(&state);
+        }
+        if starts_s.get(restarts.len()).is_some_and(|start_s| time_s + half_s >= *start_s) {
+            let mut state = State::of(engine);
+            measured.pull(&mut state, time_s, (1.0, 1.0));
+            restarts.push(Restart { time_s, state });
+        }
+    };
+    model.led(s, situation, effects, &mut lead)?;
+    Ok(restarts)
+}
+
+/// In how many ways the start of a robot with so many joints may be other than it seems.
+pub(crate) fn nudges(joints: usize) -> usize {
+    2 * joints + BASE.len()
+}
+
+/// The joint that one of those numbers is about.
+pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
+    (number / 2 < joints).then_some(number / 2)
+}
+
+/// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints' noise
+/// floors.
+pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[f64]) {
+    for Restart { state: State { joints, base }, .. } in restarts {
+        if let Some((sigma, joint)) = sigmas.get(number / 2).zip(joints.get_mut(number / 2)) {
+            match number % 2 {
+                0 => joint.0 += by * sigma,
+                _ => joint.1 += by * sigma / REACH_S,
+            }
+            continue;
+        }
+        let number = number - 2 * sigmas.len();
+        let along = |axis: usize| by * BASE[number] * Vector3::ith(axis, 1.0);
+        match number {
+            0..3 => base.velocity_m_s += along(number),
+            3 => base.pose.translation.vector += along(2),
+            4 | 5 => {
+                // About the root itself, so that it stays where it is.
+                let turn = UnitQuaternion::from_scaled_axis(along(number - 4));
+                base.pose = Isometry3::from_parts(base.pose.translation, turn * base.pose.rotation);
+            }
+            _ => base.angular_rad_s += along(number - 6),
+        }
+    }
+}

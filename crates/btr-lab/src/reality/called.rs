@@ -1,0 +1,120 @@
+//! A function per test: another simulator, or whatever can be called that drives a robot.
+
+use super::store::{Store, StoreError, or_pending};
+use crate::experiment::{Robotic, timely, told};
+use btr_core::log::Log;
+use btr_core::world::{Outcome, Reality, Trial};
+use btr_io::Meta;
+use btr_physics::model::Model;
+use btr_physics::robot::Base;
+use nalgebra::Isometry3;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a robot is asked to do.
+pub struct Asked<'a> {
+    /// The test.
+    pub trial: &'a Trial,
+    /// The names of the controller's parameters, in the order of the trial's values.
+    pub names: Vec<&'a str>,
+    /// The commands that it stands for, on the control clock.
+    pub references: &'a Log,
+    /// Where each joint is when the test begins, at rest, in rad (m): by joint in the order of the robot's.
+    pub start: Vec<(&'a str, f64)>,
+    /// Where a floating robot's base is when the test begins: x, y, z in m and the quaternion w, x, y, z.
+    pub base: Option<[f64; 7]>,
+    /// How long the test lasts, in s.
+    pub duration_s: f64,
+}
+
+/// A pose in numbers: x, y, z in m and the quaternion w, x, y, z.
+fn pose_of(pose: &Isometry3<f64>) -> [f64; 7] {
+    let (at, turned) = (pose.translation, pose.rotation);
+    [at.x, at.y, at.z, turned.w, turned.i, turned.j, turned.k]
+}
+
+/// Why a robot gave no log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unanswered {
+    /// It could not do it; the test counts as spent.
+    Failed(String),
+    /// Nobody knows; the run stops here, and asks again when it is resumed.
+    Broken(String),
+}
+
+/// Asks a function for every test.
+pub struct Called {
+    robot: Robotic,
+    model: Arc<Model>,
+    store: Store,
+}
+
+impl Called {
+    /// Keeps tests in `store`; `model` knows the references a controller stands for.
+    pub fn new(robot: Robotic, model: Arc<Model>, store: Store) -> Self {
+        Called { robot, model, store }
+    }
+
+    fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
+        let references = match self.store.known_or_asked(trial, &self.model)? {
+            ControlFlow::Break(known) => return Ok(known),
+            ControlFlow::Continue((_, references)) => references,
+        };
+        let names = self.model.drive.space().dims().iter().map(|dim| dim.name.as_str()).collect();
+        let begins = self.model.beginning(&trial.controller, trial.scenario);
+        let begins = begins.unwrap_or_else(|_| self.model.robot.clone());
+        let start = begins.movable().map(|(_, link)| (link.joint.name.as_str(), link.joint.start)).collect();
+        let base = (begins.base == Base::Floating).then(|| pose_of(&begins.start));
+        let duration_s = self.model.scenarios[trial.scenario].duration_s;
+        match (self.robot)(&Asked { trial, names, references: &references, start, base, duration_s }) {
+            Ok(log) => match self.useless(trial, &log) {
+                Some(what) => Ok(Outcome::Pending { what }),
+                // What the robot was told is known, whether its log says it or not.
+                None => {
+                    let log = self.store.on_the_tests_clock(log);
+                    self.store.keep(trial, &told(&log, &references), &Meta::default())
+                }
+            },
+            Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),
+            Err(Unanswered::Broken(what)) => Ok(Outcome::Pending { what }),
+        }
+    }
+}
+
+impl Called {
+    /// What is wrong with a log that would be kept for nothing: a real test is too dear for that.
+    fn useless(&self, trial: &Trial, log: &Log) -> Option<String> {
+        let name = format!("the log of real test {}", trial.number);
+        if let Err(error) = timely(Path::new(&name), log) {
+            let help = error.help.as_ref().map_or_else(String::new, |help| format!("\nhelp: {help}"));
+            return Some(format!("{error}{help}"));
+        }
+        let joints = self.model.robot.movable().map(|(_, link)| link.joint.name.as_str());
+        let of_joints: Vec<String> =
+            joints.flat_map(|joint| ["q", "dq", "tau"].map(|kind| format!("{kind}_{joint}"))).collect();
+        let is_ours = |channel: &str| {
+            let of_the_base = ["imu_", "foot_", "base_", "ball_"].iter().any(|kind| channel.starts_with(kind));
+            of_the_base || of_joints.iter().any(|name| name == channel)
+        };
+        let measured = log.channels().any(|(channel, c)| is_ours(channel) && c.values.iter().any(|x| x.is_finite()));
+        (!measured).then(|| {
+            let has = log.channels().map(|(channel, _)| channel).collect::<Vec<_>>().join(", ");
+            format!(
+                "{name} measures nothing of this robot: it has {has}\nhelp: give back {}, ..., or say in the experiment's \
+                 [channels.channels] what it calls them",
+                of_joints.join(", ")
+            )
+        })
+    }
+}
+
+impl Reality for Called {
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        or_pending(self.perform(trial))
+    }
+
+    fn recall(&mut self, trial: &Trial) -> Outcome {
+        self.store.recalled(trial)
+    }
+}

@@ -1,0 +1,30 @@
+//! Recorded logs: what a robot did on other days. One scenario, one log.
+
+use btr_core::log::Log;
+use btr_core::world::{Behaviour, Outcome, Reality, Trial};
+use btr_physics::model::task::Fitness;
+
+/// Logs in the order of the scenarios.
+pub struct Logs {
+    logs: Vec<Log>,
+    fitness: Fitness,
+}
+
+impl Logs {
+    /// `logs[k]` is what really happened in scenario k.
+    pub fn new(logs: Vec<Log>, fitness: Fitness) -> Self {
+        Logs { logs, fitness }
+    }
+}
+
+impl Reality for Logs {
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        let Some(log) = self.logs.get(trial.scenario) else {
+            return Outcome::Failed { why: format!("there is no log for scenario {}", trial.scenario) };
+        };
+        match self.fitness.of(log) {
+            Ok(fitness) => Outcome::Done(Behaviour { log: log.clone(), fitness }),
+            Err(why) => Outcome::Failed { why: why.to_string() },
+        }
+    }
+}

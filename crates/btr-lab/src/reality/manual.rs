@@ -1,0 +1,46 @@
+//! A person at the robot: trials are written down, and the run waits until their logs are there.
+
+use super::store::{Store, StoreError, or_pending};
+use btr_core::world::{Outcome, Reality, Trial};
+use btr_physics::model::Model;
+use std::sync::Arc;
+
+/// Waits for logs that a person puts beside the trials.
+pub struct Manual {
+    model: Arc<Model>,
+    store: Store,
+}
+
+impl Manual {
+    /// Keeps trials in `store`; `model` knows the references a controller stands for.
+    pub fn new(model: Arc<Model>, store: Store) -> Self {
+        Manual { model, store }
+    }
+
+    fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
+        if let Some(before) = self.store.recall(trial)? {
+            return Ok(before);
+        }
+        let folder = self.store.folder_of(trial);
+        Ok(Outcome::Pending {
+            what: format!(
+                "{0}: play references.csv on the robot, save what it did as {0}/log.csv or log.mcap (or why it could not be \
+                 done as failed.txt), then run again with --resume",
+                folder.display()
+            ),
+        })
+    }
+}
+
+impl Reality for Manual {
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+        trials.iter().try_for_each(|trial| {
+            let references = self.model.references(&trial.controller, trial.scenario).map_err(|e| e.to_string())?;
+            self.store.ask(trial, &references).map(|_| ()).map_err(|e| e.to_string())
+        })
+    }
+
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        or_pending(self.perform(trial))
+    }
+}

@@ -1,0 +1,82 @@
+//! The hidden twin: a simulation of its own parameters and effects that stands in for the robot.
+
+use super::Revealing;
+use super::store::{Store, or_pending};
+use btr_core::world::{Outcome, Reality, Simulator, Trial};
+use btr_io::Meta;
+use btr_physics::model::Model;
+use indexmap::IndexMap;
+use serde::Serialize;
+
+/// A simulation that nobody looks into before the run is over. It may change on the way.
+pub struct Twin {
+    /// In the order in which they come; the first from the first test on.
+    stages: Vec<Stage>,
+    /// Number of the last test that it was asked for.
+    latest: usize,
+    seed: u64,
+    store: Store,
+}
+
+/// What a twin is from some test on.
+pub struct Stage {
+    /// Number of its first real test.
+    pub from_test: usize,
+    /// Its own model: effects, time step, noise.
+    pub model: Model,
+    /// Where in S it stands.
+    pub parameters: Vec<f64>,
+    /// The effects that the model of the experiment does not have.
+    pub hidden: Vec<String>,
+}
+
+/// What the twin was in its last test, told at the end.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Revealed {
+    /// Its parameters by name, in the units of S.
+    pub parameters: IndexMap<String, f64>,
+    /// The effects that the model did not have.
+    pub effects: Vec<String>,
+}
+
+impl Twin {
+    /// A twin that is at first what `first` says, and then what comes `later`, in the order of their first tests.
+    pub fn new(first: Stage, mut later: Vec<Stage>, seed: u64, store: Store) -> Self {
+        later.sort_by_key(|stage| stage.from_test);
+        Twin { stages: std::iter::once(first).chain(later).collect(), latest: 0, seed, store }
+    }
+
+    fn in_test(&self, number: usize) -> &Stage {
+        self.stages.iter().rfind(|stage| stage.from_test <= number).unwrap_or(&self.stages[0])
+    }
+
+    fn perform(&self, trial: &Trial) -> Result<Outcome, super::StoreError> {
+        if let Some(before) = self.store.recall(trial)? {
+            return Ok(before);
+        }
+        let noise = btr_core::random::derive(self.seed, &[trial.number as u64]);
+        let Stage { model, parameters, .. } = self.in_test(trial.number);
+        match model.simulate(parameters, &trial.controller, trial.scenario, Some(noise)) {
+            Ok(log) => {
+                self.store.ask(trial, &log)?;
+                self.store.keep(trial, &log, &Meta::default())
+            }
+            Err(why) => Ok(Outcome::Failed { why: why.to_string() }),
+        }
+    }
+}
+
+impl Reality for Twin {
+    fn test(&mut self, trial: &Trial) -> Outcome {
+        self.latest = self.latest.max(trial.number);
+        or_pending(self.perform(trial))
+    }
+}
+
+impl Revealing for Twin {
+    fn reveal(&self) -> Option<Revealed> {
+        let Stage { model, parameters, hidden, .. } = self.in_test(self.latest);
+        let names = model.simulations().dims().iter().map(|d| d.name.clone());
+        Some(Revealed { parameters: names.zip(parameters.iter().copied()).collect(), effects: hidden.clone() })
+    }
+}

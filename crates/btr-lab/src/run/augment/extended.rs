@@ -1,0 +1,169 @@
+//! A model with effects that it lacks: their parameters are further dimensions of S.
+
+use crate::identification::scales::Scales;
+use btr_core::space::{Dim, Scale, Space, SpaceError};
+use btr_core::world::{Behaviour, Job, Simulator, WorldError};
+use btr_physics::effects::{Card, Effect, Param, Placed};
+use btr_physics::model::Model;
+
+/// Multiples of its typical size at which an amplitude is tried.
+const AMPLITUDES: [f64; 2] = [0.5, 3.0];
+/// Multiples of its typical size at which a limit is tried.
+const LIMITS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+/// Multiples of the model's own value at which one that takes its place is tried.
+const OWN: [f64; 2] = [0.6, 1.5];
+
+/// An effect at a place.
+#[derive(Clone)]
+pub(super) struct Added {
+    pub effect: &'static dyn Effect,
+    pub site: String,
+}
+
+impl Added {
+    /// `effect@site`.
+    pub(super) fn name(&self) -> String {
+        format!("{}@{}", self.effect.card().name, self.site)
+    }
+}
+
+/// A model with effects whose values are the last dimensions of its S.
+pub(super) struct Extended<'a> {
+    model: &'a Model,
+    added: Vec<Added>,
+    space: Space,
+}
+
+impl<'a> Extended<'a> {
+    pub(super) fn new(model: &'a Model, added: Vec<Added>, scales: &Scales) -> Result<Self, SpaceError> {
+        let of = |added: &Added| -> Vec<Dim> {
+            let card = added.effect.card();
+            card.params.iter().map(|param| dim(card, param, &added.site, scales, model)).collect()
+        };
+        let dims = model.simulations().dims().iter().cloned().chain(added.iter().flat_map(of)).collect();
+        Ok(Extended { model, added, space: Space::new(dims)? })
+    }
+
+    pub(super) fn added(&self) -> &[Added] {
+        &self.added
+    }
+
+    /// Where the effect that was added last is tried, in the units of its parameters.
+    pub(super) fn probes(&self) -> Vec<Vec<f64>> {
+        let Some(last) = self.added.last() else { return Vec::new() };
+        let card = last.effect.card();
+        let dims = &self.space.dims()[self.space.len() - card.params.len()..];
+        let shapes: Vec<Vec<f64>> = match card.starts {
+            [] => vec![card.params.iter().filter(|param| param.shape).map(|param| param.hint).collect()],
+            starts => starts.iter().map(|start| start.to_vec()).collect(),
+        };
+        shapes.iter().flat_map(|shapes| probes_at(card, dims, shapes)).collect()
+    }
+
+    /// The base's part of a point, and the effects at the rest.
+    fn parted<'s>(&self, s: &'s [f64]) -> (&'s [f64], Vec<Placed>) {
+        let (base, mut rest) = s.split_at(self.model.simulations().len().min(s.len()));
+        let mut placed = Vec::with_capacity(self.added.len());
+        for Added { effect, site } in &self.added {
+            let (values, others) = rest.split_at(effect.card().params.len().min(rest.len()));
+            rest = others;
+            placed.push(Placed { effect: *effect, site: site.clone(), values: values.to_vec() });
+        }
+        (base, placed)
+    }
+}
+
+impl Simulator for Extended<'_> {
+    fn simulations(&self) -> &Space {
+        &self.space
+    }
+
+    fn controllers(&self) -> &Space {
+        self.model.controllers()
+    }
+
+    fn scenarios(&self) -> usize {
+        self.model.scenarios()
+    }
+
+    fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
+        self.run_all(&[Job { s, c, scenario }]).remove(0)
+    }
+
+    fn side_by_side(&self) -> usize {
+        self.model.side_by_side()
+    }
+
+    fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
+        let parted: Vec<(&[f64], Vec<Placed>)> = jobs.iter().map(|job| self.parted(job.s)).collect();
+        let pairs = jobs.iter().zip(&parted);
+        let with: Vec<(Job, &[Placed])> =
+            pairs.map(|(job, (s, placed))| (Job { s, ..*job }, placed.as_slice())).collect();
+        self.model.behave_with(&with)
+    }
+}
+
+/// What a parameter of an effect may be: amplitudes are off at their nominal value, all others have none.
+fn dim(card: &Card, param: &Param, site: &str, scales: &Scales, model: &Model) -> Dim {
+    let scale = scales.of_unit(param.unit, site);
+    let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
+    let dim = Dim::new(format!("{}.{}@{site}", card.name, param.name), param.unit, least, most);
+    match param {
+        p if p.shape || p.off.is_infinite() => dim.scale(if least > 0.0 { Scale::Log } else { Scale::Linear }),
+        p if p.off.is_nan() => {
+            own(model).filter(|own| (least..=most).contains(own)).map_or(dim.clone(), |own| dim.nominal(own))
+        }
+        p => Dim { min: least.min(0.0), ..dim }.nominal(p.off),
+    }
+}
+
+/// What the model has where an effect would put its own value.
+fn own(model: &Model) -> Option<f64> {
+    model.setup.ground.map(|ground| ground.friction)
+}
+
+/// All amplitudes together at their sizes, and each by itself, beside these shapes.
+fn probes_at(card: &Card, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
+    let mut shapes = shapes.iter();
+    // Shapes stand where they start; amplitudes are off.
+    let off: Vec<f64> = (card.params.iter().zip(dims))
+        .map(|(param, dim)| match param {
+            p if p.shape => shapes.next().copied().unwrap_or(p.hint).clamp(dim.min, dim.max),
+            _ => dim.nominal.unwrap_or_else(|| dim.from_unit(0.5)),
+        })
+        .collect();
+    let amplitudes: Vec<usize> = (0..dims.len()).filter(|&k| !card.params[k].shape).collect();
+    let at = |ks: &[usize], multiple: f64| {
+        let mut probe = off.clone();
+        ks.iter().for_each(|&k| probe[k] = size(&card.params[k], &dims[k], multiple));
+        probe
+    };
+    let multiples = |k: usize| multiples(&card.params[k]);
+    let first = amplitudes.first().copied().unwrap_or(0);
+    let together = multiples(first).into_iter().map(|multiple| at(&amplitudes, multiple));
+    let alone = |&k: &usize| multiples(k).into_iter().map(move |multiple| (k, multiple));
+    let several = amplitudes.len() > 1;
+    let alone = amplitudes.iter().filter(|_| several).flat_map(alone).map(|(k, multiple)| at(&[k], multiple));
+    together.chain(alone).collect()
+}
+
+/// By which multiples of its size a parameter is tried.
+fn multiples(param: &Param) -> Vec<f64> {
+    let signed = param.bounds.0 < 0.0;
+    match param {
+        p if p.off.is_infinite() => LIMITS.to_vec(),
+        p if p.off.is_nan() => OWN.to_vec(),
+        _ => AMPLITUDES.iter().flat_map(|&a| if signed { vec![a, -a] } else { vec![a] }).collect(),
+    }
+}
+
+/// A multiple of a parameter's typical size, or of the model's own value, within the bounds.
+fn size(param: &Param, dim: &Dim, multiple: f64) -> f64 {
+    // Bounds and hints are scaled alike.
+    let scale = if param.bounds.1 == 0.0 { 1.0 } else { dim.max / param.bounds.1 };
+    let value = match dim.nominal.filter(|_| param.off.is_nan()) {
+        Some(own) => own * multiple,
+        None => param.hint * scale * multiple,
+    };
+    value.clamp(dim.min, dim.max)
+}

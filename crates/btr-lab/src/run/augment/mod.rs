@@ -1,0 +1,150 @@
+//! What a run asks when it disengages: which physical effect its simulations lack, by the real tests it has. The paper's
+//! abduction over what the robot did, and the first half of its re-parametrisation.
+
+mod by_posterior;
+mod extended;
+
+use crate::distributed::Served;
+use crate::experiment::Experiment;
+use crate::identification::Beside;
+use crate::verbs::{AddError, Addition, LadderStep, add};
+use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
+use btr_core::log::Log;
+use btr_core::world::Trial;
+use btr_identify::diagnose::{Found, Question, Rung, Verdict, diagnose};
+use btr_identify::fit::Bench;
+use btr_physics::robot::Base;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The most real tests that are looked at: of a robot with a fixed base, and of a floating one.
+const MOST_TESTS: (usize, usize) = (8, 4);
+/// One in so many of them is held out.
+const HELD_OUT: usize = 4;
+/// How many physics steps a diagnosis of a floating robot may take: contact needs the general engine, which is slow. About a
+/// minute on two cores.
+const FLOATING_STEPS: f64 = 1e6;
+
+/// Why simulation and reality lost each other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// After which iteration it was asked.
+    pub after_iteration: usize,
+    /// The answer in a word; none where the question could not be asked.
+    pub verdict: Option<Verdict>,
+    /// What is missing; with the verdict `unexplained`, what helps and does not explain.
+    pub effects: Vec<Found>,
+    /// How the error fell, in multiples of the noise floor.
+    pub error_ladder: Vec<LadderStep>,
+    /// Numbers of the real tests that were learnt from.
+    pub learnt: Vec<usize>,
+    /// Numbers of those it was judged on.
+    pub held_out: Vec<usize>,
+    /// Simulated logs.
+    pub rollouts: usize,
+    /// Why there is no answer, where there is none.
+    pub not_diagnosed: Option<String>,
+    /// What the run added to S.
+    pub added: Vec<String>,
+}
+
+impl Cause {
+    /// Asks the real tests of a run; `tell` hears every step of the error's fall. A run with a posterior is also told what
+    /// explains them, where something does.
+    pub(crate) fn of(experiment: &Experiment, run: &Coevolution, tell: &dyn Fn(&Rung)) -> (Self, Option<Explanation>) {
+        let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
+        let answer = match run.plan().posterior {
+            Some(_) => by_posterior::cause(experiment, run, asked.clone(), tell),
+            None => asked.clone().answered(experiment, run.ledger(), tell).map(|answered| (answered, None)),
+        };
+        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..asked }, None))
+    }
+
+    fn answered(self, experiment: &Experiment, ledger: &Ledger, tell: &dyn Fn(&Rung)) -> Result<Self, String> {
+        let fixed = experiment.model.robot.base == Base::Fixed;
+        let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
+        let learn = tests.len() - tests.len() / HELD_OUT;
+        let known = tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log)));
+        let known: Vec<(&Trial, &Log)> = known.collect();
+        if known.is_empty() {
+            return Err("no real test gave a log".to_owned());
+        }
+        let whole = known.iter().map(|(trial, log)| experiment.from_the_beginning(trial, log));
+        let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+        let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
+        let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
+        let beside = Beside::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
+        let question = Question { max_rollouts: allowance(experiment), ..Question::default() };
+        let family = Served::here(Arc::new(beside), experiment.way.clone());
+        let bench = Bench::new(&family);
+        let Some(found) = diagnose(&bench, question, tell) else {
+            return Err("the model blows up on the real tests as it stands".to_owned());
+        };
+        if found.cut_short && found.effects.is_empty() {
+            return Err(format!(
+                "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \
+                 logs under transfers/ has no such limit",
+                question.max_rollouts
+            ));
+        }
+        let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
+        Ok(Cause {
+            verdict: Some(found.verdict),
+            effects: found.effects,
+            error_ladder: found.ladder.iter().map(LadderStep::from).collect(),
+            learnt: numbers(&tests[..learn]),
+            held_out: numbers(&tests[learn..]),
+            rollouts: found.rollouts,
+            ..self
+        })
+    }
+
+    /// `effect@site` of what is missing for certain; nothing that merely helps.
+    pub fn missing(&self) -> Vec<String> {
+        let certain = self.verdict == Some(Verdict::EffectMissing);
+        let names = self.effects.iter().map(|found| format!("{}@{}", found.effect, found.site));
+        names.filter(|_| certain).collect()
+    }
+
+    /// In one line.
+    pub fn sentence(&self) -> String {
+        let named: Vec<String> =
+            self.effects.iter().map(|found| format!("{} on {}", found.effect, found.site)).collect();
+        let named = named.join("; ");
+        match (&self.not_diagnosed, self.verdict) {
+            (Some(why), _) => format!("the cause was not looked for: {why}"),
+            (None, Some(Verdict::EffectMissing)) => format!("the cause: S lacks {named}"),
+            (None, Some(Verdict::NothingMissing)) => {
+                "no effect is missing, S holds the robot: the search stopped short of it (more generations, turns or restarts)".to_owned()
+            }
+            (None, _) if named.is_empty() => "the cause is unexplained: no effect of the library helps".to_owned(),
+            (None, _) => format!("the cause is unexplained: {named} helps and does not explain"),
+        }
+    }
+
+    /// The experiment's text with what is missing in it, free to be found.
+    pub(crate) fn remedy(&self, experiment: &Experiment) -> Result<String, AddError> {
+        let robot = &experiment.model.robot;
+        let additions: Result<Vec<Addition>, AddError> =
+            self.missing().iter().map(|name| Addition::parse(name, robot)).collect();
+        add(experiment.source(), robot, &additions?)
+    }
+}
+
+/// Real tests that gave a log: all, or some evenly over the whole run, the last one among them.
+fn chosen(ledger: &Ledger, most: usize) -> Vec<&Entry> {
+    let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
+    let usable: Vec<&Entry> = ledger.entries().iter().filter(gave_a_log).collect();
+    let count = usable.len().min(most);
+    (1..=count).map(|k| usable[k * usable.len() / count - 1]).collect()
+}
+
+/// How many rollouts a diagnosis may take. Counted in steps, not in seconds: a result must not depend on the machine.
+fn allowance(experiment: &Experiment) -> usize {
+    let model = &experiment.model;
+    let steps = model.scenarios.iter().map(|s| s.duration_s).fold(0.0, f64::max) / model.setup.dt_s;
+    match model.robot.base {
+        Base::Fixed => usize::MAX,
+        Base::Floating => (FLOATING_STEPS / steps.max(1.0)) as usize,
+    }
+}

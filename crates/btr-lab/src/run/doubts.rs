@@ -1,0 +1,188 @@
+//! What makes real tests doubtful: how they were recorded, not how the robot moved. A run goes on with them, but whoever started
+//! it is told at once.
+
+use crate::experiment::Experiment;
+use crate::experiment::logs::quality;
+use btr_core::coevolve::{Entry, Verdict};
+use btr_core::log::Log;
+use btr_core::world::{Behaviour, Simulator};
+use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, asked};
+use btr_physics::robot::{Joint, Robot};
+use btr_physics::sensor::Noise;
+use serde::Serialize;
+
+/// A log that ends before this share of the test is one of a part of it.
+const MOST_OF: f64 = 0.8;
+/// One that begins later than so many of its steps has lost more than its first row.
+const LATE_ROWS: f64 = 1.5;
+/// Fewer samples than this share of the commands are few.
+const FEW: f64 = 0.25;
+/// What is read later than this, in s, does not tell where a joint began.
+const SOON_S: f64 = 0.05;
+/// A joint begins elsewhere if it is further away than this share of its range in the log, ...
+const AWAY: f64 = 0.15;
+/// ... and than so many noise floors.
+const TELLING: f64 = 10.0;
+
+/// Something odd about a real test's log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TestDoubt {
+    /// The test.
+    pub test: usize,
+    /// What was found.
+    #[serde(flatten)]
+    pub finding: Finding,
+}
+
+impl TestDoubt {
+    /// In one line.
+    pub fn sentence(&self) -> String {
+        format!("real test {}: {}", self.test, self.finding.sentence)
+    }
+}
+
+/// Everything bad about real tests, test by test. Nothing about a twin, which is a simulation. Where no test gave anything,
+/// also why not.
+pub fn doubts(experiment: &Experiment, tests: &[Entry]) -> Vec<TestDoubt> {
+    doubts_since(experiment, tests, 0)
+}
+
+/// The same of the tests from `first` on.
+fn doubts_since(experiment: &Experiment, tests: &[Entry], first: usize) -> Vec<TestDoubt> {
+    if experiment.reality.reveal().is_some() {
+        return Vec::new();
+    }
+    let nothing = tests.iter().all(|entry| entry.behaviour().is_none());
+    let of = |entry: &Entry| {
+        let found = match (entry.behaviour(), &entry.verdict) {
+            (Some(real), _) => of_log(experiment, entry, real),
+            (None, Verdict::Failed { why }) if nothing => vec![failed(why)],
+            (None, _) => Vec::new(),
+        };
+        found.into_iter().map(|finding| TestDoubt { test: entry.trial.number, finding }).collect::<Vec<_>>()
+    };
+    tests.iter().skip(first).flat_map(of).collect()
+}
+
+fn failed(why: &str) -> Finding {
+    Finding::new(Topic::Missing, Severity::Bad, "test", format!("it gave no log: {why}"))
+}
+
+fn of_log(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Vec<Finding> {
+    let incomparable = incomparable(experiment, entry, real);
+    let missing = if incomparable.is_none() { absent(experiment, &real.log) } else { None };
+    let of_the_test = incomparable.into_iter().chain(missing).chain(otherwise(experiment, entry, &real.log));
+    of_the_test.chain(recorded_badly(experiment, real)).collect()
+}
+
+/// What has been told of a run's real tests: each thing once, in the first test that shows it.
+#[derive(Default)]
+pub struct Told {
+    tests: usize,
+    known: Vec<(Topic, String)>,
+}
+
+impl Told {
+    /// Looks at the tests since the last time; what was not told before.
+    pub fn new_in(&mut self, experiment: &Experiment, tests: &[Entry]) -> Vec<TestDoubt> {
+        let mut new = doubts_since(experiment, tests, self.tests);
+        self.tests = tests.len();
+        new.retain(|TestDoubt { finding, .. }| {
+            let key = (finding.topic, finding.channel.clone());
+            let is_new = !self.known.contains(&key);
+            self.known.extend(is_new.then_some(key));
+            is_new
+        });
+        new
+    }
+}
+
+/// A log that no simulation of the same test can be compared with.
+fn incomparable(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Option<Finding> {
+    let (model, distance) = (&experiment.model, experiment.plan.distance.build());
+    let simulated = model.run(&model.simulations.nominal(), &entry.trial.controller, entry.trial.scenario).ok()?;
+    (!distance.distance(real, &simulated).is_finite()).then(|| {
+        let sentence = format!("its log has nothing that {} could compare with a simulation", distance.name());
+        Finding::new(Topic::Missing, Severity::Bad, "", sentence)
+    })
+}
+
+/// What the log says of how the test went that was not what was asked for.
+fn otherwise(experiment: &Experiment, entry: &Entry, log: &Log) -> Vec<Finding> {
+    let (model, trial) = (&experiment.model, &entry.trial);
+    let known = &model.scenarios[trial.scenario];
+    // A recorded log is what it was asked for.
+    if known.replay.is_some() {
+        return Vec::new();
+    }
+    let references = model.references(&trial.controller, trial.scenario);
+    // What a policy tells depends on what the robot sensed.
+    let commands = references.ok().filter(|_| !model.drive.senses()).and_then(|references| asked(&references, log));
+    let begins = model.beginning(&trial.controller, trial.scenario);
+    let elsewhere = begins.map(|robot| elsewhere(&robot, &model.setup.noise, log)).unwrap_or_default();
+    commands.into_iter().chain(partial(known.duration_s, model.setup.control_s, log)).chain(elsewhere).collect()
+}
+
+/// A log of a part of the test, or of few instants of it.
+fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
+    let (first_s, last_s) = (*log.clock_s().first()?, *log.clock_s().last()?);
+    let step_s = log.usual_step_s()?;
+    let say = |severity, sentence| Some(Finding::new(Topic::Clock, severity, "", sentence));
+    if last_s < MOST_OF * test_s {
+        return say(Severity::Bad, format!("its log ends at {last_s:.2} s, where the test lasts {test_s} s"));
+    }
+    if first_s > LATE_ROWS * step_s {
+        let sentence = format!(
+            "its log begins {first_s:.3} s into the test by its own clock, and is taken at its word: give it times from the \
+             first command on"
+        );
+        return say(Severity::Doubtful, sentence);
+    }
+    let ticks = test_s / control_s;
+    ((log.len() as f64) < FEW * ticks && log.len() >= FEWEST_SAMPLES).then(|| {
+        let samples = log.len();
+        let sentence = format!("its log has {samples} samples, where the robot was given {ticks:.0} commands");
+        Finding::new(Topic::Clock, Severity::Bad, "", sentence)
+    })
+}
+
+/// Joints that are not where the test begins when their log does.
+fn elsewhere(robot: &Robot, noise: &Noise, log: &Log) -> Vec<Finding> {
+    let soon = |k: usize| log.clock_s()[k] <= SOON_S;
+    let finding = |joint: &Joint| {
+        let name = format!("q_{}", joint.name);
+        let values = &log.channel(&name).filter(|channel| channel.unit == joint.position_unit())?.values;
+        let first = values.iter().position(|q| q.is_finite()).filter(|k| soon(*k))?;
+        let there = || values.iter().copied().filter(|q| q.is_finite());
+        let range = there().fold(f64::NEG_INFINITY, f64::max) - there().fold(f64::INFINITY, f64::min);
+        let floor = noise.floor(&name, values).unwrap_or(0.0);
+        let (begins, unit) = (values[first], joint.position_unit());
+        ((begins - joint.start).abs() > (AWAY * range).max(TELLING * floor)).then(|| {
+            let sentence = format!(
+                "{name} begins at {begins:.3} {unit}, where the test begins at {:.3} {unit} and simulations do",
+                joint.start
+            );
+            Finding::new(Topic::Start, Severity::Bad, &name, sentence)
+        })
+    };
+    robot.movable().filter_map(|(_, link)| finding(&link.joint)).collect()
+}
+
+/// Joints that are to be compared and are not in the log.
+fn absent(experiment: &Experiment, log: &Log) -> Option<Finding> {
+    let compared = experiment.plan.distance.channels()?;
+    let joints = experiment.model.robot.movable().map(|(_, link)| &link.joint).filter(|joint| joint.mimic.is_none());
+    let names = joints.map(|joint| format!("q_{}", joint.name));
+    let absent: Vec<String> = names.filter(|name| compared.contains(name) && log.channel(name).is_none()).collect();
+    let first = absent.first()?;
+    let (all, are) = (absent.join(", "), if absent.len() == 1 { "is" } else { "are" });
+    let sentence = format!("{all} {are} not in its log, and not compared");
+    Some(Finding::new(Topic::Missing, Severity::Doubtful, first, sentence))
+}
+
+fn recorded_badly(experiment: &Experiment, real: &Behaviour) -> Vec<Finding> {
+    let quality = quality::quality(&real.log, &experiment.model.robot, &experiment.model.setup.noise);
+    let of_recording = [Topic::Clock, Topic::Missing, Topic::Dead, Topic::Unit, Topic::Sign, Topic::CommandLag];
+    let bad = |finding: &&Finding| finding.severity == Severity::Bad && of_recording.contains(&finding.topic);
+    quality.findings.iter().filter(bad).cloned().collect()
+}

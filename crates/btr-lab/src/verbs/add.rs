@@ -1,0 +1,164 @@
+//! `add`: writes effects into a model file, free to fit.
+
+use crate::experiment::{Source, suggestion};
+use crate::identification::scales::Scales;
+use btr_physics::effects;
+use btr_physics::effects::{EFFECTS, Effect, Param, Placed, SiteKind};
+use btr_physics::robot::Robot;
+use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
+
+/// An effect to be added somewhere.
+#[derive(Clone, Debug)]
+pub struct Addition {
+    effect: &'static dyn Effect,
+    site: String,
+}
+
+/// What cannot be added.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AddError {
+    /// No effect of that name.
+    #[error("there is no effect `{name}`")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// Which ones are similar, as a question.
+        near: Option<String>,
+    },
+    /// Nothing there.
+    #[error("`{effect}` cannot sit on `{site}`")]
+    Site {
+        /// The effect.
+        effect: String,
+        /// What was asked for.
+        site: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// It is there already.
+    #[error("the model has `{name}` already")]
+    Twice {
+        /// `effect@site`.
+        name: String,
+    },
+    /// A law's parameter that cannot be called so.
+    #[error("a law's parameter cannot be called `{name}`: {why}")]
+    Name {
+        /// The parameter.
+        name: String,
+        /// Who has the name.
+        why: String,
+    },
+    /// The file is no TOML; it was read before, so this does not happen.
+    #[error(transparent)]
+    Toml(#[from] toml_edit::TomlError),
+}
+
+impl AddError {
+    /// What to do about it.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            AddError::Unknown { near, .. } => {
+                Some(near.clone().unwrap_or_else(|| "`btr effects` lists them".to_owned()))
+            }
+            AddError::Site { known, .. } => Some(format!("it can sit on: {}", known.join(", "))),
+            AddError::Twice { .. } => Some("it is fitted as it stands: `btr fit`".to_owned()),
+            AddError::Name { .. } => Some("call it something else".to_owned()),
+            AddError::Toml(_) => None,
+        }
+    }
+}
+
+impl Addition {
+    /// Reads `EFFECT[@SITE]`; without a site it sits everywhere it can.
+    ///
+    /// # Errors
+    /// An effect or a site that is not there.
+    pub fn parse(text: &str, robot: &Robot) -> Result<Self, AddError> {
+        let (name, site) = text.split_once('@').unwrap_or((text, "*"));
+        let effect = effects::find(name).ok_or_else(|| AddError::Unknown {
+            name: name.to_owned(),
+            near: suggestion(name, EFFECTS.iter().map(|e| e.card().name)),
+        })?;
+        let placed = Placed::off(effect, site);
+        if placed.check_site(robot).is_err() {
+            let known = match effect.card().site {
+                SiteKind::Joint => robot.movable().map(|(_, link)| link.joint.name.clone()).collect(),
+                SiteKind::Link => robot.links.iter().map(|link| link.name.clone()).collect(),
+                SiteKind::Base => vec!["base".to_owned()],
+                SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
+            };
+            return Err(AddError::Site { effect: name.to_owned(), site: site.to_owned(), known });
+        }
+        Ok(Addition { effect, site: site.to_owned() })
+    }
+
+    /// `EFFECT.PARAM@SITE`.
+    fn parameter(&self, param: &Param) -> String {
+        format!("{}.{}@{}", self.effect.card().name, param.name, self.site)
+    }
+}
+
+/// The model's text with the effects in it: each parameter in doubt, at its off value where it has one. Bounds are made for
+/// the robot, as far as its weight tells.
+///
+/// # Errors
+/// An effect that is there already.
+pub fn add(source: &Source, robot: &Robot, additions: &[Addition]) -> Result<String, AddError> {
+    add_scaled(source, &Scales::guess(robot), additions)
+}
+
+/// The same with bounds made for what the robot does.
+pub(super) fn add_scaled(source: &Source, scales: &Scales, additions: &[Addition]) -> Result<String, AddError> {
+    let mut document = source.text.parse::<DocumentMut>()?;
+    for addition in additions {
+        write(&mut document, scales, addition)?;
+    }
+    Ok(document.to_string())
+}
+
+fn write(document: &mut DocumentMut, scales: &Scales, addition: &Addition) -> Result<(), AddError> {
+    let card = addition.effect.card();
+    let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
+    let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };
+    for (k, param) in card.params.iter().enumerate() {
+        let name = addition.parameter(param);
+        if parameters.contains_key(&name) {
+            return Err(AddError::Twice { name: format!("{}@{}", card.name, addition.site) });
+        }
+        parameters.insert(&name, value(entry(param, scales.of_unit(param.unit, &addition.site))));
+        if let Some(mut key) = parameters.key_mut(&name) {
+            let comment = if k == 0 {
+                format!("\n# {}: {}. Source: {}.\n# In {}", card.name, card.law, card.cite, param.unit)
+            } else {
+                format!("# In {}", param.unit)
+            };
+            key.leaf_decor_mut().set_prefix(format!("{comment}; off at {}.\n", off(param)));
+        }
+    }
+    Ok(())
+}
+
+fn off(param: &Param) -> String {
+    match param {
+        p if p.shape => "no value: it only shapes the effect".to_owned(),
+        p if p.off.is_nan() => "the model's own value".to_owned(),
+        p if p.off.is_infinite() => "infinity".to_owned(),
+        p => p.off.to_string(),
+    }
+}
+
+/// To two digits: a bound is no measurement.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.1e}").parse().unwrap_or(x)
+}
+
+/// Bounds, and where a fit starts: off if that is a number, else the typical value.
+fn entry(param: &Param, scale: f64) -> InlineTable {
+    let start = if param.off.is_finite() { param.off } else { param.hint * scale };
+    let mut table = InlineTable::new();
+    let bounds = [scale.min(1.0) * param.bounds.0.min(start), scale.max(1.0) * param.bounds.1.max(start)].map(rounded);
+    table.insert("bounds", Value::Array(bounds.into_iter().collect()));
+    table.insert("value", start.into());
+    table
+}

@@ -1,0 +1,106 @@
+//! `fit`: the numbers in doubt at their best, with what is known of each.
+
+use super::{Doubt, Floor, LadderStep, Problem};
+use crate::experiment::adapt::{adapted, in_finer_steps};
+use btr_identify::fit::{Bench, Ended, Estimate, Fit, NullDirection};
+use btr_identify::residual_model::{Family, Step};
+use serde::Serialize;
+use std::path::Path;
+use std::time::Instant;
+use toml_edit::TomlError;
+
+/// The answer, with the keys of `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitReport {
+    /// Always true: failures are another document.
+    pub ok: bool,
+    /// Sum of squares in multiples of the noise, with the priors' share.
+    pub cost: f64,
+    /// Every number in doubt.
+    pub parameters: Vec<Estimate>,
+    /// Error on the logs that were learnt from, in multiples of the noise floor.
+    pub train: f64,
+    /// Error on held-out logs.
+    pub held_out: Option<f64>,
+    /// Combinations that these logs do not tell.
+    pub null_directions: Vec<NullDirection>,
+    /// How the error fell.
+    pub error_ladder: Vec<LadderStep>,
+    /// Why the search ended.
+    pub stop_reason: Ended,
+    /// Why there are no intervals, where there are none.
+    pub withheld: Option<String>,
+    /// The noise floors.
+    pub noise_floor: Vec<Floor>,
+    /// What makes the answer doubtful: the same checks as `check` makes.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: the answer is not about them.
+    pub not_judged: Vec<String>,
+    /// The integrator's own error in multiples of the noise floor.
+    pub integrator_error: f64,
+    /// The time step that it takes, in s; finer than the model's own where that would err too much.
+    pub time_step_s: f64,
+    /// Simulated logs.
+    pub rollouts: usize,
+    /// Wall time.
+    pub seconds: f64,
+}
+
+/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for;
+/// `None` where the model blows up as it stands. `family` is the problem's own, or the same served by others.
+pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
+    let began = Instant::now();
+    let bench = Bench::new(family);
+    let heard = |step: &str, train: f64, held_out: Option<f64>| {
+        tell(&LadderStep { step: step.to_owned(), train, held_out });
+    };
+    let fitted = btr_identify::fit::fitted(&bench, &heard)?;
+    let ladder = fitted.ladder.iter().map(|(step, train, held_out)| LadderStep {
+        step: step.clone(),
+        train: *train,
+        held_out: *held_out,
+    });
+    let report = FitReport {
+        ok: true,
+        cost: fitted.fit.cost,
+        parameters: fitted.parameters,
+        train: fitted.train,
+        held_out: fitted.held_out,
+        null_directions: fitted.null_directions,
+        error_ladder: ladder.collect(),
+        stop_reason: fitted.ended,
+        withheld: fitted.withheld,
+        noise_floor: problem.floors(),
+        doubts: problem.doubts.clone(),
+        not_judged: problem.not_judged.clone(),
+        integrator_error: fitted.integrator_error,
+        time_step_s: problem.time_step_s(fitted.step),
+        rollouts: fitted.rollouts,
+        seconds: began.elapsed().as_secs_f64(),
+    };
+    Some((report, fitted.fit, fitted.step))
+}
+
+impl Problem {
+    /// The text of the fitted model for a file in the folder `into`, with the time step that the fit holds for.
+    ///
+    /// # Errors
+    /// A text that is not TOML; it was read before, so this does not happen.
+    pub fn fitted_text(&self, fit: &Fit, step: Step, into: &Path) -> Result<String, TomlError> {
+        let text = adapted(&self.source, &self.beside.model().simulations, &self.values(fit), into)?;
+        if step == Step::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
+    }
+
+    /// The model's time step at so many halvings, in s.
+    pub(super) fn time_step_s(&self, step: Step) -> f64 {
+        self.beside.model().setup.dt_s / f64::from(step.divides_by())
+    }
+
+    /// The values of what is in doubt at a fit, in the order of the model's space.
+    pub fn values(&self, fit: &Fit) -> Vec<f64> {
+        let dims = self.beside.model().simulations.dims();
+        let value =
+            |(&k, dim): (&usize, &btr_core::space::Dim)| self.beside.knobs()[k].value(fit.u[k]).clamp(dim.min, dim.max);
+        self.beside.doubtful().iter().zip(dims).map(value).collect()
+    }
+}

@@ -1,0 +1,166 @@
+//! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
+
+use btr_core::distance::{DistanceSpec, Rmse};
+use btr_core::log::Log;
+use btr_core::world::{Job, Made, Simulator, Wanted};
+use btr_identify::residual_model::{Family, Rollout, Step};
+use btr_lab::distributed::{Executor, Parcel, Parcels, Served, ServedModel, Stopped, Way, serve};
+use btr_lab::experiment::{LogSource, Source, model};
+use btr_lab::verbs::Problem;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+type Tested<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// A worker in this process.
+struct Worker;
+
+impl Executor for Worker {
+    fn workers(&self) -> usize {
+        2
+    }
+
+    fn work(&self, parcels: &[Arc<Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+        let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
+        serve(&parcels, batch, &|_| Err("no functions here".to_owned()))
+            .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
+    }
+}
+
+fn robots(name: &str) -> Tested<Source> {
+    Ok(Source::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots").join(name))?)
+}
+
+/// A model's own motion with noise, from `from_s` on.
+fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
+    let model = model(source)?;
+    let log: Log = model.simulate(&model.simulations().nominal(), &model.controllers().nominal(), 0, Some(seed))?;
+    let first = log.clock_s().partition_point(|t| *t < from_s);
+    let log = log.part(first..log.len()).from_zero();
+    Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
+}
+
+fn assert_the_same(here: &dyn Family, there: &dyn Family) {
+    let knobs = here.knobs().len();
+    let moved = |k: usize| (0..knobs).map(|i| if i == k { here.knobs()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
+    let points: Vec<Vec<f64>> = (0..knobs).step_by(knobs / 7 + 1).map(moved).collect();
+    let bits = |all: Vec<Result<Vec<f64>, _>>| -> Vec<Vec<u64>> {
+        let of = |one: Result<Vec<f64>, _>| one.unwrap_or_default().iter().map(|x: &f64| x.to_bits()).collect();
+        all.into_iter().map(of).collect()
+    };
+    let moved = |log: usize| {
+        let still = vec![0.0; here.starts(log)];
+        (0..still.len().min(5)).map(move |k| (log, [&still[..k], &[0.5], &still[k + 1..]].concat()))
+    };
+    let logs = 0..here.logs().len();
+    let moved: Vec<(usize, Vec<f64>)> = logs.clone().flat_map(moved).collect();
+    let of_points = logs.flat_map(|log| points.iter().map(move |u| Rollout::of(u, log)));
+    let of_starts = moved.iter().map(|(log, moved)| Rollout { u: &points[0], log: *log, moved });
+    let rollouts: Vec<Rollout> = of_points.chain(of_starts).collect();
+    for step in [Step::USUAL, Step::USUAL.halved()] {
+        let together = bits(here.residuals(&rollouts, step));
+        assert_eq!(together, bits(there.residuals(&rollouts, step)));
+        assert_eq!(together, bits(rollouts.iter().map(|one| here.residual(*one, step)).collect()), "one by one");
+    }
+}
+
+fn served(source: &Source, from_s: f64) -> Tested<(Problem, Served)> {
+    let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
+    let problem = Problem::new(source.clone(), &learn, &held_out)?;
+    let family = Served::new(&problem, &learn, &held_out, Arc::new(Way::elsewhere(Box::new(Worker))))?;
+    Ok((problem, family))
+}
+
+/// The end of a log that is held out from its beginning begins where that does.
+#[test]
+fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
+    let source = robots("arm.toml")?;
+    let beside = Problem::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.beside;
+    assert_eq!((beside.logs().len(), beside.begins_with(0), beside.begins_with(1)), (2, 0, 0));
+    let begun = beside.begun(&[(0, vec![2.0; beside.starts(0)])]).ok_or("a fixed robot's logs can begin elsewhere")?;
+    let origin = vec![0.0; beside.knobs().len()];
+    for log in 0..2 {
+        let residual = |family: &dyn Family| family.residual(Rollout::of(&origin, log), Step::USUAL);
+        let there = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
+        assert_ne!(there(residual(&beside)?), there(residual(&*begun)?), "part {log}");
+    }
+    Ok(())
+}
+
+#[test]
+fn an_arm_with_files_of_its_own() -> Tested<()> {
+    let mut source = robots("arm.toml")?;
+    source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
+    let (problem, family) = served(&source, 0.0)?;
+    assert_the_same(&problem.beside, &family);
+    // One that begins elsewhere.
+    let moved = [(0, (0..family.starts(0)).map(|k| 0.1 * k as f64 - 0.3).collect())];
+    let (here, there) = (problem.beside.begun(&moved), family.begun(&moved));
+    let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
+    assert_the_same(&*here, &*there);
+    let origin = vec![0.0; family.knobs().len()];
+    let from = |family: &dyn Family, log| family.residual(Rollout::of(&origin, log), Step::USUAL);
+    assert_ne!(from(&*here, 0)?, from(&family, 0)?);
+    assert_eq!(from(&*here, 1)?, from(&family, 1)?);
+    Ok(())
+}
+
+/// The ant at rest when its log begins has a family of beginnings; under way it is seen from where a model has it.
+#[test]
+fn families_that_were_derived_of_others() -> Tested<()> {
+    let mut source = robots("ant.toml")?;
+    source.set(&["simulation.duration_s=1.5".to_owned()])?;
+    let mut derived = 0;
+    for from_s in [0.0, 0.6] {
+        let (problem, family) = served(&source, from_s)?;
+        assert_the_same(&problem.beside, &family);
+        let u = vec![0.0; family.knobs().len()];
+        for (here, there) in
+            [(problem.beside.beginnings(), family.beginnings()), (problem.beside.seen_from(&u), family.seen_from(&u))]
+        {
+            assert_eq!(here.is_some(), there.is_some());
+            if let (Some(here), Some(there)) = (here, there) {
+                assert_the_same(&*here, &*there);
+                derived += 1;
+            }
+        }
+    }
+    assert!(derived > 0, "no family was derived of another one");
+    Ok(())
+}
+
+#[test]
+fn what_is_stopped_simulates_no_further() -> Tested<()> {
+    let model = model(&robots("pendulum.toml")?)?;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; 4096];
+    let way = Way::default();
+    let heed = || {
+        if model.rollouts.load(Ordering::Relaxed) > 0 {
+            way.stop();
+        }
+        way.heed();
+    };
+    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_all(&jobs, &heed)));
+    assert!(ended.is_err_and(|cause| cause.is::<Stopped>()));
+    let simulated = model.rollouts.load(Ordering::Relaxed);
+    assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");
+    Ok(())
+}
+
+#[test]
+fn a_population_of_an_experiment() -> Tested<()> {
+    let source = robots("nao.toml")?;
+    let model = model(&source)?;
+    let (way, parcels) = (Way::elsewhere(Box::new(Worker)), Parcels::default());
+    let served = ServedModel::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &way, &parcels)?;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
+    let wanted = [Wanted::Fitness, Wanted::Behaviour, Wanted::Fitness];
+    let (here, there) = (model.make_all(&jobs, &wanted), served.make_all(&jobs, &wanted));
+    assert!(matches!(here[1], Ok(Made::Behaviour(_))) && here == there);
+    Ok(())
+}

@@ -1,0 +1,4 @@
+//! Motors: from a command to a torque.
+
+pub mod motor;
+mod sampled;

@@ -1,0 +1,68 @@
+//! Digital servos: at fixed instants they read the position, work out a torque or a voltage, and hold it until the next one.
+//!
+//! K. J. Astrom and B. Wittenmark, "Computer-Controlled Systems", Prentice Hall 1997. What is held acts half a period late on
+//! average, and so does a velocity that is the difference of two readings: at a period that is short but not negligible this is
+//! what a servo in continuous time lacks.
+
+use super::motor::JointState;
+use crate::robot::Sampling;
+
+/// The memory of a digital servo.
+#[derive(Clone, Debug)]
+pub(crate) struct SampledServo {
+    period_s: f64,
+    /// Number of the last instant; `usize::MAX` before the first.
+    instant: usize,
+    /// The last readings, the newest first.
+    readings: Vec<f64>,
+    held: f64,
+}
+
+/// What a digital servo knows at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reading {
+    /// Time since the last one, in s.
+    pub(crate) period_s: f64,
+    /// Position.
+    pub(crate) q: f64,
+    /// Velocity, from the readings alone.
+    pub(crate) dq: f64,
+}
+
+impl SampledServo {
+    pub(crate) fn new(sampling: &Sampling) -> Self {
+        let readings = vec![0.0; sampling.velocity_over as usize + 1];
+        SampledServo { period_s: sampling.period_s, instant: usize::MAX, readings, held: 0.0 }
+    }
+
+    /// What is held during the coming step; `work` says it for what is read, at every instant.
+    pub(crate) fn hold(&mut self, state: &JointState, work: impl FnOnce(&Reading) -> f64) -> f64 {
+        // The share of a period absorbs rounding, as for references.
+        let instant = (state.time_s / self.period_s + 1e-6).floor() as usize;
+        if instant != self.instant {
+            self.read(state);
+            self.instant = instant;
+            let periods = (self.readings.len() - 1) as f64;
+            let oldest = self.readings.last().copied().unwrap_or(state.q);
+            let dq = (state.q - oldest) / (periods * self.period_s);
+            self.held = work(&Reading { period_s: self.period_s, q: state.q, dq });
+        }
+        self.held
+    }
+
+    /// Forgets what it read; for a servo that is switched off.
+    pub(crate) fn forget(&mut self) {
+        self.instant = usize::MAX;
+    }
+
+    fn read(&mut self, state: &JointState) {
+        if self.instant == usize::MAX {
+            // Before the first instant it moved as it does now.
+            let ago = |k: usize| state.q - k as f64 * self.period_s * state.dq;
+            self.readings.iter_mut().enumerate().for_each(|(k, reading)| *reading = ago(k));
+        } else {
+            self.readings.rotate_right(1);
+            self.readings[0] = state.q;
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! A centre of mass that is elsewhere than drawn: cables, screws, a battery that was left out.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::robot::Robot;
+use nalgebra::Vector3;
+
+pub(in crate::effects) struct ComOffset;
+
+static CARD: Card = Card {
+    name: "com_offset",
+    law: "the link's centre of mass is (x, y, z) away from the model's, in the link's axes",
+    site: SiteKind::Link,
+    cite: "Newton",
+    tell: "static errors that follow the posture like a payload's, but turned",
+    params: &[Param::new("x", "m", (-0.2, 0.2), 0.02), Param::new("y", "m", (-0.2, 0.2), 0.02), Param::new("z", "m", (-0.2, 0.2), 0.02)],
+    starts: &[],
+    alike: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
+    contains: &[],
+};
+
+impl Effect for ComOffset {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
+        robot.links[link].com_m += Vector3::new(p[0], p[1], p[2]);
+    }
+}

@@ -1,0 +1,29 @@
+//! A link that is harder to turn than its mass and shape suggest: the same about every axis.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::robot::Robot;
+use nalgebra::Matrix3;
+
+pub(in crate::effects) struct LinkInertia;
+
+static CARD: Card = Card {
+    name: "link_inertia",
+    law: "adds inertia to the link's about every axis through its centre of mass",
+    site: SiteKind::Link,
+    cite: "Euler, Theoria motus corporum solidorum, 1765",
+    tell: "a torque residual proportional to the acceleration, on this joint and on those that carry it",
+    params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
+    starts: &[],
+    alike: &["armature"],
+    contains: &[],
+};
+
+impl Effect for LinkInertia {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
+        robot.links[link].inertia_kg_m2 += Matrix3::identity() * p[0];
+    }
+}

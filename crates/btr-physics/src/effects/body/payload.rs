@@ -1,0 +1,28 @@
+//! Something heavy on a link.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::robot::Robot;
+
+pub(in crate::effects) struct Payload;
+
+static CARD: Card = Card {
+    name: "payload",
+    law: "a point mass at the link's centre of mass",
+    site: SiteKind::Link,
+    cite: "Newton",
+    tell: "static errors that follow the posture, on this joint and on all that carry it",
+    params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["com_offset"],
+    contains: &[],
+};
+
+impl Effect for Payload {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
+        robot.links[link].mass_kg += p[0];
+    }
+}

@@ -1,0 +1,37 @@
+//! A command that changes no faster than so: a ramp in the servo's firmware, a profile that the motion is fitted into.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind, follow};
+use crate::actuation::motor::JointState;
+
+pub(in crate::effects) struct CommandRateLimit;
+
+static CARD: Card = Card {
+    name: "command_rate_limit",
+    law: "the servo sees a value that moves towards cmd with at most ±rate; it starts at the first command",
+    site: SiteKind::Joint,
+    cite: "slew-rate limit, as in servo firmware",
+    tell: "large steps become ramps of one slope, small motions are untouched",
+    params: &[Param::limit("rate", "rad/s", (0.01, 100.0), 1.5)],
+    starts: &[],
+    alike: &["motor_lag", "torque_limit"],
+    contains: &[],
+};
+
+/// The memory says whether there was a command, and holds what the servo was told last.
+impl Effect for CommandRateLimit {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
+        2
+    }
+
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+        let most = p[0] * state.dt_s;
+        let (before, after) = follow(memory, state.command, |error| error.clamp(-most, most));
+        let moved = after - before;
+        // The mean of a ramp that may arrive before the step ends.
+        before + moved * (1.0 - 0.5 * moved.abs() / most)
+    }
+}

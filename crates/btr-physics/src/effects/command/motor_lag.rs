@@ -1,0 +1,40 @@
+//! A command that arrives smoothed: a filter, a current loop, a slow servo.
+//!
+//! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at the step's
+//! end the lag would seem shorter by half a step.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind, follow};
+use crate::actuation::motor::JointState;
+
+pub(in crate::effects) struct MotorLag;
+
+static CARD: Card = Card {
+    name: "motor_lag",
+    law: "time_constant·du/dt = cmd - u: the servo sees u, a first-order lag that starts at the first command",
+    site: SiteKind::Joint,
+    cite: "first-order lag, as in any textbook of control",
+    tell: "steps are answered round instead of sharp; slow motions trail by the time constant, fast ones shrink",
+    params: &[Param::new("time_constant", "s", (0.0, 0.5), 0.03)],
+    starts: &[],
+    alike: &["command_delay", "encoder_delay"],
+    contains: &[],
+};
+
+/// The memory says whether there was a command, and holds what the servo was told last.
+impl Effect for MotorLag {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
+        2
+    }
+
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+        let steps = state.dt_s / p[0];
+        let gone = -(-steps).exp_m1();
+        let (before, _) = follow(memory, state.command, |error| error * gone);
+        // The mean of an exponential that covers the share `gone` of the way.
+        state.command - (state.command - before) * gone / steps
+    }
+}

@@ -1,0 +1,28 @@
+//! Coulomb friction: a constant torque against the motion, and up to that torque at rest.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+
+pub(in crate::effects) struct CoulombFriction;
+
+static CARD: Card = Card {
+    name: "coulomb_friction",
+    law: "-torque·sign(dq); holds at rest",
+    site: SiteKind::Joint,
+    cite: "Coulomb, Théorie des machines simples, 1785",
+    tell: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
+    params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["stribeck_friction", "asymmetric_friction"],
+    contains: &[],
+};
+
+impl Effect for CoulombFriction {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn joint(&self, p: &[f64], dof: &mut Dof) {
+        dof.dry_friction += p[0];
+    }
+}

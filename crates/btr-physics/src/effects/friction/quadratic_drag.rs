@@ -1,0 +1,29 @@
+//! Drag that grows with the square of the speed: air, water, churned grease.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+use crate::actuation::motor::JointState;
+
+pub(in crate::effects) struct QuadraticDrag;
+
+static CARD: Card = Card {
+    name: "quadratic_drag",
+    law: "-coefficient·|dq|·dq",
+    site: SiteKind::Joint,
+    cite: "Newton's law of resistance, Principia, book II",
+    tell: "a torque residual against the motion that fast stretches show and slow ones do not",
+    params: &[Param::new("coefficient", "N·m·s^2/rad^2", (0.0, 1.0), 0.03)],
+    starts: &[],
+    alike: &["viscous_friction"],
+    contains: &[],
+};
+
+impl Effect for QuadraticDrag {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+        dof.torque.damping += p[0] * state.dq_midway().abs();
+    }
+}

@@ -1,0 +1,33 @@
+//! Stribeck friction: dry friction that is larger at rest than in motion, as lubricant is drawn in with speed.
+//!
+//! The size of the friction is that of the speed at which a step begins; the engine then holds or brakes with it, so nothing
+//! creeps below the breakaway torque.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+use crate::actuation::motor::JointState;
+
+pub(in crate::effects) struct StribeckFriction;
+
+static CARD: Card = Card {
+    name: "stribeck_friction",
+    law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static",
+    site: SiteKind::Joint,
+    cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
+    tell: "the torque residual is largest just after a reversal and falls with speed; slow ramps move in jerks",
+    params: &[Param::new("coulomb", "N·m", (0.0, 5.0), 0.1), Param::new("static", "N·m", (0.0, 5.0), 0.25), Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2)],
+    starts: &[&[0.05], &[0.2], &[1.0]],
+    alike: &["coulomb_friction"],
+    contains: &[("coulomb_friction", &[0.1, 0.1, 0.2])],
+};
+
+impl Effect for StribeckFriction {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+        let (coulomb, stiction, velocity) = (p[0], p[1], p[2]);
+        dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midway() / velocity).powi(2)).exp();
+    }
+}

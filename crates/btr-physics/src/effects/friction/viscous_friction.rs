@@ -1,0 +1,28 @@
+//! Viscous friction: a torque against the motion, proportional to its speed.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+
+pub(in crate::effects) struct ViscousFriction;
+
+static CARD: Card = Card {
+    name: "viscous_friction",
+    law: "-coefficient·dq",
+    site: SiteKind::Joint,
+    cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
+    tell: "a torque residual proportional to the velocity; free swings die out exponentially",
+    params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
+    starts: &[],
+    alike: &["quadratic_drag"],
+    contains: &[],
+};
+
+impl Effect for ViscousFriction {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn joint(&self, p: &[f64], dof: &mut Dof) {
+        dof.torque.damping += p[0];
+    }
+}

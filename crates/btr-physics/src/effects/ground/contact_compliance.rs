@@ -1,0 +1,37 @@
+//! A floor (or soles) that gives way: rubber, carpet, a bending foot.
+//!
+//! Every point that touches the floor is a spring and a damper of these values: a box on its side has four, a sphere
+//! has one, and a robot sinks by its weight over the sum of all.
+//!
+//! Rapier knows no such springs. It gives every contact the frequency and the damping ratio that they would have under
+//! the robot's whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so that a contact that only
+//! feels a share of the mass, as at the end of a leg, is softer by that share.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::setup::{Compliance, Setup};
+
+pub(in crate::effects) struct ContactCompliance;
+
+static CARD: Card = Card {
+    name: "contact_compliance",
+    law: "every contact with the floor is a spring and a damper: -stiffness·depth - damping·speed",
+    site: SiteKind::Ground,
+    cite: "Hooke's law; Catto, Soft Constraints, Game Developers Conference 2011",
+    tell: "the body sinks and bounces where it should stand; contact forces rise and fall slowly",
+    params: &[Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0), Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0)],
+    starts: &[&[5.0], &[50.0]],
+    alike: &["ground_friction"],
+    contains: &[],
+};
+
+impl Effect for ContactCompliance {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn world(&self, p: &[f64], setup: &mut Setup) {
+        if let Some(ground) = &mut setup.ground {
+            ground.compliance = Some(Compliance { stiffness: p[0], damping: p[1] });
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! A floor that is more or less slippery than the model's.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::setup::Setup;
+
+pub(in crate::effects) struct GroundFriction;
+
+static CARD: Card = Card {
+    name: "ground_friction",
+    law: "the floor's Coulomb coefficient is this instead of the model's",
+    site: SiteKind::Ground,
+    cite: "Coulomb, Théorie des machines simples, 1785",
+    tell: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
+    params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
+    starts: &[],
+    alike: &["contact_compliance"],
+    contains: &[],
+};
+
+impl Effect for GroundFriction {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn world(&self, p: &[f64], setup: &mut Setup) {
+        if let Some(ground) = &mut setup.ground {
+            ground.friction = p[0];
+        }
+    }
+}

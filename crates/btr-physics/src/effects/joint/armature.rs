@@ -1,0 +1,28 @@
+//! Rotor inertia: a geared rotor's inertia times the squared ratio, felt at the joint.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+
+pub(in crate::effects) struct Armature;
+
+static CARD: Card = Card {
+    name: "armature",
+    law: "adds inertia·ddq to what the motor has to move",
+    site: SiteKind::Joint,
+    cite: "Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6",
+    tell: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
+    params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
+    starts: &[],
+    alike: &["link_inertia"],
+    contains: &[],
+};
+
+impl Effect for Armature {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn joint(&self, p: &[f64], dof: &mut Dof) {
+        dof.armature += p[0];
+    }
+}

@@ -1,0 +1,43 @@
+//! Cogging: a torque that follows the position, from magnets that prefer the stator's teeth, or from a gear out of round.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+use crate::actuation::motor::JointState;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+pub(in crate::effects) struct Cogging;
+
+static CARD: Card = Card {
+    name: "cogging",
+    law: "amplitude·sin(order·q + phase)",
+    site: SiteKind::Joint,
+    cite: "Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, 2010",
+    tell: "a ripple in the torque residual that repeats with the position, the same at every speed",
+    params: &[Param::new("amplitude", "N·m", (0.0, 5.0), 0.1), Param::shape("order", "1", (0.5, 100.0), 6.0), Param::shape("phase", "rad", (-PI, PI), 0.0)],
+    starts: &[
+        &[1.0, 0.0], &[1.0, FRAC_PI_2],
+        &[2.0, 0.0], &[2.0, FRAC_PI_2],
+        &[3.0, 0.0], &[3.0, FRAC_PI_2],
+        &[4.0, 0.0], &[4.0, FRAC_PI_2],
+        &[5.0, 0.0], &[5.0, FRAC_PI_2],
+        &[6.0, 0.0], &[6.0, FRAC_PI_2],
+        &[7.0, 0.0], &[7.0, FRAC_PI_2],
+        &[8.0, 0.0], &[8.0, FRAC_PI_2],
+        &[9.0, 0.0], &[9.0, FRAC_PI_2],
+        &[10.0, 0.0], &[10.0, FRAC_PI_2],
+        &[11.0, 0.0], &[11.0, FRAC_PI_2],
+        &[12.0, 0.0], &[12.0, FRAC_PI_2],
+    ],
+    alike: &["com_offset", "parallel_spring"],
+    contains: &[],
+};
+
+impl Effect for Cogging {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+        dof.torque.constant += p[0] * (p[1] * state.q + p[2]).sin();
+    }
+}

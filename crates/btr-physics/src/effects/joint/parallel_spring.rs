@@ -1,0 +1,29 @@
+//! A spring beside the motor: a balancing spring, a cable bundle that is bent.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::Dof;
+
+pub(in crate::effects) struct ParallelSpring;
+
+static CARD: Card = Card {
+    name: "parallel_spring",
+    law: "-stiffness·(q - rest)",
+    site: SiteKind::Joint,
+    cite: "Hooke's law",
+    tell: "a torque residual that is a straight line over the position, whatever gravity does",
+    params: &[Param::new("stiffness", "N·m/rad", (0.0, 50.0), 0.5), Param::shape("rest", "rad", (-3.2, 3.2), 0.0)],
+    starts: &[&[0.0], &[-1.0], &[1.0]],
+    alike: &["com_offset", "gravity_tilt"],
+    contains: &[],
+};
+
+impl Effect for ParallelSpring {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn joint(&self, p: &[f64], dof: &mut Dof) {
+        dof.torque.stiffness += p[0];
+        dof.torque.constant += p[0] * p[1];
+    }
+}

@@ -1,0 +1,99 @@
+//! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its own
+//! that tells everything about it.
+
+mod effect;
+mod formula;
+mod readings;
+mod rotor;
+
+pub use effect::{Card, Effect, Param, Placed, SiteKind};
+pub use formula::error::FormulaError;
+pub use formula::law::{Function, Laws, Scene};
+pub use formula::{FORMULA, On, formula, formula_or_function};
+
+use btr_core::world::WorldError;
+
+/// Declares the effects' files, folder by folder, and lists them.
+macro_rules! effects {
+    ($($folder:ident { $($file:ident::$effect:ident),* $(,)? })*) => {
+        $(mod $folder {
+            $(pub(super) mod $file;)*
+        })*
+        /// Every effect there is.
+        pub static EFFECTS: &[&dyn Effect] = &[$($(&$folder::$file::$effect),*),*];
+    };
+}
+
+// The order is that in which they act on a run, wherever a file lists them: commands from the sender to the servo,
+// transmissions from the link to the motor, encoders from the shaft to the reading.
+effects! {
+    friction {
+        coulomb_friction::CoulombFriction,
+        viscous_friction::ViscousFriction,
+        stribeck_friction::StribeckFriction,
+        asymmetric_friction::AsymmetricFriction,
+        load_dependent_friction::LoadDependentFriction,
+        quadratic_drag::QuadraticDrag,
+    }
+    joint {
+        armature::Armature,
+        parallel_spring::ParallelSpring,
+        cogging::Cogging,
+    }
+    motor {
+        torque_limit::TorqueLimit,
+        speed_torque_limit::SpeedTorqueLimit,
+        voltage_sag::VoltageSag,
+        thermal_fade::ThermalFade,
+    }
+    command {
+        command_delay::CommandDelay,
+        motor_lag::MotorLag,
+        command_rate_limit::CommandRateLimit,
+        command_deadband::CommandDeadband,
+        command_offset::CommandOffset,
+    }
+    body {
+        payload::Payload,
+        com_offset::ComOffset,
+        link_inertia::LinkInertia,
+        gravity_tilt::GravityTilt,
+    }
+    transmission {
+        backlash::Backlash,
+        joint_elasticity::JointElasticity,
+    }
+    sensor {
+        encoder_scale::EncoderScale,
+        encoder_offset::EncoderOffset,
+        encoder_delay::EncoderDelay,
+        imu_bias::ImuBias,
+        clock_skew::ClockSkew,
+    }
+    ground {
+        ground_friction::GroundFriction,
+        contact_compliance::ContactCompliance,
+    }
+}
+
+/// The effect of that name.
+pub fn find(name: &str) -> Option<&'static dyn Effect> {
+    EFFECTS.iter().copied().find(|effect| effect.card().name == name)
+}
+
+/// The effects that do something, in the order in which they act.
+///
+/// # Errors
+/// [`WorldError::Setup`] for values that make no sense.
+pub(crate) fn in_force(effects: &[Placed]) -> Result<Vec<Placed>, WorldError> {
+    effects.iter().try_for_each(Placed::check)?;
+    let mut acting: Vec<Placed> = effects.iter().filter(|placed| !placed.is_off()).cloned().collect();
+    acting.sort_by_key(rank);
+    Ok(acting)
+}
+
+/// Its place in the order in which effects act.
+fn rank(placed: &Placed) -> usize {
+    let name = placed.effect.card().name;
+    EFFECTS.iter().position(|effect| effect.card().name == name).unwrap_or(EFFECTS.len())
+}

@@ -1,0 +1,28 @@
+//! A motor that gives no more than so much torque.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::actuation::motor::{JointState, MotorTorque};
+
+pub(in crate::effects) struct TorqueLimit;
+
+static CARD: Card = Card {
+    name: "torque_limit",
+    law: "the motor's torque is clamped to ±torque",
+    site: SiteKind::Joint,
+    cite: "saturation, as in any servo's data sheet",
+    tell: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
+    params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
+    starts: &[],
+    alike: &["speed_torque_limit"],
+    contains: &[],
+};
+
+impl Effect for TorqueLimit {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
+        motor.limit_to(p[0]);
+    }
+}

@@ -1,0 +1,32 @@
+//! Readings that reach the log late; the servo has its own.
+
+use crate::effects::readings::taken_at;
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use btr_core::log::Log;
+
+pub(in crate::effects) struct EncoderDelay;
+
+static CARD: Card = Card {
+    name: "encoder_delay",
+    law: "the log's position and velocity are those of t - delay; before that, the first ones",
+    site: SiteKind::Joint,
+    cite: "transport delay",
+    tell: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
+    params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
+    starts: &[],
+    alike: &["command_delay", "motor_lag"],
+    contains: &[],
+};
+
+impl Effect for EncoderDelay {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
+        let taken: Vec<f64> = log.clock_s().iter().map(|t| t - p[0]).collect();
+        for channel in ["q", "dq"] {
+            taken_at(log, &format!("{channel}_{joint}"), &taken);
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! An encoder whose zero is elsewhere than the model's: the servo and the log work with its reading.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::{Affine, Dof};
+use crate::actuation::motor::JointState;
+use btr_core::log::Log;
+
+pub(in crate::effects) struct EncoderOffset;
+
+static CARD: Card = Card {
+    name: "encoder_offset",
+    law: "the reading is q + offset",
+    site: SiteKind::Joint,
+    cite: "a horn or a magnet that is mounted one tooth off",
+    tell: "a constant error of the position, and wrong gravity torque for where the joint seems to be",
+    params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
+    starts: &[],
+    alike: &["com_offset", "gravity_tilt"],
+    contains: &[],
+};
+
+impl Effect for EncoderOffset {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+        (state.q + p[0], state.dq)
+    }
+
+    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+        Affine { constant: motor.constant - motor.stiffness * p[0], ..motor }
+    }
+
+    fn start(&self, p: &[f64], reading: f64) -> f64 {
+        reading - p[0]
+    }
+
+    fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
+        if let Some(q) = log.values_mut(&format!("q_{joint}")) {
+            q.iter_mut().for_each(|q| *q += p[0]);
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! An encoder that counts too much or too little per turn: the servo and the log work with its reading.
+
+use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::engine::{Affine, Dof};
+use crate::actuation::motor::JointState;
+use btr_core::log::Log;
+
+pub(in crate::effects) struct EncoderScale;
+
+static CARD: Card = Card {
+    name: "encoder_scale",
+    law: "the reading is (1 + error)·q, and so is its velocity",
+    site: SiteKind::Joint,
+    cite: "gain error of a potentiometer, a wrong gear ratio",
+    tell: "an error of the position that grows with the distance from zero",
+    params: &[Param::new("error", "1", (-0.5, 0.5), 0.05)],
+    starts: &[],
+    alike: &["encoder_offset"],
+    contains: &[],
+};
+
+impl Effect for EncoderScale {
+    fn card(&self) -> &'static Card {
+        &CARD
+    }
+
+    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+        let gain = 1.0 + p[0];
+        (gain * state.q, gain * state.dq)
+    }
+
+    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+        let gain = 1.0 + p[0];
+        Affine { constant: motor.constant, stiffness: gain * motor.stiffness, damping: gain * motor.damping }
+    }
+
+    fn start(&self, p: &[f64], reading: f64) -> f64 {
+        reading / (1.0 + p[0])
+    }
+
+    fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
+        for channel in ["q", "dq"] {
+            if let Some(values) = log.values_mut(&format!("{channel}_{joint}")) {
+                values.iter_mut().for_each(|value| *value *= 1.0 + p[0]);
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Forward dynamics by themselves: how a robot that nothing touches accelerates.
+
+use super::Articulated;
+use super::lanes::Lanes;
+use super::spatial::{factorise, solve};
+use super::world::World;
+use crate::engine::{Dynamics, State};
+use crate::robot::Robot;
+use crate::setup::Setup;
+use nalgebra::Vector3;
+use pulp::{Arch, Scalar};
+
+/// The accelerations of a robot in a state, with these torques in its joints (N·m; N for slides, in the order of
+/// [`movable`](Robot::movable)) and a gravity in m/s²: those of a floating root's frame first, angular (rad/s²) and then linear
+/// (m/s²), both in the world's axes; then those of the joints in rad/s² (m/s²). Rotors weigh in and joints follow those
+/// that they mimic; servos, friction, limits and contacts do nothing.
+///
+/// Composite rigid bodies, recursive Newton-Euler and a factor along the tree (R. Featherstone, "Rigid Body Dynamics
+/// Algorithms", Springer 2008, chapters 5, 6 and 8).
+pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &State, torques: &[f64]) -> Vec<f64> {
+    let setup = Setup { gravity_m_s2, ground: None, ball: None, ..Setup::default() };
+    let simd = Scalar::new();
+    let mut engine = Articulated::new(simd, Arch::Scalar, &[World::new(robot, &setup)]);
+    engine.place(state);
+    let (tree, s) = (&mut engine.tree, &mut engine.scratch);
+    tree.place(simd, &engine.now);
+    tree.carry(simd, &engine.now.u, &engine.gravity, None, &mut s.carried);
+    tree.fill_matrix(&mut s.matrix);
+    let own = [0.0; 6].into_iter().take(engine.root).chain(torques.iter().copied());
+    for ((next, carried), torque) in s.next.iter_mut().zip(&s.carried).zip(own) {
+        *next = Lanes::all(simd, torque) - *carried;
+    }
+    for (i, (_, link)) in robot.movable().enumerate() {
+        let d = engine.root + i;
+        s.matrix[d * tree.freedom() + d] += Lanes::all(simd, link.joint.armature);
+    }
+    factorise(&mut s.matrix, &tree.ways);
+    solve(&s.matrix, &tree.ways, &mut s.next);
+    // What holds of velocities after an impulse holds of accelerations under a force.
+    engine.follow(0.0);
+    engine.impulses.act(&engine.tree, &engine.scratch.matrix, &mut engine.scratch.next);
+    engine.scratch.next.iter().map(|acceleration| acceleration.lane(0)).collect()
+}

@@ -1,0 +1,229 @@
+//! The usual case at once: everything that touches either sticks or comes off, and joints either stand still or rub
+//! with all they have. Who does which is guessed, the linear equations for that are solved, and the guess is corrected.
+//! This is for soles that stand on many corners, over which sweeps take for ever; where something slides they have to
+//! find out all the same.
+
+use super::{Impulses, Single};
+use crate::engine::articulated::lanes::{Lanes, Mask};
+use pulp::Simd;
+
+/// How often a guess is corrected before it is left to the sweeps.
+const GUESSES: usize = 4;
+/// With more rows than this the sweeps are faster.
+const MOST_ROWS: f64 = 30.0;
+/// What impulses cost that need not cost anything, as a share of what they do: a sole that sticks on four corners could
+/// share its load among them in many ways...
+const COST: f64 = 1e-9;
+/// ... and corners whose heights differ by a hair would keep it from tilting with huge forces across, against each other.
+const ACROSS: f64 = 2e-6;
+/// Corners share what they hold across as they share the load, as far as it differs by less than this.
+const UNEVEN: f64 = 1e4;
+/// How far beyond its cone (as a share) or its aim (m/s) something may be that is as good as there.
+const BESIDE: f64 = 1e-9;
+
+/// Memory for that.
+pub(super) struct Guess<S: Simd> {
+    /// Whose impulse follows from the equations; all others stay.
+    free: Vec<Mask<S>>,
+    /// The velocities without impulses, those to bring about, and what an impulse costs of it.
+    pub(super) alone: Vec<Lanes<S>>,
+    wanted: Vec<Lanes<S>>,
+    costs: Vec<Lanes<S>>,
+    /// Row by row the upper factor of the equations' matrix, and their solution.
+    factor: Vec<Lanes<S>>,
+    solution: Vec<Lanes<S>>,
+}
+
+impl<S: Simd> Guess<S> {
+    pub(super) fn new() -> Self {
+        let (free, alone, wanted, costs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Guess { free, alone, wanted, costs, factor: Vec::new(), solution: Vec::new() }
+    }
+}
+
+impl<S: Simd> Impulses<S> {
+    /// Tries to find all impulses of those who `may` without sweeps, and says for whom that worked; for them impulses
+    /// and speeds are final.
+    #[inline(always)]
+    pub(super) fn stick(&mut self, may: Mask<S>) -> Mask<S> {
+        let zero = Lanes::zero(self.simd);
+        self.guess();
+        let mut open = may;
+        for _ in 0..GUESSES {
+            self.factorise();
+            self.solve();
+            let wrong = self.correct();
+            open = open.and(wrong);
+            if !open.any() {
+                break;
+            }
+        }
+        let few = self.own_rows().at_most(zero.like(MOST_ROWS));
+        open.or(self.slides()).not().and(few).and(may)
+    }
+
+    /// How many rows each candidate needs for itself.
+    #[inline(always)]
+    fn own_rows(&self) -> Lanes<S> {
+        let zero = Lanes::zero(self.simd);
+        let mut rows = zero;
+        for contact in &self.contacts {
+            rows += contact.there.select(zero.like(3.0), zero);
+        }
+        for single in &self.singles {
+            rows += single.least.less(single.most).select(zero.like(1.0), zero);
+        }
+        rows
+    }
+
+    /// What pushed sticks, what did not is away; joints that could not be stopped rub.
+    #[inline(always)]
+    fn guess(&mut self) {
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
+        let (one, all) = (zero.like(1.0), zero.at_most(zero));
+        let g = &mut self.guess;
+        g.free.clear();
+        g.free.resize(rows, all);
+        g.alone.clear();
+        g.alone.extend_from_slice(&self.speeds);
+        for numbers in [&mut g.wanted, &mut g.costs, &mut g.solution] {
+            numbers.clear();
+            numbers.resize(rows, zero);
+        }
+        // All that is read of it is written first.
+        g.factor.resize(g.factor.len().max(rows * rows), zero);
+        for (k, &Single { row, wanted, least, most, stubborn }) in self.singles.iter().enumerate() {
+            // Couples hold exactly: none of them is one too many.
+            let own = if k < self.couples { zero } else { self.answers[row * rows + row] };
+            let needed = (wanted - self.speeds[row]) * stubborn;
+            let inside = least.less(needed).and(needed.less(most));
+            (g.free[row], g.wanted[row], g.costs[row]) = (inside, wanted, own * COST);
+            self.impulses[row] = inside.select(zero, needed.clamp(least, most));
+        }
+        let (mut loads, mut many) = (zero, zero);
+        for contact in &self.contacts {
+            let load = self.known[contact.slot][0];
+            let bears = contact.there.and(zero.less(load));
+            loads += bears.select(load, zero);
+            many += bears.select(one, zero);
+        }
+        for contact in &self.contacts {
+            let (row, load) = (contact.row, self.known[contact.slot][0]);
+            let share = loads / many.max(one) / load.max(loads * (1.0 / UNEVEN)).max(zero.like(f64::MIN_POSITIVE));
+            let share = zero.less(loads).select(share.clamp(zero.like(UNEVEN.recip()), zero.like(UNEVEN)), one);
+            for k in 0..3 {
+                g.free[row + k] = contact.there.and(zero.less(load));
+                self.impulses[row + k] = zero;
+                let own = self.answers[(row + k) * rows + row + k];
+                g.costs[row + k] = if k == 0 { contact.law.softness + own * COST } else { own * share * ACROSS };
+            }
+            g.wanted[row] = contact.law.wanted;
+        }
+    }
+
+    /// The factor UᵀU of what the free rows do to each other (A.-L. Cholesky), with reciprocals on its diagonal. Sums
+    /// go row by row: rows that only other candidates need change no digit.
+    #[inline(always)]
+    fn factorise(&mut self) {
+        let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
+        let one = zero.like(1.0);
+        for i in 0..rows {
+            for j in i + 1..rows {
+                let both = g.free[i].and(g.free[j]);
+                g.factor[i * rows + j] = both.select(self.answers[i * rows + j], zero);
+            }
+            g.factor[i * rows + i] = g.free[i].select(self.answers[i * rows + i] + g.costs[i], one);
+        }
+        for k in 0..rows {
+            let (above, below) = g.factor.split_at_mut((k + 1) * rows);
+            let own = &mut above[k * rows..];
+            let pivot = own[k].sqrt().recip();
+            own[k] = pivot;
+            for entry in &mut own[k + 1..] {
+                *entry = *entry * pivot;
+            }
+            for i in k + 1..rows {
+                let (share, row) = (own[i], (i - k - 1) * rows);
+                for (entry, &other) in below[row + i..row + rows].iter_mut().zip(&own[i..]) {
+                    *entry = entry.sub_product(share, other);
+                }
+            }
+        }
+    }
+
+    /// The impulses of the free rows, and the speeds with all impulses.
+    #[inline(always)]
+    fn solve(&mut self) {
+        let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
+        for i in 0..rows {
+            let mut missing = g.wanted[i] - g.alone[i];
+            for &Single { row, .. } in &self.singles {
+                missing -= g.free[row].select(zero, self.answers[i * rows + row] * self.impulses[row]);
+            }
+            g.solution[i] = g.free[i].select(missing, zero);
+        }
+        for i in 0..rows {
+            let own = g.solution[i] * g.factor[i * rows + i];
+            g.solution[i] = own;
+            for (other, &entry) in g.solution[i + 1..rows].iter_mut().zip(&g.factor[i * rows + i + 1..]) {
+                *other = other.sub_product(entry, own);
+            }
+        }
+        for i in (0..rows).rev() {
+            let own = g.solution[i] * g.factor[i * rows + i];
+            for j in 0..i {
+                g.solution[j] = g.solution[j].sub_product(g.factor[j * rows + i], own);
+            }
+            self.impulses[i] = g.free[i].select(own, self.impulses[i]);
+        }
+        self.speeds.copy_from_slice(&g.alone);
+        for (i, &impulse) in self.impulses.iter().enumerate() {
+            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[i * rows..(i + 1) * rows]) {
+                *speed = speed.add_product(answer, impulse);
+            }
+        }
+    }
+
+    /// Lets go what pulls, takes hold of what would run into something, and so on; says whose guess was wrong.
+    #[inline(always)]
+    fn correct(&mut self) -> Mask<S> {
+        let (zero, g) = (Lanes::zero(self.simd), &mut self.guess);
+        let beside = zero.like(BESIDE);
+        let mut wrong = zero.less(zero);
+        for contact in &self.contacts {
+            let (row, free) = (contact.row, g.free[contact.row]);
+            let pulls = free.and(self.impulses[row].less(zero));
+            let sinks = contact.there.and(free.not()).and(self.speeds[row].less(contact.law.wanted - beside));
+            wrong = wrong.or(pulls).or(sinks);
+            for k in 0..3 {
+                g.free[row + k] = free.and(pulls.not()).or(sinks);
+                self.impulses[row + k] = pulls.select(zero, self.impulses[row + k]);
+            }
+        }
+        for &Single { row, wanted, least, most, .. } in &self.singles {
+            let (free, impulse) = (g.free[row], self.impulses[row]);
+            let beyond = free.and(impulse.less(least).or(most.less(impulse)));
+            let behind = self.speeds[row].less(wanted - beside).and(impulse.less(most));
+            let ahead = (wanted + beside).less(self.speeds[row]).and(least.less(impulse));
+            let release = free.not().and(behind.or(ahead));
+            wrong = wrong.or(beyond).or(release);
+            g.free[row] = free.and(beyond.not()).or(release);
+            self.impulses[row] = beyond.select(impulse.clamp(least, most), impulse);
+        }
+        wrong
+    }
+
+    /// For whom anything holds more across than it can.
+    #[inline(always)]
+    fn slides(&self) -> Mask<S> {
+        let zero = Lanes::zero(self.simd);
+        let mut slides = zero.less(zero);
+        for contact in &self.contacts {
+            let row = contact.row;
+            let [normal, a, b] = [self.impulses[row], self.impulses[row + 1], self.impulses[row + 2]];
+            let most = contact.law.friction * normal * (1.0 + BESIDE);
+            slides = slides.or((most * most).less(a * a + b * b));
+        }
+        slides
+    }
+}

@@ -1,0 +1,134 @@
+//! Projected Gauss-Seidel: impulses are put right one after the other, sweep by sweep, until velocities have settled.
+
+use super::{Contact, Impulses, Law, Single};
+use crate::engine::articulated::lanes::{Lanes, Mask};
+use pulp::Simd;
+
+/// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
+const IN_JOINTS: (usize, f64) = (60, 1e-13);
+/// The same with contacts, times the fastest speed: far below what any sensor sees. A sole that slides flat on its
+/// corners may share its load among them in many ways, and would be sorted out for ever.
+const TOUCHING: (usize, f64) = (50, 1e-6);
+/// What rests must not creep: speeds below this (rad/s, m/s) count as this.
+const AT_REST: f64 = 0.01;
+
+impl<S: Simd> Impulses<S> {
+    /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
+        if !settled.not().any() {
+            return;
+        }
+        if tried.any() {
+            for (speed, alone) in self.speeds.iter_mut().zip(&self.guess.alone) {
+                *speed = settled.select(*speed, *alone);
+            }
+            for single in &self.singles {
+                self.impulses[single.row] = settled.select(self.impulses[single.row], zero);
+            }
+        }
+        for contact in &self.contacts {
+            for k in 0..3 {
+                let row = contact.row + k;
+                let known = contact.there.select(self.known[contact.slot][k], zero);
+                self.impulses[row] = settled.select(self.impulses[row], known);
+                let impulse = settled.select(zero, known);
+                let answers = &self.answers[row * rows..(row + 1) * rows];
+                for (speed, &answer) in self.speeds.iter_mut().zip(answers) {
+                    *speed = speed.add_product(answer, impulse);
+                }
+            }
+        }
+    }
+
+    /// Sweeps for each candidate until it has settled or may sweep no more; gives back for whom there was no end.
+    #[inline(always)]
+    pub(super) fn sweep_until_settled(&mut self, mut moving: Mask<S>, u: &[Lanes<S>]) -> Mask<S> {
+        let zero = Lanes::zero(self.simd);
+        let mut fastest = zero.like(AT_REST);
+        for speed in u {
+            fastest = fastest.max(speed.abs());
+        }
+        let touching = self.touching();
+        let settled = [
+            touching.select(fastest * TOUCHING.1, zero.like(IN_JOINTS.1)),
+            touching.select(zero, zero.like(IN_JOINTS.1)),
+        ];
+        let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
+        let (mut sweep, mut endless) = (0.0, zero.less(zero));
+        while moving.any() {
+            moving = self.sweep(moving, settled);
+            sweep += 1.0;
+            let last = sweeps.at_most(zero.like(sweep));
+            endless = endless.or(moving.and(last));
+            moving = moving.and(last.not());
+        }
+        endless
+    }
+
+    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for
+    /// those that still are moving; gives back for whom a velocity changed by more than this and this share of itself.
+    #[inline(always)]
+    fn sweep(&mut self, moving: Mask<S>, settled: [Lanes<S>; 2]) -> Mask<S> {
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
+        let mut still = zero.less(zero);
+        for k in 0..self.singles.len() {
+            let Single { row, wanted, least, most, stubborn } = self.singles[k];
+            let own = self.answers[row * rows + row];
+            let to = self.impulses[row].add_product(wanted - self.speeds[row], stubborn).clamp(least, most);
+            let change = moving.select(to - self.impulses[row], zero);
+            self.impulses[row] += change;
+            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[row * rows..(row + 1) * rows]) {
+                *speed = speed.add_product(answer, change);
+            }
+            still = still.or(moves(change * own, self.speeds[row], settled));
+        }
+        for k in 0..self.contacts.len() {
+            let row = self.contacts[k].row;
+            let found = self.alone(&self.contacts[k]);
+            let mut change = found;
+            for k in 0..3 {
+                change[k] = moving.select(found[k] - self.impulses[row + k], zero);
+                self.impulses[row + k] += change[k];
+            }
+            let (first, rest) = self.answers[row * rows..(row + 3) * rows].split_at(rows);
+            let (second, third) = rest.split_at(rows);
+            for (((speed, &a), &b), &c) in self.speeds.iter_mut().zip(first).zip(second).zip(third) {
+                *speed = speed.add_product(a, change[0]).add_product(b, change[1]).add_product(c, change[2]);
+            }
+            for k in 0..3 {
+                let own = self.answers[(row + k) * rows + row + k];
+                still = still.or(moves(change[k] * own, self.speeds[row + k], settled));
+            }
+        }
+        moving.and(still)
+    }
+
+    /// The impulses of a contact while all others stay: the normal one, and what that leaves to those across.
+    #[inline(always)]
+    fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
+        let (rows, row, Law { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
+        let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
+        let before = self.impulses[row];
+        let missing = wanted - self.speeds[row] - softness * before;
+        let normal = contact.there.select(before.add_product(missing, contact.stubborn).max(zero), zero);
+        let mut across = [zero; 2];
+        for k in 0..2 {
+            let speed = self.speeds[row + 1 + k].add_product(self.answers[row * rows + row + 1 + k], normal - before);
+            across[k] = self.impulses[row + 1 + k].sub_product(speed, contact.stubborn_across);
+        }
+        let most = friction * normal;
+        let square = across[0] * across[0] + across[1] * across[1];
+        let beyond = (most * most).less(square);
+        // Most of what touches sticks.
+        let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
+        [normal, across[0] * shrink, across[1] * shrink]
+    }
+}
+
+/// Whether a velocity changed by more than this and this share of itself.
+#[inline(always)]
+fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, [least, share]: [Lanes<S>; 2]) -> Mask<S> {
+    change.abs().at_most(least.add_product(share, speed.abs())).not()
+}

@@ -1,0 +1,162 @@
+//! What stops a robot: dry friction, joint limits, the floor and the ball.
+
+use super::impulses::Law;
+use super::lanes::{Lanes, Mask};
+use super::touch;
+use super::touch::Reach;
+use super::{Articulated, Coupling, Floor};
+use pulp::Simd;
+
+/// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is
+/// free to do: others may push it down.
+const PUSHED: f64 = 0.5;
+/// Nothing is looked at that would have to be faster than this (m/s) to touch within a step.
+const FASTEST: f64 = 20.0;
+
+impl<S: Simd> Articulated<S> {
+    /// Dry friction, joint limits and contacts: impulses within their bounds.
+    #[inline(always)]
+    pub(super) fn stop(&mut self) {
+        self.impulses.clear();
+        self.follow(0.5 / self.dt_s);
+        self.rub();
+        self.keep_step();
+        self.touch();
+        self.impulses.act(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
+    }
+
+    /// Joints that follow others do so at the step's end, and make up for where they are not by so much (in 1/s) of it.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, rate_per_s: f64) {
+        for Coupling { joint, leader, ratio, offset } in &self.followers {
+            let beside = self.now.q[*joint] - *ratio * self.now.q[*leader] - *offset;
+            let dofs = [self.root + joint, self.root + leader];
+            let (tree, s) = (&self.tree, &self.scratch);
+            self.impulses.couple(dofs, [*ratio, beside * -rate_per_s], tree, &s.matrix, &s.next);
+        }
+    }
+
+    /// Who follows is advanced by the same rule as who leads.
+    #[inline(always)]
+    fn keep_step(&mut self) {
+        let (root, share) = (self.root, &mut self.scratch.share);
+        for Coupling { joint, leader, .. } in &self.followers {
+            share[root + leader] = share[root + leader].max(share[root + joint]);
+        }
+        for Coupling { joint, leader, .. } in &self.followers {
+            share[root + joint] = share[root + leader];
+        }
+    }
+
+    /// Dry friction and joint limits stop joints as far as they can.
+    #[inline(always)]
+    fn rub(&mut self) {
+        let (dt, s) = (self.dt_s, &mut self.scratch);
+        let zero = Lanes::zero(self.simd);
+        let (one, endless, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
+        // Most steps of most robots have nothing of the kind.
+        let mut stopped = zero.less(zero);
+        for i in 0..self.inner.len() {
+            let (next, q, limits) = (s.next[self.root + i], self.now.q[i], self.limits[i]);
+            let beyond = next.less((limits.0 - q) * per_s).or(((limits.1 - q) * per_s).less(next));
+            stopped = stopped.or(beyond).or(zero.less(self.inner[i].dry_friction));
+        }
+        if !stopped.any() {
+            return;
+        }
+        for i in 0..self.inner.len() {
+            if self.courses[i].is_some() {
+                continue;
+            }
+            let (d, q) = (self.root + i, self.now.q[i]);
+            let (lower, upper) = ((self.limits[i].0 - q) * per_s, (self.limits[i].1 - q) * per_s);
+            let most = self.inner[i].dry_friction * dt;
+            if zero.less(most).any() {
+                self.impulses.hold(d, [zero, -most, most], &self.tree, &s.matrix, &s.next);
+            }
+            let (below, above) = (s.next[d].less(lower), upper.less(s.next[d]));
+            // It must end the step at the limit, not halfway beyond.
+            s.share[d] = below.or(above).select(one, s.share[d]);
+            if below.any() {
+                let bounds = [below.select(lower, zero), zero, below.select(endless, zero)];
+                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
+            }
+            if above.any() {
+                let bounds = [above.select(upper, zero), above.select(-endless, zero), zero];
+                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
+            }
+        }
+    }
+
+    /// Contacts with the floor and the ball.
+    #[inline(always)]
+    fn touch(&mut self) {
+        let Some(floor) = &self.floor else { return };
+        let (dt, s, simd) = (self.dt_s, &mut self.scratch, self.simd);
+        let zero = Lanes::zero(simd);
+        let height = floor.friction.map(|_| -self.tree.origin.0[2]);
+        let reach = Reach { floor: height, gap: zero.like(dt * FASTEST) };
+        touch::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
+        if s.touches.is_empty() {
+            return;
+        }
+        let [free, now] = &mut s.motions;
+        self.tree.motions(&s.next, free);
+        if self.ball.is_some() {
+            self.tree.motions(&self.now.u, now);
+        }
+        for touch in &s.touches {
+            let separation = touch.along(simd, &touch.apart(free))[0];
+            let mut there = touch.there.and(((separation - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
+            let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
+            let apart = touch.depth.less(zero);
+            if let Some(ball) = ball {
+                // What shall bounce has to arrive at its full speed first.
+                there = there.and(apart.and(zero.less(ball.restitution)).not());
+            }
+            let (mut law, gives) = floor.law(touch.depth, dt);
+            there = there.and(gives);
+            if !there.any() {
+                continue;
+            }
+            law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
+            if let Some(ball) = ball {
+                let kept = -(ball.restitution * touch.along(simd, &touch.apart(now))[0]);
+                // An impact is over within the step: nothing of what is kept goes into a spring.
+                let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
+                law.wanted = bounces.select(kept, law.wanted);
+                law.softness = bounces.select(zero, law.softness);
+            }
+            self.impulses.touch(touch, law, there, &self.tree, &s.matrix, free);
+        }
+    }
+
+    /// What the feet felt during the last step.
+    #[inline(always)]
+    pub(super) fn feel(&mut self) {
+        for touch in &self.scratch.touches {
+            let hull = touch.hull.filter(|_| touch.other.is_none());
+            if let Some(foot) = hull.and_then(|hull| self.hulls[hull].foot) {
+                self.foot_impulses[foot] += self.impulses.normal(touch.slot);
+            }
+        }
+    }
+}
+
+impl<S: Simd> Floor<S> {
+    /// A spring and a damper over a step, at a depth in its middle; and for whom there are any.
+    ///
+    /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap,
+    /// it only has to close.
+    #[inline(always)]
+    fn law(&self, depth: Lanes<S>, dt_s: f64) -> (Law<S>, Mask<S>) {
+        let (zero, one) = (depth.like(0.0), depth.like(1.0));
+        let resistance = self.damping + self.stiffness * (0.5 * dt_s);
+        let gives = zero.less(resistance);
+        let resistance = gives.select(resistance, one);
+        let softness = (resistance * dt_s).recip();
+        let pushed = self.stiffness * depth / resistance;
+        let wanted = zero.less(depth).select(pushed, depth * (2.0 / dt_s));
+        (Law { wanted, softness, friction: zero }, gives)
+    }
+}

@@ -1,0 +1,168 @@
+//! A robot in its world, body by body: what the engine is built from, and whether two of them are of one kind.
+
+use super::tree::Carrier;
+use crate::engine::assemble;
+use crate::robot::{Base, Follower, Geometry, JointKind, Robot};
+use crate::setup::{Compliance, Setup};
+use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use std::f64::consts::TAU;
+
+/// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
+const HARD_HZ: f64 = 30.0;
+
+/// A robot in its world, number by number.
+pub(super) struct World {
+    pub(super) bodies: Vec<Plain>,
+    pub(super) poses: Vec<Isometry3<f64>>,
+    pub(super) start: Isometry3<f64>,
+    pub(super) hulls: Vec<Shape>,
+    pub(super) q: Vec<f64>,
+    pub(super) dq: Vec<f64>,
+    pub(super) limits: Vec<(f64, f64)>,
+    pub(super) names: Vec<String>,
+    pub(super) followers: Vec<Follower>,
+    pub(super) root: usize,
+    pub(super) feet: usize,
+    pub(super) mass_kg: f64,
+    pub(super) setup: Setup,
+}
+
+/// A body of one robot; see [`Body`].
+pub(super) struct Plain {
+    pub(super) parent: Option<usize>,
+    pub(super) carrier: Carrier,
+    /// In the joint's frame; nothing for free bodies.
+    pub(super) axis: Vector3<f64>,
+    pub(super) origin: Isometry3<f64>,
+    pub(super) mass_kg: f64,
+    pub(super) com_m: Vector3<f64>,
+    pub(super) inertia_kg_m2: Matrix3<f64>,
+}
+
+/// A shape on a body of one robot; see [`Hull`].
+pub(super) struct Shape {
+    pub(super) body: usize,
+    pub(super) foot: Option<usize>,
+    pub(super) pose: Isometry3<f64>,
+    pub(super) geometry: Geometry,
+}
+
+impl World {
+    pub(super) fn new(robot: &Robot, setup: &Setup) -> Self {
+        let assembled = assemble::bodies(robot);
+        let floats = robot.base == Base::Floating;
+        let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
+        let mut bodies = carried(robot, &assembled);
+        let mut poses = if floats { vec![start] } else { Vec::new() };
+        if let Some(ball) = &setup.ball {
+            bodies.push(Plain::of_ball(ball.mass_kg, ball.radius_m, poses.len()));
+            poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
+        }
+        let joints = || robot.movable().map(|(_, link)| &link.joint);
+        let touchable = setup.ground.is_some() || setup.ball.is_some();
+        let many = joints().count();
+        let moving = setup.start_velocities.iter().copied().chain(std::iter::repeat(0.0));
+        let followers = robot.followers();
+        let mut dq: Vec<f64> = moving.take(many).collect();
+        followers.iter().for_each(|follower| dq[follower.joint] = follower.ratio * dq[follower.leader]);
+        World {
+            bodies,
+            poses,
+            start,
+            hulls: if touchable { shapes(robot, &assembled) } else { Vec::new() },
+            q: joints().map(|joint| joint.start).collect(),
+            dq,
+            limits: joints().map(|joint| joint.limits).collect(),
+            names: joints().map(|joint| joint.name.clone()).collect(),
+            followers,
+            root: if floats { 6 } else { 0 },
+            feet: robot.links.iter().filter(|link| link.foot).count(),
+            mass_kg: robot.mass_kg(),
+            setup: setup.clone(),
+        }
+    }
+
+    /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
+    pub(super) fn is_like(&self, other: &World) -> bool {
+        let body = |a: &Plain, b: &Plain| a.parent == b.parent && a.carrier == b.carrier;
+        let shape = |a: &Shape, b: &Shape| {
+            let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
+            a.body == b.body && a.foot == b.foot && form
+        };
+        fn pairs(world: &World) -> impl Iterator<Item = (usize, usize)> {
+            world.followers.iter().map(|follower| (follower.joint, follower.leader))
+        }
+        let world = |s: &Setup| (s.dt_s.to_bits(), s.substeps, s.ground.is_some(), s.ball.is_some());
+        self.bodies.len() == other.bodies.len()
+            && self.hulls.len() == other.hulls.len()
+            && self.root == other.root
+            && self.feet == other.feet
+            && self.names == other.names
+            && pairs(self).eq(pairs(other))
+            && world(&self.setup) == world(&other.setup)
+            && self.bodies.iter().zip(&other.bodies).all(|(a, b)| body(a, b))
+            && self.hulls.iter().zip(&other.hulls).all(|(a, b)| shape(a, b))
+    }
+
+    /// Stiffness and damping of the floor.
+    pub(super) fn compliance(&self) -> Compliance {
+        let (mass, angular_frequency) = (self.mass_kg, TAU * HARD_HZ);
+        let hard = Compliance { stiffness: mass * angular_frequency.powi(2), damping: 2.0 * mass * angular_frequency };
+        self.setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard)
+    }
+}
+
+impl Plain {
+    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier, axis: Vector3<f64>) -> Self {
+        Plain {
+            parent,
+            carrier,
+            axis,
+            origin: body.origin,
+            mass_kg: body.mass_kg,
+            com_m: body.com_m.coords,
+            inertia_kg_m2: body.inertia_kg_m2,
+        }
+    }
+
+    fn of_ball(mass_kg: f64, radius_m: f64, pose: usize) -> Self {
+        Plain {
+            parent: None,
+            carrier: Carrier::Free { pose },
+            axis: Vector3::zeros(),
+            origin: Isometry3::identity(),
+            mass_kg,
+            com_m: Vector3::zeros(),
+            inertia_kg_m2: Matrix3::identity() * (0.4 * mass_kg * radius_m.powi(2)),
+        }
+    }
+}
+
+/// The bodies that can move: a root that is bolted down is none.
+fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Plain> {
+    let bolted = usize::from(robot.base == Base::Fixed);
+    let body = |(index, body): (usize, &assemble::Body)| {
+        let Some(joint) = index.checked_sub(1) else {
+            return Plain::new(body, None, Carrier::Free { pose: 0 }, Vector3::zeros());
+        };
+        let own = &robot.links[body.link].joint;
+        let carrier = match own.kind {
+            JointKind::Prismatic => Carrier::Slide { joint },
+            JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint },
+        };
+        Plain::new(body, body.parent.checked_sub(bolted), carrier, own.axis.normalize())
+    };
+    assembled.iter().enumerate().skip(bolted).map(body).collect()
+}
+
+/// The shapes of the bodies that can move.
+fn shapes(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Shape> {
+    let bolted = usize::from(robot.base == Base::Fixed);
+    let foot =
+        |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
+    let moving = assembled.iter().skip(bolted).enumerate();
+    let all =
+        moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
+    all.map(|(body, link, shape)| Shape { body, foot: foot(link), pose: shape.pose, geometry: shape.geometry.clone() })
+        .collect()
+}

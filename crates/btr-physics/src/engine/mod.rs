@@ -1,0 +1,162 @@
+//! What the simulation loop asks of a physics engine, whichever it is.
+
+pub(crate) mod articulated;
+pub(crate) mod assemble;
+pub mod rapier;
+
+pub use articulated::forward_dynamics;
+pub use assemble::carried_inertia;
+
+use btr_core::signal::smooth::Motion;
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// A joint torque that depends linearly on the joint's state: tau = constant − stiffness·q − damping·dq.
+///
+/// Engines integrate it implicitly, so stiff servos stay stable; sums of such torques are such torques again.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Affine {
+    /// N·m (N for slides).
+    pub constant: f64,
+    /// N·m/rad (N/m).
+    pub stiffness: f64,
+    /// N·m·s/rad (N·s/m).
+    pub damping: f64,
+}
+
+impl Affine {
+    /// A torque that depends on nothing, in N·m (N).
+    pub fn constant(torque: f64) -> Self {
+        Affine { constant: torque, ..Affine::default() }
+    }
+
+    /// The torque in the state (q, dq).
+    pub fn at(&self, q: f64, dq: f64) -> f64 {
+        self.constant - self.stiffness * q - self.damping * dq
+    }
+
+    /// Position and velocity after an implicit step of `dt_s` on a joint that moves `inertia` (kg·m²) and that nothing
+    /// else acts on: what the engine will do with this torque, but for the other joints.
+    pub fn step(&self, q: f64, dq: f64, dt_s: f64, inertia: f64) -> (f64, f64) {
+        let push = dt_s * (self.constant - self.stiffness * q);
+        let dq = (inertia * dq + push) / (inertia + dt_s * self.damping + dt_s * dt_s * self.stiffness);
+        (q + dt_s * dq, dq)
+    }
+
+    /// Adds another such torque.
+    pub fn add(&mut self, other: &Affine) {
+        self.constant += other.constant;
+        self.stiffness += other.stiffness;
+        self.damping += other.damping;
+    }
+}
+
+/// A motor's torque over one step: what is wanted, at most `most` and at least `least`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounded {
+    /// Without a bound.
+    pub wanted: Affine,
+    /// The largest torque; it may depend on the velocity.
+    pub most: Affine,
+    /// The least torque, alike.
+    pub least: Affine,
+}
+
+/// Everything that acts on one joint from the inside during one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dof {
+    /// Springs, viscous friction, and a motor that is not in `motor`.
+    pub torque: Affine,
+    /// A motor with bounds, for engines that [keep](Dynamics::keeps_bounds) them.
+    pub motor: Option<Bounded>,
+    /// Coulomb friction that holds at rest, in N·m (N).
+    pub dry_friction: f64,
+    /// Rotor inertia seen at the joint, in kg·m² (kg).
+    pub armature: f64,
+    /// Where the joint is and goes in the coming step whatever that takes, if its motion is prescribed.
+    pub course: Option<Course>,
+}
+
+/// A prescribed motion over one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    /// When the step begins.
+    pub from: Motion,
+    /// When it ends.
+    pub to: Motion,
+}
+
+/// Where the root's frame is and how it moves, in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseState {
+    /// Pose of the root link's frame.
+    pub pose: Isometry3<f64>,
+    /// Velocity of that frame's origin in m/s.
+    pub velocity_m_s: Vector3<f64>,
+    /// Angular velocity in rad/s.
+    pub angular_rad_s: Vector3<f64>,
+}
+
+/// The state of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of [`movable`](crate::robot::Robot::movable).
+    pub joints: Vec<(f64, f64)>,
+    /// The root; without meaning where that is fixed.
+    pub base: BaseState,
+}
+
+impl State {
+    /// Where a robot is.
+    pub fn of(engine: &dyn Dynamics) -> Self {
+        let joints = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
+        State { joints: joints.collect(), base: engine.base() }
+    }
+}
+
+/// A robot in its world, advanced step by step; or several candidates for it side by side, each in a world of its own.
+/// Joints are counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked
+/// as such.
+pub trait Dynamics {
+    /// How many candidates there are.
+    fn lanes(&self) -> usize {
+        1
+    }
+    /// From now on everything but [`step`](Self::step) is about this candidate; the first one until then.
+    fn turn_to(&mut self, lane: usize) {
+        let _ = lane;
+    }
+    /// Joint positions in rad (m).
+    fn positions(&self) -> &[f64];
+    /// Joint velocities in rad/s (m/s).
+    fn velocities(&self) -> &[f64];
+    /// Moves everything to another state: the joints' positions and velocities, and a floating root.
+    fn place(&mut self, state: &State);
+    /// Sets what acts on a joint from now on.
+    fn set_joint(&mut self, joint: usize, dof: &Dof);
+    /// Whether steps are solved for their middle, which is exact to second order, and not for their end.
+    fn midway(&self) -> bool {
+        false
+    }
+    /// Whether it finds out in the step that it solves which motors are at their bounds; one that does not never gets any.
+    fn keeps_bounds(&self) -> bool {
+        false
+    }
+    /// Whether it can lead joints along a [`Course`]; one that cannot never gets any.
+    fn leads(&self) -> bool {
+        false
+    }
+    /// Writes the torque that every joint on a course needs for it when the coming step begins, and leaves the others alone.
+    fn needed(&mut self, torques: &mut [f64]) {
+        let _ = torques;
+    }
+    /// Advances all candidates by the setup's `dt_s`.
+    fn step(&mut self);
+    /// The root.
+    fn base(&self) -> BaseState;
+    /// Sum of the normal forces on a foot during the last step, in N.
+    fn foot_force_n(&self, foot: usize) -> f64;
+    /// Centre of the ball, if there is one.
+    fn ball(&self) -> Option<Point3<f64>>;
+    /// What is wrong with the state (not finite, absurdly fast), if anything.
+    fn trouble(&self) -> Option<String>;
+}

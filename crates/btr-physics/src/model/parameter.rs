@@ -1,0 +1,346 @@
+//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as
+//! well: `formula.PARAM@SITE`, the site as its effect has it).
+//!
+//! A site may be a comma list and contain `*`; one value then holds for everything that it matches.
+
+use crate::effects;
+use crate::effects::{EFFECTS, Effect, FORMULA, Placed, SiteKind};
+use crate::robot::site::matches;
+use crate::robot::stretch;
+use crate::robot::{Actuator, Robot};
+use crate::setup::Setup;
+
+/// Something that a value can be given to.
+#[derive(Clone, Debug)]
+pub struct Target {
+    name: String,
+    quantity: Quantity,
+    site: String,
+    /// Links, also where the quantity belongs to their joints.
+    links: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Quantity {
+    Mass,
+    /// Factor on the link's length.
+    Length,
+    Motor(MotorValue),
+    GroundFriction,
+    Effect(&'static dyn Effect, usize),
+    /// A parameter of a user's law, which only the model knows.
+    Formula,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum MotorValue {
+    Kp,
+    Ki,
+    Kd,
+    MaxTorque,
+    Kt,
+    Resistance,
+    Gain,
+    Supply,
+}
+
+const QUANTITIES: [(&str, Quantity); 11] = [
+    ("mass", Quantity::Mass),
+    ("length", Quantity::Length),
+    ("kp", Quantity::Motor(MotorValue::Kp)),
+    ("ki", Quantity::Motor(MotorValue::Ki)),
+    ("kd", Quantity::Motor(MotorValue::Kd)),
+    ("max_torque", Quantity::Motor(MotorValue::MaxTorque)),
+    ("kt", Quantity::Motor(MotorValue::Kt)),
+    ("resistance", Quantity::Motor(MotorValue::Resistance)),
+    ("gain", Quantity::Motor(MotorValue::Gain)),
+    ("supply", Quantity::Motor(MotorValue::Supply)),
+    ("ground_friction", Quantity::GroundFriction),
+];
+
+/// What is wrong with a parameter's name.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// No quantity, effect or effect's parameter of that name.
+    #[error("`{name}` is not a parameter{}", did_you_mean(near))]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// Similar names, most similar first.
+        near: Vec<String>,
+    },
+    /// No joint or link there.
+    #[error("the robot has no {what} `{site}`{}", did_you_mean(near))]
+    Site {
+        /// Joint or link.
+        what: &'static str,
+        /// What was asked for.
+        site: String,
+        /// Similar names, most similar first.
+        near: Vec<String>,
+    },
+    /// A quantity that its site does not have.
+    #[error("`{name}`: {why}")]
+    Absent {
+        /// The parameter.
+        name: String,
+        /// Why the site lacks it.
+        why: String,
+    },
+}
+
+fn did_you_mean(near: &[String]) -> String {
+    if near.is_empty() { String::new() } else { format!("; did you mean `{}`?", near.join("` or `")) }
+}
+
+impl Target {
+    /// Reads a parameter's name for this robot.
+    ///
+    /// # Errors
+    /// An unknown name or site, with similar ones; a motor value that the joint's actuator does not have; a link without a
+    /// long axis.
+    pub fn parse(name: &str, robot: &Robot) -> Result<Target, ParameterError> {
+        let (what, site) = name.split_once('@').unwrap_or((name, "*"));
+        let quantity = quantity(what)?;
+        let links = quantity.links(site, robot)?;
+        let target = Target { name: name.to_owned(), quantity, site: site.to_owned(), links };
+        target.check(robot)?;
+        Ok(target)
+    }
+
+    /// The name that it was parsed from.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// SI unit as text.
+    pub fn unit(&self) -> &'static str {
+        match self.quantity {
+            Quantity::Mass => "kg",
+            Quantity::Length | Quantity::GroundFriction => "1",
+            Quantity::Effect(effect, param) => effect.card().params[param].unit,
+            Quantity::Formula => "SI",
+            Quantity::Motor(value) => value.unit(),
+        }
+    }
+
+    /// The value in this model; `None` where the sites differ, where there is no floor, and for limits that are off.
+    pub fn nominal(&self, robot: &Robot, placed: &[Placed], setup: &Setup) -> Option<f64> {
+        match self.quantity {
+            Quantity::Length => Some(1.0),
+            Quantity::GroundFriction => setup.ground.map(|ground| ground.friction),
+            Quantity::Mass => common(self.links.iter().map(|&link| robot.links[link].mass_kg)),
+            Quantity::Motor(value) => common(
+                self.links.iter().filter_map(|&link| value.of(&mut robot.links[link].joint.actuator.clone()).copied()),
+            ),
+            Quantity::Effect(effect, param) => {
+                let there = placed.iter().find(|p| self.is_at(effect, p));
+                let value = there.map_or(effect.card().params[param].off, |p| p.values[param]);
+                value.is_finite().then_some(value)
+            }
+            Quantity::Formula => common(placed.iter().filter_map(|p| Some(p.values[self.of_formula(p)?]))),
+        }
+    }
+
+    /// Checks that the model has the law, if it is a law's parameter.
+    ///
+    /// # Errors
+    /// [`ParameterError::Absent`] otherwise.
+    pub fn check_formula(&self, placed: &[Placed]) -> Result<(), ParameterError> {
+        if matches!(self.quantity, Quantity::Formula) && placed.iter().all(|p| self.of_formula(p).is_none()) {
+            let why = format!("no formula at `{}` has a parameter of that name", self.site);
+            return Err(ParameterError::Absent { name: self.name.clone(), why });
+        }
+        Ok(())
+    }
+
+    /// Gives it a value. Lengths are factors on what they are now, so they belong on a fresh copy of the model.
+    pub fn set(&self, value: f64, robot: &mut Robot, placed: &mut Vec<Placed>, setup: &mut Setup) {
+        match self.quantity {
+            Quantity::Mass => self.links.iter().for_each(|&link| set_mass(robot, link, value)),
+            Quantity::Length => self.links.iter().for_each(|&link| stretch::stretch(robot, link, value)),
+            Quantity::Motor(motor) => {
+                for &link in &self.links {
+                    if let Some(place) = motor.of(&mut robot.links[link].joint.actuator) {
+                        *place = value;
+                    }
+                }
+            }
+            Quantity::GroundFriction => {
+                if let Some(ground) = &mut setup.ground {
+                    ground.friction = value;
+                }
+            }
+            Quantity::Effect(effect, param) => {
+                let index = placed.iter().position(|p| self.is_at(effect, p)).unwrap_or_else(|| {
+                    placed.push(Placed::off(effect, self.site.clone()));
+                    placed.len() - 1
+                });
+                placed[index].values[param] = value;
+            }
+            Quantity::Formula => {
+                for there in placed {
+                    if let Some(param) = self.of_formula(there) {
+                        there.values[param] = value;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where a law has the parameter, if it is the law that is meant.
+    fn of_formula(&self, placed: &Placed) -> Option<usize> {
+        let card = placed.effect.card();
+        let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
+        let (effect, name) = what.split_once('.')?;
+        let meant = card.name == effect && placed.site == self.site;
+        meant.then(|| card.params.iter().position(|param| param.name == name))?
+    }
+
+    fn is_at(&self, effect: &dyn Effect, placed: &Placed) -> bool {
+        placed.effect.card().name == effect.card().name && placed.site == self.site
+    }
+
+    fn check(&self, robot: &Robot) -> Result<(), ParameterError> {
+        let absent = |why: String| Err(ParameterError::Absent { name: self.name.clone(), why });
+        for &index in &self.links {
+            let link = &robot.links[index];
+            match self.quantity {
+                Quantity::Motor(value) if value.of(&mut link.joint.actuator.clone()).is_none() => {
+                    return absent(format!("the actuator of joint `{}` has no such value", link.joint.name));
+                }
+                Quantity::Length if stretch::long_axis(robot, index).is_none() => {
+                    return absent(format!("link `{}` has no long axis", link.name));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Gives every target its value.
+pub fn apply(targets: &[Target], values: &[f64], robot: &mut Robot, placed: &mut Vec<Placed>, setup: &mut Setup) {
+    for (target, &value) in targets.iter().zip(values) {
+        target.set(value, robot, placed, setup);
+    }
+}
+
+fn quantity(name: &str) -> Result<Quantity, ParameterError> {
+    if let Some((_, quantity)) = QUANTITIES.iter().find(|(known, _)| *known == name) {
+        return Ok(*quantity);
+    }
+    let found = name.split_once('.').and_then(|(effect, param)| {
+        if effect == FORMULA.name {
+            return Some(Quantity::Formula);
+        }
+        let effect = effects::find(effect)?;
+        Some(Quantity::Effect(effect, effect.card().params.iter().position(|p| p.name == param)?))
+    });
+    found.ok_or_else(|| {
+        let of_effects = EFFECTS.iter().flat_map(|effect| {
+            let card = effect.card();
+            card.params.iter().map(|param| format!("{}.{}", card.name, param.name))
+        });
+        let known = QUANTITIES.iter().map(|(known, _)| (*known).to_owned());
+        ParameterError::Unknown { name: name.to_owned(), near: near(name, known.chain(of_effects)) }
+    })
+}
+
+impl Quantity {
+    /// The links that the site means for this quantity.
+    fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
+        let of_joints = match self {
+            Quantity::GroundFriction => return Ok(Vec::new()),
+            Quantity::Effect(effect, _) => match effect.card().site {
+                SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return Ok(Vec::new()),
+                SiteKind::Joint => true,
+                SiteKind::Link => false,
+            },
+            Quantity::Motor(_) | Quantity::Formula => true,
+            Quantity::Mass | Quantity::Length => false,
+        };
+        let names: Vec<(usize, &str)> = if of_joints {
+            robot.movable().map(|(i, link)| (i, link.joint.name.as_str())).collect()
+        } else {
+            robot.links.iter().enumerate().map(|(i, link)| (i, link.name.as_str())).collect()
+        };
+        let meant = |i: usize, name: &str| matches(site, name) || (!of_joints && i == 0 && site == "base");
+        let found: Vec<usize> = names.iter().filter(|(i, name)| meant(*i, name)).map(|(i, _)| *i).collect();
+        if found.is_empty() {
+            let near = near(site, names.iter().map(|(_, name)| (*name).to_owned()));
+            let what = if of_joints { "movable joint" } else { "link" };
+            return Err(ParameterError::Site { what, site: site.to_owned(), near });
+        }
+        Ok(found)
+    }
+}
+
+/// The numbers of an actuator with their names.
+pub fn motor_values(actuator: &Actuator) -> impl Iterator<Item = (&'static str, f64)> {
+    let mut actuator = actuator.clone();
+    QUANTITIES.iter().filter_map(move |(name, quantity)| match quantity {
+        Quantity::Motor(value) => value.of(&mut actuator).map(|x| (*name, *x)),
+        _ => None,
+    })
+}
+
+impl MotorValue {
+    fn unit(self) -> &'static str {
+        match self {
+            MotorValue::Kp => "N·m/rad",
+            MotorValue::Ki => "N·m/(rad·s)",
+            MotorValue::Kd => "N·m·s/rad",
+            MotorValue::MaxTorque => "N·m",
+            MotorValue::Kt => "N·m/A",
+            MotorValue::Resistance => "ohm",
+            MotorValue::Gain => "1/rad",
+            MotorValue::Supply => "V",
+        }
+    }
+
+    /// Its place in an actuator.
+    fn of(self, actuator: &mut Actuator) -> Option<&mut f64> {
+        match actuator {
+            Actuator::Position { kp, ki, kd, max_torque } => match self {
+                MotorValue::Kp => Some(kp),
+                MotorValue::Ki => Some(ki),
+                MotorValue::Kd => Some(kd),
+                MotorValue::MaxTorque => Some(max_torque),
+                _ => None,
+            },
+            Actuator::Torque { max_torque } if self == MotorValue::MaxTorque => Some(max_torque),
+            Actuator::Voltage { kt, resistance, servo } => match self {
+                MotorValue::Kt => Some(kt),
+                MotorValue::Resistance => Some(resistance),
+                MotorValue::Gain => servo.as_mut().map(|servo| &mut servo.gain),
+                MotorValue::Supply => servo.as_mut().map(|servo| &mut servo.supply),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+/// A link of another mass and the same shape and density profile: its inertia goes with the mass.
+fn set_mass(robot: &mut Robot, link: usize, mass_kg: f64) {
+    let link = &mut robot.links[link];
+    if link.mass_kg > 0.0 {
+        link.inertia_kg_m2 *= mass_kg / link.mass_kg;
+    }
+    link.mass_kg = mass_kg;
+}
+
+/// The value that all have; bitwise, as they come from one model file.
+fn common(mut values: impl Iterator<Item = f64>) -> Option<f64> {
+    let first = values.next()?;
+    values.all(|value| value.to_bits() == first.to_bits()).then_some(first)
+}
+
+/// Up to three of `known` that resemble `name`.
+fn near(name: &str, known: impl Iterator<Item = String>) -> Vec<String> {
+    let mut scored: Vec<(f64, String)> =
+        known.map(|k| (strsim::jaro_winkler(name, &k), k)).filter(|(s, _)| *s > 0.8).collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.into_iter().take(3).map(|(_, known)| known).collect()
+}

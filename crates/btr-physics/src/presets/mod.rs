@@ -1,0 +1,5 @@
+//! Robots that come with btr.
+
+pub mod ant;
+pub mod nao;
+pub mod pendulum;

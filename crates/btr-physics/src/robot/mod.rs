@@ -1,0 +1,340 @@
+//! A robot: links in a tree, joints between them, an actuator on each joint. Plain data, URDF's conventions.
+//!
+//! A link's frame is its joint's frame; at q = 0 it is `joint.origin` away from its parent's frame. Right-handed, SI units,
+//! z up unless the robot's file says otherwise.
+
+pub mod kinematics;
+pub mod site;
+pub(crate) mod stretch;
+pub mod urdf;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+
+/// How the root is held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Base {
+    /// Bolted to the world.
+    Fixed,
+    /// Free to move in all six directions.
+    Floating,
+}
+
+/// A tree of links; `links[0]` is the root, parents stand before their children.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// What it is called in reports.
+    pub name: String,
+    /// Bolted down or free.
+    pub base: Base,
+    /// Where the root's frame is at the start, in the world.
+    pub start: Isometry3<f64>,
+    /// All links, root first.
+    pub links: Vec<Link>,
+}
+
+/// A rigid body and the joint that carries it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Unique in the robot.
+    pub name: String,
+    /// Index of the parent in [`Robot::links`]; `None` for the root only.
+    pub parent: Option<usize>,
+    /// The joint to the parent; the root's is ignored.
+    pub joint: Joint,
+    /// Mass in kg.
+    pub mass_kg: f64,
+    /// Centre of mass in the link's frame, in m.
+    pub com_m: Point3<f64>,
+    /// Inertia about the centre of mass in the link's axes, in kg·m².
+    pub inertia_kg_m2: Matrix3<f64>,
+    /// Bodies for contact, in the link's frame; empty where nothing may touch.
+    pub shapes: Vec<Shape>,
+    /// Whether its contact force is a sensor (`foot_<link>_*`).
+    pub foot: bool,
+}
+
+/// A convex body with its pose in the link's frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Pose in the link's frame.
+    pub pose: Isometry3<f64>,
+    /// The geometry.
+    pub geometry: Geometry,
+}
+
+/// Primitives, in m.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Geometry {
+    /// A box by its half sides.
+    Box {
+        /// Half of each side.
+        half_m: Vector3<f64>,
+    },
+    /// A ball.
+    Sphere {
+        /// Its radius.
+        radius_m: f64,
+    },
+    /// A cylinder along the local z axis.
+    Cylinder {
+        /// Its radius.
+        radius_m: f64,
+        /// Half its length.
+        half_length_m: f64,
+    },
+    /// A cylinder with round caps along the local z axis.
+    Capsule {
+        /// Its radius.
+        radius_m: f64,
+        /// Half the length of its straight part.
+        half_length_m: f64,
+    },
+}
+
+/// How two links move against each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// Not at all.
+    Fixed,
+    /// About the axis, in rad.
+    Revolute,
+    /// Along the axis, in m.
+    Prismatic,
+}
+
+/// A joint with everything that acts on it from the inside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Unique in the robot.
+    pub name: String,
+    /// Fixed, hinge or slide.
+    pub kind: JointKind,
+    /// The joint's frame in the parent's frame at q = 0.
+    pub origin: Isometry3<f64>,
+    /// Unit vector in the joint's frame.
+    pub axis: Vector3<f64>,
+    /// Smallest and largest position; infinite where unlimited.
+    pub limits: (f64, f64),
+    /// How fast references may ask it to move, in rad/s (m/s); infinite where unlimited. Drives that plan a motion keep to it;
+    /// the dynamics do not know it.
+    pub speed_limit: f64,
+    /// Position at the start.
+    pub start: f64,
+    /// Rotor inertia seen at the joint, in kg·m² (kg for slides).
+    pub armature: f64,
+    /// Viscous friction, in N·m·s/rad (N·s/m).
+    pub damping: f64,
+    /// Coulomb friction that holds at rest, in N·m (N).
+    pub dry_friction: f64,
+    /// What drives it.
+    pub actuator: Actuator,
+    /// How a digital servo is clocked; a servo without works in continuous time.
+    pub sampling: Option<Sampling>,
+    /// The joint that it follows, if any.
+    pub mimic: Option<Mimic>,
+}
+
+/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, without play, whatever that takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mimic {
+    /// Name of the joint that is followed, which follows nobody.
+    pub leader: String,
+    /// Motion per motion of the leader.
+    pub ratio: f64,
+    /// Where it is when the leader is at zero, in rad (m).
+    pub offset: f64,
+}
+
+/// When a digital servo acts: at fixed instants it reads the position and works out what it holds until the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Time between two instants, in s: a multiple of the physics step.
+    pub period_s: f64,
+    /// The servo's velocity is the difference of two readings that are so many periods apart.
+    pub velocity_over: u32,
+}
+
+/// What turns a command into a torque.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Actuator {
+    /// Nothing: the joint swings freely.
+    Passive,
+    /// tau = clamp(kp·(cmd − q) + ki·∫(cmd − q)dt − kd·dq, ±max_torque).
+    Position {
+        /// N·m/rad.
+        kp: f64,
+        /// N·m/(rad·s).
+        ki: f64,
+        /// N·m·s/rad.
+        kd: f64,
+        /// N·m.
+        max_torque: f64,
+    },
+    /// tau = clamp(cmd, ±max_torque).
+    Torque {
+        /// N·m.
+        max_torque: f64,
+    },
+    /// tau = kt·(V − kt·dq)/R, where V is the command itself, or supply·clamp(gain·(cmd − q), ±max_duty) with a loop.
+    Voltage {
+        /// Torque constant in N·m/A = V·s/rad.
+        kt: f64,
+        /// Winding resistance in ohm.
+        resistance: f64,
+        /// The position loop around it, if any.
+        servo: Option<DutyLoop>,
+    },
+    /// The joint follows its measured motion, whatever torque that takes; where nothing was measured the command is the
+    /// position.
+    Prescribed,
+}
+
+/// A position loop that sets the duty cycle of a bridge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DutyLoop {
+    /// Duty per rad of error.
+    pub gain: f64,
+    /// Largest duty, at most 1.
+    pub max_duty: f64,
+    /// Supply voltage in V.
+    pub supply: f64,
+}
+
+/// Who follows whom, both as counted by [`Robot::movable`]: q = ratio·q_leader + offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Follower {
+    /// Whoever follows.
+    pub joint: usize,
+    /// Whoever leads.
+    pub leader: usize,
+    /// See [`Mimic::ratio`].
+    pub ratio: f64,
+    /// See [`Mimic::offset`].
+    pub offset: f64,
+}
+
+impl Robot {
+    /// The links whose joint can move, in order: the order of commands and joint states everywhere.
+    pub fn movable(&self) -> impl Iterator<Item = (usize, &Link)> {
+        self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
+    }
+
+    /// The joints that follow others that are there.
+    pub fn followers(&self) -> Vec<Follower> {
+        let place = |name: &str| self.movable().position(|(_, link)| link.joint.name == name);
+        let follower = |(joint, (_, link)): (usize, (usize, &Link))| {
+            let Mimic { leader, ratio, offset } = link.joint.mimic.as_ref()?;
+            Some(Follower { joint, leader: place(leader)?, ratio: *ratio, offset: *offset })
+        };
+        self.movable().enumerate().filter_map(follower).collect()
+    }
+
+    /// Lets the joints that follow others start where those put them.
+    pub(crate) fn settle_followers(&mut self) {
+        let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();
+        for Follower { joint, leader, ratio, offset } in self.followers() {
+            self.links[movable[joint]].joint.start = ratio * self.links[movable[leader]].joint.start + offset;
+        }
+    }
+
+    /// Whether `links` is a tree with the root first and parents before their children.
+    pub fn is_tree(&self) -> bool {
+        let mut parents = self.links.iter().map(|link| link.parent).enumerate();
+        parents.next() == Some((0, None)) && parents.all(|(i, parent)| parent.is_some_and(|parent| parent < i))
+    }
+
+    /// The index of a link by its name.
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|link| link.name == name)
+    }
+
+    /// Sum of all masses, in kg.
+    pub fn mass_kg(&self) -> f64 {
+        self.links.iter().map(|link| link.mass_kg).sum()
+    }
+}
+
+impl Geometry {
+    /// Inertia of a homogeneous body of this geometry about its centre, in its own axes, in kg·m².
+    pub fn inertia_kg_m2(&self, mass_kg: f64) -> Matrix3<f64> {
+        let diagonal = match *self {
+            Geometry::Box { half_m: h } => {
+                Vector3::new(h.y * h.y + h.z * h.z, h.x * h.x + h.z * h.z, h.x * h.x + h.y * h.y) / 3.0
+            }
+            Geometry::Sphere { radius_m: r } => Vector3::repeat(0.4 * r * r),
+            Geometry::Cylinder { radius_m: r, half_length_m: h } => {
+                let across = r * r / 4.0 + h * h / 3.0;
+                Vector3::new(across, across, r * r / 2.0)
+            }
+            Geometry::Capsule { radius_m: r, half_length_m: h } => capsule_gyration_m2(r, h),
+        };
+        Matrix3::from_diagonal(&(diagonal * mass_kg))
+    }
+}
+
+/// Squared radii of gyration of a capsule along z: a cylinder and two half balls, each with its share of the volume.
+fn capsule_gyration_m2(r: f64, h: f64) -> Vector3<f64> {
+    let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
+    let share = cylinder / (cylinder + ball);
+    let along = share * r * r / 2.0 + (1.0 - share) * 0.4 * r * r;
+    let caps = 0.4 * r * r + h * h + 0.75 * h * r;
+    let across = share * (r * r / 4.0 + h * h / 3.0) + (1.0 - share) * caps;
+    Vector3::new(across, across, along)
+}
+
+impl Joint {
+    /// A bare joint of this kind: unlimited, without friction, rotor or motor, starting at zero.
+    pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Vector3<f64>) -> Self {
+        Joint {
+            name: name.into(),
+            kind,
+            origin,
+            axis,
+            limits: (f64::NEG_INFINITY, f64::INFINITY),
+            speed_limit: f64::INFINITY,
+            start: 0.0,
+            armature: 0.0,
+            damping: 0.0,
+            dry_friction: 0.0,
+            actuator: Actuator::Passive,
+            sampling: None,
+            mimic: None,
+        }
+    }
+
+    /// The channel of a log that its simulation is compared with: its torque where its motion is given.
+    pub fn compared(&self) -> String {
+        match self.actuator {
+            Actuator::Prescribed => format!("tau_{}", self.name),
+            _ => format!("q_{}", self.name),
+        }
+    }
+
+    /// Unit of its position: rad, or m for slides.
+    pub fn position_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "m" } else { "rad" }
+    }
+
+    /// Unit of its velocity: rad/s, or m/s for slides.
+    pub fn velocity_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "m/s" } else { "rad/s" }
+    }
+
+    /// Unit of its torque: N·m, or N for slides.
+    pub fn torque_unit(&self) -> &'static str {
+        if self.kind == JointKind::Prismatic { "N" } else { "N·m" }
+    }
+
+    /// Unit of the command that its actuator takes.
+    pub fn command_unit(&self) -> &'static str {
+        match self.actuator {
+            Actuator::Torque { .. } => self.torque_unit(),
+            Actuator::Voltage { servo: None, .. } => "V",
+            Actuator::Passive
+            | Actuator::Position { .. }
+            | Actuator::Voltage { servo: Some(_), .. }
+            | Actuator::Prescribed => self.position_unit(),
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! Making a link longer or shorter along its long axis.
+
+use super::{Geometry, Link, Robot, Shape};
+use nalgebra::{Matrix3, Unit, Vector3};
+
+/// A shape counts as lying along the axis when the cosine between them is above this.
+const ALIGNED: f64 = 0.99;
+
+/// The direction in which a link is long, in its frame: towards the farthest joint that it carries, or towards its centre of
+/// mass if it carries none. `None` when these are at its origin.
+pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>> {
+    let carried = robot.links.iter().filter(|child| child.parent == Some(link));
+    let far = carried.map(|child| child.joint.origin.translation.vector);
+    let farthest = far.max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    let along = farthest.filter(|v| v.norm() > 1e-9).unwrap_or(robot.links[link].com_m.coords);
+    Unit::try_new(along, 1e-9)
+}
+
+/// Makes a link `factor` times as long, of the same material: shapes, centre of mass and the joints that it carries move
+/// along, its mass is proportional to its length, its inertia is that of the stretched body.
+pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {
+    let Some(axis) = long_axis(robot, link) else { return };
+    let stretched = |p: &Vector3<f64>| p + axis.into_inner() * ((factor - 1.0) * axis.dot(p));
+    for child in robot.links.iter_mut().filter(|child| child.parent == Some(link)) {
+        let origin = &mut child.joint.origin.translation.vector;
+        *origin = stretched(origin);
+    }
+    let Link { mass_kg, com_m, inertia_kg_m2, shapes, .. } = &mut robot.links[link];
+    *mass_kg *= factor;
+    com_m.coords = stretched(&com_m.coords);
+    *inertia_kg_m2 = stretched_inertia(inertia_kg_m2, &axis, factor);
+    for shape in shapes {
+        let at = &mut shape.pose.translation.vector;
+        *at = stretched(at);
+        stretch_shape(shape, &axis, factor);
+    }
+}
+
+/// The second moments of mass stretch with the square of the length, and the mass with the length.
+fn stretched_inertia(inertia: &Matrix3<f64>, axis: &Vector3<f64>, factor: f64) -> Matrix3<f64> {
+    let moments = Matrix3::from_diagonal_element(inertia.trace() / 2.0) - inertia;
+    let stretch = Matrix3::identity() + axis * axis.transpose() * (factor - 1.0);
+    let moments = stretch * moments * stretch * factor;
+    Matrix3::from_diagonal_element(moments.trace()) - moments
+}
+
+/// Balls stay balls, and what lies across the axis keeps its form.
+fn stretch_shape(shape: &mut Shape, axis: &Vector3<f64>, factor: f64) {
+    let local = shape.pose.rotation.inverse() * axis;
+    match &mut shape.geometry {
+        Geometry::Sphere { .. } => {}
+        Geometry::Box { half_m } => {
+            let longest = local.iamax();
+            if local[longest].abs() > ALIGNED {
+                half_m[longest] *= factor;
+            }
+        }
+        Geometry::Cylinder { half_length_m, .. } | Geometry::Capsule { half_length_m, .. } => {
+            if local.z.abs() > ALIGNED {
+                *half_length_m *= factor;
+            }
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Runs side by side: candidates for the same robot take their steps together, each in a lane of one engine, while
+//! commands, motors, effects and sensors are each one's own.
+
+use super::control::Control;
+use super::prepare::{check, check_linkages, check_sampling, planted, sense};
+use super::record::Recorder;
+use crate::drive::Drive;
+use crate::effects;
+use crate::effects::Placed;
+use crate::engine::Dynamics;
+use crate::engine::articulated;
+use crate::engine::rapier::Rapier;
+use crate::robot::Robot;
+use crate::setup::{EngineName, Setup};
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use pulp::Arch;
+use std::borrow::Cow;
+
+/// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as
+/// many at a time as the machine has lanes; what comes out is the same as if each had been simulated alone.
+pub(crate) fn simulate_all(runs: Vec<Result<Run, WorldError>>) -> Vec<Result<Log, WorldError>> {
+    let mut logs = Vec::with_capacity(runs.len());
+    let (most, mut group) = (at_most(), Vec::<Run>::new());
+    for run in runs {
+        let joins = |run: &Run| group.len() < most && group.iter().all(|first| first.is_like(run));
+        match run {
+            Ok(run) if joins(&run) => group.push(run),
+            Ok(run) => logs.extend(side_by_side(std::mem::replace(&mut group, vec![run]))),
+            Err(error) => {
+                logs.extend(side_by_side(std::mem::take(&mut group)));
+                logs.push(Err(error));
+            }
+        }
+    }
+    logs.extend(side_by_side(group));
+    logs
+}
+
+/// How many runs this machine can simulate side by side.
+pub(crate) fn at_most() -> usize {
+    articulated::lanes()
+}
+
+/// Runs that take equally many steps of equal length.
+fn side_by_side(runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
+    let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
+    // Registers no wider than it takes.
+    let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
+    let arch = articulated::widths().into_iter().rfind(fits).filter(|_| runs.len() > 1);
+    match arch.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
+        Some(mut engine) => together(engine.as_mut(), runs),
+        None => runs.into_iter().flat_map(|run| together(run.engine().as_mut(), vec![run])).collect(),
+    }
+}
+
+/// Somebody who may move a robot on the way; see [`simulate_led`].
+pub(crate) type Lead<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
+
+/// Nobody.
+pub(crate) fn unled<'a>() -> Lead<'a> {
+    Box::new(|_, _| {})
+}
+
+/// A run that is ready to begin.
+pub(crate) struct Run<'a> {
+    robot: Cow<'a, Robot>,
+    effects: Vec<Placed>,
+    setup: Cow<'a, Setup>,
+    control: Control<'a>,
+    recorder: Recorder,
+    noise_seed: Option<u64>,
+    lead: Lead<'a>,
+    samples: usize,
+    /// Steps from one sample to the next, and before the first one.
+    every: usize,
+    rests: usize,
+    failed: Option<WorldError>,
+}
+
+impl<'a> Run<'a> {
+    /// Allocates everything that it needs.
+    ///
+    /// # Errors
+    /// See [`simulate`].
+    pub(crate) fn new(
+        robot: &'a Robot,
+        effects: &[Placed],
+        setup: &'a Setup,
+        drive: &'a dyn Drive,
+        noise_seed: Option<u64>,
+        lead: Lead<'a>,
+    ) -> Result<Self, WorldError> {
+        let (samples, every) = setup.samples()?;
+        let effects = effects::in_force(effects)?;
+        let (robot, setup) = planted(robot, &effects, setup)?;
+        let control = Control::new(&robot, &effects, &setup, drive)?;
+        check_sampling(&robot, &setup)?;
+        check_linkages(&robot, &setup)?;
+        let recorder = Recorder::new(&robot, &setup, samples);
+        let rests = (setup.rest_s / setup.dt_s).round() as usize;
+        Ok(Run { robot, effects, setup, control, recorder, noise_seed, lead, samples, every, rests, failed: None })
+    }
+
+    /// The physics engine for it alone.
+    pub(crate) fn engine(&self) -> Box<dyn Dynamics> {
+        match self.setup.engine {
+            EngineName::Auto => articulated::engine(&self.robot, &self.setup),
+            EngineName::Rapier => Box::new(Rapier::new(&self.robot, &self.setup)),
+        }
+    }
+
+    /// Whether both take equally many steps of equal length in an engine that can have them side by side.
+    fn is_like(&self, other: &Run) -> bool {
+        let steps = |run: &Run| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
+        let own = |run: &Run| run.setup.engine == EngineName::Auto && !run.control.follows();
+        steps(self) == steps(other) && own(self) && own(other)
+    }
+
+    /// How many steps it takes once it has rested.
+    fn steps(&self) -> usize {
+        (self.samples - 1) * self.every
+    }
+
+    fn prepare(&mut self, step: usize, engine: &mut dyn Dynamics) {
+        self.control.act(step as f64 * self.setup.dt_s - self.setup.dt_s, engine);
+        if (step - 1).is_multiple_of(self.every) {
+            self.recorder.told(&self.control);
+        }
+        self.recorder.before_step(engine);
+    }
+
+    fn observe(&mut self, step: usize, engine: &mut dyn Dynamics) {
+        let time_s = step as f64 * self.setup.dt_s;
+        if step > 0 {
+            self.check(engine, time_s);
+            if self.failed.is_some() {
+                return;
+            }
+        }
+        self.control.listen(time_s, engine);
+        if step == 1 {
+            self.recorder.forces(engine, &self.control);
+        }
+        if step.is_multiple_of(self.every) {
+            self.recorder.state(engine, &self.control);
+            if step > 0 {
+                self.recorder.forces(engine, &self.control);
+            }
+        }
+        (self.lead)(time_s, engine);
+    }
+
+    /// A law that gave no number is to blame for what came after it.
+    fn check(&mut self, engine: &dyn Dynamics, time_s: f64) {
+        self.failed = check(engine, time_s).err().map(|error| self.control.trouble(&self.robot).unwrap_or(error));
+    }
+
+    fn finish(mut self, engine: &mut dyn Dynamics) -> Result<Log, WorldError> {
+        // A motor that is not driven, or does not ask its sensor, hides what a law gave.
+        if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
+            return Err(error);
+        }
+        if self.control.tells() {
+            self.control.act((self.samples - 1) as f64 * self.every as f64 * self.setup.dt_s, engine);
+            self.recorder.told(&self.control);
+        }
+        let sample_s = self.setup.dt_s * self.every as f64;
+        self.recorder.finish(sample_s, self.noise_seed, |log| sense(&self.robot, &self.effects, log))
+    }
+}
+
+/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are any.
+pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
+    rest(engine, &mut runs);
+    for step in 0..=runs.first().map_or(0, Run::steps) {
+        if runs.iter().all(|run| run.failed.is_some()) {
+            break;
+        }
+        if step > 0 {
+            each(engine, &mut runs, &mut |run, engine| run.prepare(step, engine));
+            engine.step();
+        }
+        each(engine, &mut runs, &mut |run, engine| run.observe(step, engine));
+    }
+    let finish = |(lane, run): (usize, Run)| {
+        engine.turn_to(lane);
+        run.finish(engine)
+    };
+    runs.into_iter().enumerate().map(finish).collect()
+}
+
+/// Does something with all that are still running.
+fn each(engine: &mut dyn Dynamics, runs: &mut [Run], act: &mut dyn FnMut(&mut Run, &mut dyn Dynamics)) {
+    for (lane, run) in runs.iter_mut().enumerate().filter(|(_, run)| run.failed.is_none()) {
+        engine.turn_to(lane);
+        act(run, engine);
+    }
+}
+
+/// Lets servos, friction and the floor come to terms before anything is told.
+fn rest(engine: &mut dyn Dynamics, runs: &mut [Run]) {
+    for left in (1..=runs.first().map_or(0, |run| run.rests)).rev() {
+        each(engine, runs, &mut |run, engine| {
+            let time_s = -(left as f64) * run.setup.dt_s;
+            run.control.listen(time_s, engine);
+            run.control.act(time_s, engine);
+        });
+        engine.step();
+        each(engine, runs, &mut |run, engine| run.check(engine, -(left as f64) * run.setup.dt_s));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::drive::NaoWalk;
+    use crate::presets::ant;
+    use crate::presets::nao::nao;
+    use crate::robot::Base;
+    use crate::rollout::simulate;
+    use crate::setup::Ball;
+    use nalgebra::{Point3, Vector3};
+
+    /// A robot, its world and what it is told.
+    type Scene = (Robot, Setup, Box<dyn Drive>);
+
+    const CANDIDATES: usize = 8;
+    /// The one that is torn apart.
+    const TORN: usize = 4;
+
+    fn scene(name: &str) -> Scene {
+        let setup = Setup { dt_s: 0.002, duration_s: 0.6, control_s: 0.055, interpolate: true, ..Setup::default() };
+        let ball = Ball {
+            radius_m: 0.03,
+            mass_kg: 0.05,
+            start_m: Point3::new(0.12, 0.02, 0.03),
+            friction: 0.5,
+            restitution: 0.4,
+            rolling_damping_per_s: 0.5,
+        };
+        match name {
+            "ant" => (ant::ant(), setup, Box::new(ant::tripod())),
+            "bolted" => {
+                let robot = Robot { base: Base::Fixed, ..ant::ant() };
+                (robot, Setup { ground: None, ..setup }, Box::new(ant::tripod()))
+            }
+            _ => {
+                let walk = NaoWalk::new(&nao(), &NaoWalk::space().unwrap().nominal(), setup.duration_s).unwrap();
+                let ball = (name == "nao with a ball").then_some(ball);
+                (nao(), Setup { ball, ..setup }, Box::new(walk))
+            }
+        }
+    }
+
+    /// Some fall over, some slide, some have dry friction and others do not, and one blows up.
+    fn candidate(name: &str, number: usize) -> Scene {
+        let (mut robot, mut setup, drive) = scene(name);
+        drive.place(&mut robot);
+        let share = number as f64 / CANDIDATES as f64;
+        for (i, link) in robot.links.iter_mut().enumerate() {
+            link.mass_kg *= 1.0 + 0.2 * share * (i as f64).sin();
+            link.joint.dry_friction = if number % 3 == 1 { 0.02 } else { 0.0 };
+            if number == TORN {
+                link.joint.damping = -40.0;
+            }
+        }
+        if let Some(ground) = &mut setup.ground {
+            ground.friction = 0.2 + 0.6 * share;
+        }
+        setup.gravity_m_s2 = Vector3::new(3.0 * share, 0.0, -9.81);
+        (robot, setup, drive)
+    }
+
+    fn run((robot, setup, drive): &Scene) -> Run<'_> {
+        Run::new(robot, &[], setup, &**drive, None, unled()).unwrap()
+    }
+
+    #[test]
+    fn side_by_side_everyone_does_bit_by_bit_what_it_does_alone() {
+        for name in ["ant", "nao", "nao with a ball", "bolted"] {
+            let scenes: Vec<Scene> = (0..CANDIDATES).map(|number| candidate(name, number)).collect();
+            let log = |(robot, setup, drive): &Scene| simulate(robot, &[], setup, &**drive, None);
+            let alone: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
+            assert!(alone.iter().enumerate().all(|(i, log)| log.is_err() == (i == TORN)), "{name}");
+            let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, _)| (robot, setup)).collect();
+            for arch in articulated::widths() {
+                let lanes = articulated::width(arch);
+                let few = |from: usize| from..(from + lanes).min(CANDIDATES);
+                let together = |from: usize| {
+                    let mut engine = articulated::engine_of_several(arch, &worlds[few(from)]).unwrap();
+                    together(engine.as_mut(), scenes[few(from)].iter().map(run).collect())
+                };
+                let logs: Vec<_> = (0..CANDIDATES).step_by(lanes).flat_map(together).collect();
+                assert!(logs == alone, "{name} in {lanes} lanes");
+            }
+        }
+    }
+
+    #[test]
+    fn robots_of_several_kinds_come_out_in_their_order() {
+        let scenes: Vec<Scene> = ["ant", "ant", "nao", "bolted", "ant"].into_iter().map(scene).collect();
+        let logs = simulate_all(scenes.iter().map(|scene| Ok(run(scene))).collect());
+        for ((robot, setup, drive), log) in scenes.iter().zip(logs) {
+            assert_eq!(log, simulate(robot, &[], setup, &**drive, None));
+        }
+    }
+}

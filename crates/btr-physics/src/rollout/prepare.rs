@@ -1,0 +1,89 @@
+//! What is done once per run: effects that act before it, checks, effects on what sensors said.
+
+use crate::effects::{Placed, SiteKind};
+use crate::engine::Dynamics;
+use crate::robot::Robot;
+use crate::setup::{EngineName, Setup, setup_error};
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use std::borrow::Cow;
+
+/// Servos act between two steps, never within one.
+pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+    for joint in robot.movable().map(|(_, link)| &link.joint) {
+        let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
+        if !(steps.round() >= 1.0 && (steps - steps.round()).abs() < 1e-6 * steps) {
+            let name = &joint.name;
+            return Err(setup_error(format!(
+                "the servo of `{name}` samples every {steps} physics steps, not a whole number"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Only the own engine knows linkages.
+pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+    let followers = robot.followers();
+    for (i, (_, link)) in robot.movable().enumerate() {
+        let Some(mimic) = &link.joint.mimic else { continue };
+        let (name, leader) = (&link.joint.name, &mimic.leader);
+        if followers.iter().all(|follower| follower.joint != i) {
+            return Err(setup_error(format!("`{name}` mimics `{leader}`, which is no joint that moves")));
+        }
+        if setup.engine == EngineName::Rapier {
+            let what = format!("`{name}` mimics `{leader}`, which the reference engine cannot simulate");
+            return Err(setup_error(format!("{what}; leave out engine = \"rapier\"")));
+        }
+    }
+    Ok(())
+}
+
+/// Lets the effects that sit on sensors change what those say.
+pub(crate) fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
+    for placed in effects {
+        match placed.effect.card().site {
+            SiteKind::Joint => {
+                let joints = placed.joints(robot)?;
+                for (_, (_, link)) in robot.movable().enumerate().filter(|(i, _)| joints.contains(i)) {
+                    placed.effect.sense(&placed.values, &link.joint.name, log);
+                }
+            }
+            _ => placed.effect.sense(&placed.values, &placed.site, log),
+        }
+    }
+    Ok(())
+}
+
+/// The robot and the setup after the effects that act on them before the run.
+pub(crate) fn planted<'a>(
+    robot: &'a Robot,
+    effects: &[Placed],
+    setup: &'a Setup,
+) -> Result<(Cow<'a, Robot>, Cow<'a, Setup>), WorldError> {
+    if !robot.is_tree() {
+        return Err(setup_error(format!("the links of `{}` are not a tree with parents first", robot.name)));
+    }
+    let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
+    if !robot.followers().is_empty() {
+        robot.to_mut().settle_followers();
+    }
+    for placed in effects {
+        match placed.effect.card().site {
+            SiteKind::Joint => {}
+            SiteKind::Link => {
+                for link in placed.links(&robot)? {
+                    placed.effect.link(&placed.values, robot.to_mut(), link);
+                }
+            }
+            SiteKind::Base | SiteKind::Ground | SiteKind::Robot => {
+                placed.effect.world(&placed.values, setup.to_mut());
+            }
+        }
+    }
+    Ok((robot, setup))
+}
+
+pub(crate) fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
+    engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
+}

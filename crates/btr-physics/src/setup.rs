@@ -1,0 +1,157 @@
+//! Everything about a run but the robot and its drive: times, sensors, the floor, a ball, the engine.
+
+use crate::sensor::Noise;
+use btr_core::world::WorldError;
+use nalgebra::{Point3, Vector3};
+
+/// The floor: the plane z = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Coulomb coefficient against everything that touches it.
+    pub friction: f64,
+    /// How it gives way; as hard as the engine can make it when absent.
+    pub compliance: Option<Compliance>,
+}
+
+impl Ground {
+    /// A hard floor of this Coulomb coefficient.
+    pub fn hard(friction: f64) -> Self {
+        Ground { friction, compliance: None }
+    }
+}
+
+/// A spring and a damper at every point that touches the floor. Rapier has them as they would be under the robot's
+/// whole mass, and softer where a contact feels only a share of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliance {
+    /// N/m.
+    pub stiffness: f64,
+    /// N·s/m.
+    pub damping: f64,
+}
+
+/// A ball to be kicked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    /// m.
+    pub radius_m: f64,
+    /// kg.
+    pub mass_kg: f64,
+    /// Centre at the start, in the world.
+    pub start_m: Point3<f64>,
+    /// Coulomb coefficient; averaged with that of what it touches.
+    pub friction: f64,
+    /// Speed kept in a central impact; averaged with that of what it touches, which is 0.
+    pub restitution: f64,
+    /// Rate at which its spin decays, in 1/s.
+    pub rolling_damping_per_s: f64,
+}
+
+/// The physics engines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineName {
+    /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and friction.
+    #[default]
+    Auto,
+    /// Rapier's multibody, always.
+    Rapier,
+}
+
+/// Which sensors are logged. Commands and joint positions always are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensors {
+    /// `dq_<joint>`.
+    pub velocities: bool,
+    /// `tau_<joint>`: the motors' torques.
+    pub torques: bool,
+    /// `imu_gyro_{x,y,z}` and `imu_acc_{x,y,z}` at the root's frame, in its axes.
+    pub imu: bool,
+    /// `foot_<link>`: normal forces.
+    pub feet: bool,
+}
+
+/// Everything about a run but the robot and its drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Length of a physics step, in s.
+    pub dt_s: f64,
+    /// Solver steps in each, for accuracy; forces are held over them.
+    pub substeps: usize,
+    /// Simulated time, in s.
+    pub duration_s: f64,
+    /// When it begins, in s on the clock by which laws count time; drives and logs count from zero.
+    pub begins_s: f64,
+    /// How long the robot holds the first references before time zero, in s. One that is free is put on the floor for it.
+    pub rest_s: f64,
+    /// Time between two references of the drive, in s.
+    pub control_s: f64,
+    /// Whether joints are led linearly from one reference to the next; held otherwise. Prescribed joints are always led.
+    pub interpolate: bool,
+    /// Time between two samples of the log, in s: a multiple of `dt_s`, and `dt_s` itself when absent.
+    pub sample_s: Option<f64>,
+    /// What is logged.
+    pub sensors: Sensors,
+    /// The floor, if any.
+    pub ground: Option<Ground>,
+    /// A ball, if any.
+    pub ball: Option<Ball>,
+    /// Errors of the sensors; applied only when a run is given a noise seed.
+    pub noise: Noise,
+    /// In the world's axes, in m/s².
+    pub gravity_m_s2: Vector3<f64>,
+    /// What computes the motion.
+    pub engine: EngineName,
+    /// Joint velocities at the start, in the order of the movable joints; at rest where absent.
+    pub start_velocities: Vec<f64>,
+}
+
+impl Default for Setup {
+    /// Two seconds at 1 ms on a floor, references every 55 ms as in the paper.
+    fn default() -> Self {
+        Setup {
+            dt_s: 0.001,
+            substeps: 1,
+            duration_s: 2.0,
+            begins_s: 0.0,
+            rest_s: 0.0,
+            control_s: 0.055,
+            interpolate: false,
+            sample_s: None,
+            sensors: Sensors { velocities: true, torques: true, imu: false, feet: true },
+            ground: Some(Ground::hard(0.8)),
+            ball: None,
+            noise: Noise::default(),
+            gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),
+            engine: EngineName::Auto,
+            start_velocities: Vec::new(),
+        }
+    }
+}
+
+impl Setup {
+    /// Samples of the log and physics steps from one to the next.
+    pub(crate) fn samples(&self) -> Result<(usize, usize), WorldError> {
+        let positive = [self.dt_s, self.duration_s, self.control_s].iter().all(|&t| t > 0.0 && t.is_finite());
+        if !positive || self.substeps == 0 {
+            return Err(setup_error(format!(
+                "dt_s = {}, duration_s = {}, control_s = {} and substeps = {} must be positive",
+                self.dt_s, self.duration_s, self.control_s, self.substeps
+            )));
+        }
+        let ratio = self.sample_s.map_or(1.0, |sample| sample / self.dt_s);
+        let every = ratio.round();
+        if !(every >= 1.0 && (ratio - every).abs() < 1e-6 * every) {
+            return Err(setup_error(format!("sample_s must be a multiple of dt_s, not {ratio} times it")));
+        }
+        let samples = (self.duration_s / (self.dt_s * every) + 1e-9).floor() as usize;
+        if samples == 0 {
+            return Err(setup_error(format!("duration_s = {} is shorter than one sample", self.duration_s)));
+        }
+        Ok((samples + 1, every as usize))
+    }
+}
+
+pub(crate) fn setup_error(what: String) -> WorldError {
+    WorldError::Setup { what }
+}
