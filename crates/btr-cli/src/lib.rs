@@ -2,21 +2,12 @@
 
 mod args;
 mod cmd;
-mod coevolution;
-mod failure;
-mod figures;
-mod plot;
+mod exit;
 mod progress;
-pub mod report;
-mod table;
 
-pub use cmd::effects::effects;
-pub use cmd::output::may_write_log;
-pub use coevolution::{Ended, Watch, coevolve};
-pub use failure::Failure;
-
+use crate::exit::REFUSED;
 use args::{Args, Verb};
-use failure::REFUSED;
+use btr_lab::failure::Failure;
 use std::ffi::OsString;
 
 /// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1
@@ -31,7 +22,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
             return u8::try_from(error.exit_code()).unwrap_or(REFUSED);
         }
     };
-    answer(&args).unwrap_or_else(|failure| failure.report(args.global.json))
+    answer(&args).unwrap_or_else(|failure| exit::report(&failure, args.global.json))
 }
 
 /// `btr info LOG | head -1`: a reader that has enough is no error, but `println!` panics on it.

@@ -1,9 +1,9 @@
 //! What a run is doing, live on stderr: one moving line on a terminal, one line per iteration elsewhere.
 
 use crate::args::Global;
-use crate::table::{maybe, number};
 use btr_core::coevolve::{Coevolution, Generation, Iteration, Method, Plan, Side};
 use btr_physics::model::Model;
+use btr_report::table::{maybe, number};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::io::IsTerminal;

@@ -3,7 +3,9 @@
 
 pub mod distributed;
 pub mod experiment;
+pub mod failure;
 pub mod identification;
+pub mod output;
 pub mod reality;
 pub mod run;
 pub mod verbs;

@@ -4,12 +4,13 @@ use crate::error::{Raise, TestFailed, in_python, raised};
 use crate::log::{Log, warn};
 use crate::model::Model;
 use crate::work::{Hands, way, working};
-use btr_cli::Watch;
 use btr_core::coevolve::{Coevolution, Step};
 use btr_identify::diagnose::Rung;
 use btr_lab::distributed::Way;
 use btr_lab::experiment::{Experiment, Robotic};
 use btr_lab::reality::{Asked, Unanswered};
+use btr_lab::run::turn::{self, Watch};
+use btr_report::figures;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -42,7 +43,10 @@ pub(crate) fn coevolve(
     warn(py, &experiment.warnings)?;
     let (document, waiting) = working(py, &way, || {
         let mut watcher = Watcher { way: way.clone(), tell, warned, told: 0 };
-        let ended = btr_cli::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        let mut ended = turn::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        if let Some(ended) = &mut ended {
+            ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
+        }
         let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
         let waiting = ended.and_then(|ended| ended.waiting).map(|what| in_python(&what));
         let said = document.map(|mut document| {
@@ -132,7 +136,7 @@ impl Watch for Watcher {
     }
 }
 
-impl Raise for btr_cli::Failure {
+impl Raise for btr_lab::failure::Failure {
     fn raise(self) -> PyErr {
         raised(&self.message, self.help)
     }

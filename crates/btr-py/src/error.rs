@@ -87,7 +87,7 @@ impl Raise for AddError {
 
 impl Raise for WorldError {
     fn raise(self) -> PyErr {
-        btr_cli::Failure::from(self).raise()
+        btr_lab::failure::Failure::from(self).raise()
     }
 }
 

@@ -16,7 +16,6 @@ mod verbs;
 mod work;
 
 use pyo3::prelude::*;
-use std::ffi::OsString;
 
 /// The compiled half of the `btr` package.
 #[pymodule]
@@ -47,11 +46,14 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(work::forked, module)?)?;
     module.add_function(wrap_pyfunction!(work::serve, module)?)?;
     module.add_function(wrap_pyfunction!(page::write_report, module)?)?;
-    module.add_function(wrap_pyfunction!(command, module)?)
+    #[cfg(feature = "command")]
+    module.add_function(wrap_pyfunction!(command, module)?)?;
+    Ok(())
 }
 
 /// The command `btr`: takes its arguments, its own name first, and gives back its exit code.
+#[cfg(feature = "command")]
 #[pyfunction]
-fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+fn command(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {
     py.detach(|| btr_cli::run(arguments))
 }

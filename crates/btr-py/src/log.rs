@@ -87,7 +87,7 @@ impl Log {
     /// log with more than commands in it would be lost, unless that is to be: `overwrite`.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        py.detach(|| btr_cli::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
+        py.detach(|| btr_lab::output::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
         py.detach(|| btr_io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 

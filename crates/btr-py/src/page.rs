@@ -2,8 +2,8 @@
 
 use crate::error::{Raise, raised};
 use crate::work::at_once;
-use btr_cli::report;
 use btr_lab::experiment::Source;
+use btr_report::html;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -36,5 +36,5 @@ pub(crate) fn write_report(path: PathBuf, html: &str) -> PyResult<()> {
         let help = "give the report another name".to_owned();
         return Err(raised(&format!("{}: the name of a report ends in .html", path.display()), Some(help)));
     }
-    report::write(&path, html).map_err(Raise::raise)
+    html::write(&path, html).map_err(Raise::raise)
 }

@@ -5,14 +5,15 @@ use crate::log::{Given, Log};
 use crate::model::Model;
 use crate::page::Page;
 use crate::work::{Hands, at_once, way, working};
-use btr_cli::Failure;
-use btr_cli::report::{self, Subject};
 use btr_identify::diagnose::Question;
 use btr_lab::distributed::{Served, Way};
 use btr_lab::experiment;
 use btr_lab::experiment::LogSource;
+use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::Problem;
+use btr_report::html;
+use btr_report::html::Subject;
 use pyo3::prelude::*;
 use serde_json::json;
 use std::panic::resume_unwind;
@@ -44,7 +45,7 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
     at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
         let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
-        Ok((outcome.document().to_string(), Page::new(&model.source, move || report::compare(&outcome))))
+        Ok((outcome.document().to_string(), Page::new(&model.source, move || html::compare(&outcome))))
     })
 }
 
@@ -52,7 +53,7 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResu
 #[pyfunction]
 #[pyo3(signature = (name = None))]
 pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
-    Ok(btr_cli::effects(name).map_err(Raise::raise)?.to_string())
+    Ok(btr_lab::verbs::effects(name).map_err(Raise::raise)?.to_string())
 }
 
 /// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`, which
@@ -80,8 +81,7 @@ pub(crate) fn diagnose(
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
-        let page =
-            move || report::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || html::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), next))
     })
 }
@@ -116,7 +116,7 @@ pub(crate) fn fit(
         let (document, space) =
             (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
-        let page = move || report::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || html::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))
     })
 }

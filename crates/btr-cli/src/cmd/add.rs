@@ -1,12 +1,13 @@
 //! `btr add`: an effect written into a model, free to fit.
 
 use super::ladder;
-use super::output::{Kind, guard};
 use crate::args::{Add, Global};
-use crate::failure::{DONE, Failure};
+use crate::exit::DONE;
 use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
 use btr_lab::experiment::adapt::{moved, named_files};
+use btr_lab::failure::Failure;
+use btr_lab::output::{Kind, guard};
 use btr_lab::verbs::{AddError, Addition, add};
 use std::io::Write;
 use std::path::Path;

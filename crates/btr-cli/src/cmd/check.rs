@@ -2,13 +2,15 @@
 
 use super::ladder;
 use crate::args::{Check, Global};
-use crate::failure::{DONE, Failure, MISSED};
-use crate::table::{Table, maybe, number};
+use crate::exit::{DONE, MISSED};
 use btr_identify::quality::Severity;
 use btr_lab::experiment;
 use btr_lab::experiment::Checked;
+use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::Told;
+use btr_report::table::{Table, maybe, number};
+use btr_report::text::word;
 
 pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
@@ -23,14 +25,6 @@ pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     }
     let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
     Ok(if bad { MISSED } else { DONE })
-}
-
-pub(super) fn word(severity: Severity) -> &'static str {
-    match severity {
-        Severity::Fine => "fine",
-        Severity::Doubtful => "doubtful",
-        Severity::Bad => "bad",
-    }
 }
 
 fn text(Checked { log, quality }: &Checked, verbose: bool) -> String {

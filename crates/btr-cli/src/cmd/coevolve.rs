@@ -2,19 +2,22 @@
 
 use super::ladder;
 use crate::args::{Coevolve, Global};
-use crate::coevolution::{self, Ended, Watch};
-use crate::failure::{DONE, Failure, INTERRUPTED, MISSED};
+use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
-use crate::table::{Table, maybe, number};
 use btr_core::coevolve::{Change, Coevolution, Iteration, Promise, Step, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::diagnose::Rung;
 use btr_lab::experiment::{Experiment, Source};
+use btr_lab::failure::Failure;
 use btr_lab::run::Run;
 use btr_lab::run::augment::Cause;
 use btr_lab::run::report;
 use btr_lab::run::report::{ByDistance, Comparison, Report};
+use btr_lab::run::turn;
+use btr_lab::run::turn::{Ended, Watch};
 use btr_lab::verbs::LadderStep;
+use btr_report::figures;
+use btr_report::table::{Table, maybe, number};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,10 +37,13 @@ pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<u8, Failure> {
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
-    let ended = coevolution::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
+    let ended = turn::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
     watcher.finish();
     match ended? {
-        Some(ended) => finish(&ended, args, global),
+        Some(mut ended) => {
+            ended.files.extend(figures::write(&experiment, &ended.run, &ended.report)?);
+            finish(&ended, args, global)
+        }
         None => Ok(say_interrupted(args, &folder)),
     }
 }

@@ -1,7 +1,8 @@
 //! `btr completions`, `btr man`.
 
 use crate::args::Args;
-use crate::failure::{DONE, Failure};
+use crate::exit::DONE;
+use btr_lab::failure::Failure;
 use clap::CommandFactory;
 use clap_complete::Shell;
 

@@ -1,9 +1,10 @@
 //! `btr convert`.
 
-use super::output::{Kind, guard};
 use crate::args::Global;
-use crate::failure::{DONE, Failure};
+use crate::exit::DONE;
 use btr_io::{Mapping, Meta};
+use btr_lab::failure::Failure;
+use btr_lab::output::{Kind, guard};
 use std::path::Path;
 
 pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<u8, Failure> {

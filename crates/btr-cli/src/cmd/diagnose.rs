@@ -1,16 +1,20 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
 use super::ladder;
-use super::output::{Kind, announce, guard, inputs, write_report};
+use super::ladder::{announce, write_report};
 use crate::args::{Diagnose, Global};
-use crate::failure::{DONE, Failure, MISSED};
-use crate::report::{self, Subject};
-use crate::table::{Table, number};
+use crate::exit::{DONE, MISSED};
 use btr_identify::diagnose::{Question, Verdict};
 use btr_io::Meta;
+use btr_lab::failure::Failure;
+use btr_lab::output::{Kind, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{DiagnoseReport, LadderStep, Problem};
-use std::path::{Path, PathBuf};
+use btr_report::html;
+use btr_report::html::Subject;
+use btr_report::table::{Table, number};
+use btr_report::text::fit_command;
+use std::path::Path;
 
 pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
@@ -29,7 +33,7 @@ pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
         write_next(&report, path)?;
     }
     if let Some(path) = &args.beside.report {
-        write_report(path, &report::diagnose(&asked, &report, &diagnosis.fit.u))?;
+        write_report(path, &html::diagnose(&asked, &report, &diagnosis.fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
@@ -65,7 +69,7 @@ fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Subject) {
     println!("{}", sentence(report));
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
-    ladder::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         println!(
             "\n{}@{}   probability {}   delta BIC {}",
@@ -77,8 +81,8 @@ fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Subject) {
         if !effect.alike.is_empty() {
             println!("  these logs cannot tell it from: {}", effect.alike.join(", "));
         }
-        let mut table = Table::new(&ladder::ESTIMATES);
-        effect.parameters.iter().for_each(|estimate| table.row(ladder::estimate(estimate)));
+        let mut table = Table::new(&btr_report::text::ESTIMATES);
+        effect.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
         println!("{}", table.render());
     }
     law(report);
@@ -88,8 +92,8 @@ fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Subject) {
             println!("`--next FILE.csv` writes its commands, for `btr simulate --log` and for the robot");
         }
     }
-    println!("\n{}", ladder::floors(&report.noise_floor));
-    println!("{}", ladder::integrator(report.integrator_error, report.time_step_s));
+    println!("\n{}", btr_report::text::floors(&report.noise_floor));
+    println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     if !report.at_bound.is_empty() {
         println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
     }
@@ -135,19 +139,4 @@ fn law(report: &DiagnoseReport) {
     let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
     let share = format!("{:.0} % of the squared error above the noise", 100.0 * law.explains);
     println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
-}
-
-/// What to type next, once it is known what is missing; nothing where the model or a log is no file.
-pub(crate) fn fit_command(report: &DiagnoseReport, asked: &Subject) -> Option<String> {
-    let model = &asked.problem.source.path;
-    let on_disk = std::iter::once(model).chain(asked.logs).chain(asked.held_out).all(|path| path.exists());
-    if report.verdict != Verdict::EffectMissing || !on_disk {
-        return None;
-    }
-    let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
-    let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
-    let held_out =
-        if asked.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(asked.held_out)) };
-    let (model, logs, adds) = (model.display(), paths(asked.logs), adds.join(" "));
-    Some(format!("btr fit {model} {logs}{held_out} {adds} -o fitted.toml"))
 }

@@ -1,33 +1,11 @@
 //! `btr effects`: the library, as the registry knows it.
 
 use crate::args::Global;
-use crate::failure::{DONE, Failure};
-use crate::table::{Table, number};
-use btr_lab::experiment::suggestion;
-use btr_physics::effects::{Card, EFFECTS, FORMULA, Param, SiteKind};
-use serde_json::{Value, json};
-
-/// Every card; formulas share one.
-fn all() -> impl Iterator<Item = &'static Card> {
-    EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
-}
-
-/// All cards, or that of one effect.
-fn named(name: Option<&str>) -> Result<Vec<&'static Card>, Failure> {
-    Ok(match name {
-        None => all().collect(),
-        Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
-    })
-}
-
-/// The physical effects, or one of them, as the document of `btr effects --json`.
-///
-/// # Errors
-/// An effect that is not there.
-pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
-    let effects: Vec<Value> = named(name)?.into_iter().map(describe).collect();
-    Ok(json!({ "ok": true, "effects": effects }))
-}
+use crate::exit::DONE;
+use btr_lab::failure::Failure;
+use btr_lab::verbs::{effects, named, site};
+use btr_physics::effects::{Card, Param, SiteKind};
+use btr_report::table::{Table, number};
 
 pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
     let cards = named(name)?;
@@ -39,13 +17,6 @@ pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
         list(&cards);
     }
     Ok(DONE)
-}
-
-fn unknown(name: &str) -> Failure {
-    let known = || all().map(|card| card.name);
-    let all = || format!("known: {}", known().collect::<Vec<_>>().join(", "));
-    let help = suggestion(name, known()).unwrap_or_else(all);
-    Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
 }
 
 fn list(cards: &[&Card]) {
@@ -91,11 +62,6 @@ fn tell(card: &Card) {
     }
 }
 
-/// What it sits on, in a word.
-fn site(card: &Card) -> String {
-    format!("{:?}", card.site).to_lowercase()
-}
-
 /// How its site is written.
 fn on(card: &Card) -> &'static str {
     match card.site {
@@ -114,15 +80,4 @@ fn shown(x: f64) -> String {
         x if x.is_infinite() => "inf".to_owned(),
         x => number(x),
     }
-}
-
-fn describe(card: &Card) -> Value {
-    let finite = |x: f64| x.is_finite().then_some(x);
-    let param = |p: &Param| {
-        json!({ "name": p.name, "unit": p.unit, "min": p.bounds.0, "max": finite(p.bounds.1), "off": finite(p.off),
-                "typical": p.hint, "shape": p.shape })
-    };
-    let params: Vec<Value> = card.params.iter().map(param).collect();
-    json!({ "effect": card.name, "site": site(card), "law": card.law, "shows": card.tell,
-            "source": card.cite, "alike": card.alike, "starts": card.starts, "parameters": params })
 }

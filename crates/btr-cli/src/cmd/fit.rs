@@ -2,13 +2,16 @@
 
 use super::add::write_text;
 use super::ladder;
-use super::output::{Kind, announce, guard, inputs, write_report};
+use super::ladder::{announce, write_report};
 use crate::args::{Fit, Global};
-use crate::failure::{DONE, Failure};
-use crate::report::{self, Subject};
-use crate::table::{Table, number};
+use crate::exit::DONE;
+use btr_lab::failure::Failure;
+use btr_lab::output::{Kind, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{FitReport, Problem};
+use btr_report::html;
+use btr_report::html::Subject;
+use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
@@ -32,7 +35,7 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
     }
     if let Some(path) = &args.beside.report {
         let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
-        write_report(path, &report::fit(&asked, &report, &fit.u))?;
+        write_report(path, &html::fit(&asked, &report, &fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
@@ -49,8 +52,8 @@ pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
 
 fn show(report: &FitReport) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
-    let mut table = Table::new(&ladder::ESTIMATES);
-    report.parameters.iter().for_each(|estimate| table.row(ladder::estimate(estimate)));
+    let mut table = Table::new(&btr_report::text::ESTIMATES);
+    report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
         println!("\nby its bounds: that is what the bounds leave; the logs tell less");
@@ -58,11 +61,11 @@ fn show(report: &FitReport) {
     if let Some(why) = &report.withheld {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");
     }
-    ladder::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for direction in &report.null_directions {
         println!("\n{}", direction.sentence);
     }
-    println!("\n{}", ladder::floors(&report.noise_floor));
-    println!("{}", ladder::integrator(report.integrator_error, report.time_step_s));
+    println!("\n{}", btr_report::text::floors(&report.noise_floor));
+    println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
 }

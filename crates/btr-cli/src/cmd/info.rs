@@ -1,14 +1,15 @@
 //! `btr info`: what a log holds, or what btr knows.
 
 use crate::args::Global;
-use crate::failure::{DONE, Failure};
-use crate::table::{Table, number};
+use crate::exit::DONE;
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
 use btr_io::Mapping;
+use btr_lab::failure::Failure;
 use btr_physics::drive::DRIVES;
 use btr_physics::model::task::TERMS;
+use btr_report::table::{Table, number};
 use serde_json::{Value, json};
 use std::path::Path;
 

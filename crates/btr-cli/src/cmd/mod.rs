@@ -11,6 +11,5 @@ pub(crate) mod effects;
 pub(crate) mod fit;
 pub(crate) mod info;
 pub(crate) mod ladder;
-pub(crate) mod output;
 pub(crate) mod schema;
 pub(crate) mod simulate;

@@ -1,7 +1,8 @@
 //! `btr schema`.
 
-use crate::failure::{DONE, Failure};
+use crate::exit::DONE;
 use btr_lab::experiment::File;
+use btr_lab::failure::Failure;
 
 pub(crate) fn run() -> Result<u8, Failure> {
     let schema = schemars::schema_for!(File);

@@ -1,14 +1,15 @@
 //! `btr simulate`: one rollout of a model, written as a log.
 
 use super::ladder;
-use super::output::{Kind, guard, inputs};
 use crate::args::{Global, Simulate};
-use crate::failure::{DONE, Failure};
-use crate::table::number;
+use crate::exit::DONE;
 use btr_core::world::Simulator;
 use btr_io::Meta;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;
+use btr_lab::failure::Failure;
+use btr_lab::output::{Kind, guard, inputs};
+use btr_report::table::number;
 
 pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;

@@ -5,6 +5,7 @@ pub mod augment;
 pub mod doubts;
 pub mod identify;
 pub mod report;
+pub mod turn;
 
 use crate::distributed::{Parcels, ServedModel};
 use crate::experiment::{Experiment, FileError, enlarges};

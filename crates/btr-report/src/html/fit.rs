@@ -2,10 +2,10 @@
 
 use super::ladder::{Subject, fall, fine_print};
 use super::{Block, Report, Section};
-use crate::cmd::ladder::{integrator, interval};
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::{maybe, number};
+use crate::text::{integrator, interval};
 use btr_core::space::Dim;
 use btr_identify::fit::{Ended, Estimate};
 use btr_lab::verbs::FitReport;

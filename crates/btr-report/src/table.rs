@@ -1,31 +1,34 @@
 //! Plain tables for the terminal: columns as wide as they need, numbers to the right.
 
 /// Rows of text under a header.
-pub(crate) struct Table {
+pub struct Table {
     header: Vec<String>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(crate) fn new(header: &[&str]) -> Self {
+    /// A table without rows.
+    pub fn new(header: &[&str]) -> Self {
         Table { header: header.iter().map(|&h| h.to_owned()).collect(), rows: Vec::new() }
     }
 
-    pub(crate) fn row(&mut self, cells: Vec<String>) {
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// Whether it has no rows.
+    pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
     /// The table as text, one line per row.
-    pub(crate) fn render(&self) -> String {
+    pub fn render(&self) -> String {
         self.lines(|k| k == 0)
     }
 
     /// The same with every column to the left: for text without numbers.
-    pub(crate) fn render_left(&self) -> String {
+    pub fn render_left(&self) -> String {
         self.lines(|_| true)
     }
 
@@ -49,7 +52,7 @@ fn line(row: &[String], widths: &[usize], left: &impl Fn(usize) -> bool) -> Stri
 }
 
 /// Four significant digits, without an exponent where that is readable.
-pub(crate) fn number(x: f64) -> String {
+pub fn number(x: f64) -> String {
     match x.abs() {
         _ if !x.is_finite() => "-".to_owned(),
         0.0 => "0".to_owned(),
@@ -58,7 +61,8 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-pub(crate) fn maybe(x: Option<f64>) -> String {
+/// The same, or a dash where there is none.
+pub fn maybe(x: Option<f64>) -> String {
     x.map_or_else(|| "-".to_owned(), number)
 }
 

@@ -2,8 +2,8 @@
 
 use super::joints::{Beside, LOGS_SHOWN, joints};
 use super::{Block, Report, Section};
-use crate::cmd::compare::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use crate::plot::heat::{Heat, heat};
+use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use btr_identify::compare::{Cell, Regime, Track};
 use btr_lab::verbs::Compared;
 

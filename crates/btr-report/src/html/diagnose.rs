@@ -2,11 +2,11 @@
 
 use super::ladder::{FLOORS, Subject, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
 use super::{Block, Report, Section};
-use crate::cmd::diagnose::fit_command;
-use crate::cmd::ladder::{ESTIMATES, estimate, integrator};
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
+use crate::text::fit_command;
+use crate::text::{ESTIMATES, estimate, integrator};
 use btr_core::log::Log;
 use btr_identify::diagnose::{Ranked, Verdict};
 use btr_lab::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};

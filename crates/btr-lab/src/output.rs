@@ -1,18 +1,16 @@
 //! What a verb may write, asked before it computes anything: a file in a folder that is there, over nothing but an
 //! earlier output of its own kind. A recording exists once.
 
-use crate::args::Global;
+use crate::experiment::Source;
+use crate::experiment::adapt::named_files;
 use crate::failure::Failure;
-use crate::report;
 use btr_core::log::Role;
 use btr_io::{IoError, Mapping};
-use btr_lab::experiment::Source;
-use btr_lab::experiment::adapt::named_files;
 use std::path::{Path, PathBuf};
 
 /// What is written.
 #[derive(Clone, Copy)]
-pub(crate) enum Kind {
+pub enum Kind {
     /// A model's TOML.
     Model,
     /// An HTML report.
@@ -25,20 +23,22 @@ pub(crate) enum Kind {
 }
 
 /// A file that a verb is to write.
-pub(crate) struct Output<'a> {
-    pub(crate) path: &'a Path,
-    pub(crate) kind: Kind,
+pub struct Output<'a> {
+    /// Where.
+    pub path: &'a Path,
+    /// What.
+    pub kind: Kind,
 }
 
 impl Kind {
     /// This kind of output at a path, if one is given.
-    pub(crate) fn at(self, path: Option<&Path>) -> Option<Output<'_>> {
+    pub fn at(self, path: Option<&Path>) -> Option<Output<'_>> {
         path.map(|path| Output { path, kind: self })
     }
 }
 
 /// Every file that a verb reads: the model, what it names, and these.
-pub(crate) fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
+pub fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
     std::iter::once(source.path.clone()).chain(named_files(source)).chain(further).collect()
 }
 
@@ -55,24 +55,12 @@ pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure
 /// # Errors
 /// An output that is one of the inputs, by whatever name; one whose name is not of its kind; a log in the place of
 /// measurements; a folder that is not there or cannot be written into.
-pub(crate) fn guard<'a>(
+pub fn guard<'a>(
     outputs: impl IntoIterator<Item = Output<'a>>,
     inputs: impl IntoIterator<Item = PathBuf>,
 ) -> Result<(), Failure> {
     let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
     outputs.into_iter().try_for_each(|output| output.check(&inputs))
-}
-
-/// Writes a report.
-pub(crate) fn write_report(path: &Path, page: &str) -> Result<(), Failure> {
-    report::write(path, page).map_err(|error| unwritable(&error))
-}
-
-/// Says where a file is now, beside the result.
-pub(crate) fn announce(path: Option<&Path>, what: &str, global: &Global) {
-    if let Some(path) = path.filter(|_| !global.quiet && !global.json) {
-        println!("\n{}: {what}", path.display());
-    }
 }
 
 impl Output<'_> {
@@ -114,6 +102,7 @@ fn refused(message: String) -> Failure {
     Failure::new("output", message, Some("give the output another name".to_owned()))
 }
 
-fn unwritable(error: &IoError) -> Failure {
+/// Why a file cannot be written.
+pub fn unwritable(error: &IoError) -> Failure {
     Failure::new("output", error.to_string(), Some(error.help()))
 }

@@ -1,17 +1,16 @@
 //! A run of the loop from its beginning, or from its last checkpoint, to its files; who watches it decides what is shown.
 
+use super::Run;
+use super::doubts::Told;
+use super::identify;
+use super::report;
+use super::report::{ByDistance, Report};
+use crate::experiment::Experiment;
+use crate::experiment::adapt;
 use crate::failure::Failure;
-use crate::figures;
 use btr_core::coevolve::{Coevolution, Step, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::diagnose::Rung;
-use btr_lab::experiment::Experiment;
-use btr_lab::experiment::adapt;
-use btr_lab::run::Run;
-use btr_lab::run::doubts::Told;
-use btr_lab::run::identify;
-use btr_lab::run::report;
-use btr_lab::run::report::{ByDistance, Report};
 use std::path::{Path, PathBuf};
 
 /// Who looks on while a run goes on.
@@ -170,7 +169,10 @@ fn finish(
 }
 
 /// The model as the run adapted it, driven by the best controller that was tried.
-pub(crate) fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
+///
+/// # Errors
+/// A model file that cannot be written with these values.
+pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
     let (model, state) = (&experiment.model, run.state());
     let simulation = (model.simulations(), state.simulation());
     let best = state.best_tested().map(|best| (model.controllers(), best.trial.controller.as_slice()));
@@ -182,6 +184,5 @@ fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Ve
     let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
     let mut files = vec![run.write("history.json", text.as_bytes())?];
     files.push(run.write("adapted.toml", adapted(experiment, run)?.as_bytes())?);
-    files.extend(figures::write(experiment, run, report)?);
     Ok(files)
 }

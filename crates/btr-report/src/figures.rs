@@ -1,23 +1,27 @@
 //! Files that people look at: the paper's figures 3 and 5 of this run, and its logs for robot viewers.
 
-use crate::coevolution::adapted;
-use crate::failure::Failure;
 use crate::plot::paper::{Figure3, Generation, Individual, Parameter, Tracking, figure3, figure5};
-use btr_core::coevolve::{self, Side};
+use btr_core::coevolve;
+use btr_core::coevolve::Side;
 use btr_core::log::{Log, interpolate};
 use btr_core::world::Simulator;
 use btr_io::Meta;
 use btr_lab::experiment::Experiment;
+use btr_lab::failure::Failure;
 use btr_lab::run::Run;
 use btr_lab::run::report::Report;
+use btr_lab::run::turn::adapted;
 use btr_physics::robot::urdf;
 use std::path::PathBuf;
 
 /// How many joints figure 5 shows; the paper shows three.
 const JOINTS: usize = 3;
 
-/// Writes figures and logs into the run's folder.
-pub(crate) fn write(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+/// Writes figures and logs into the run's folder, and gives back their paths.
+///
+/// # Errors
+/// A disk that refuses; a simulation that blows up.
+pub fn write(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     if report.generations.iter().any(|g| g.side == Side::Simulators) {
         files.push(run.write("figure3.svg", figure3(&history(experiment, report)).as_bytes())?);

@@ -3,10 +3,10 @@
 
 use super::joints::Beside;
 use super::{Block, Section};
-use crate::cmd::ladder::{line, reserve};
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
 use crate::table::number;
+use crate::text::{line, reserve};
 use btr_core::world::WorldError;
 use btr_lab::verbs::{Floor, LadderStep, Problem};
 use std::path::{Path, PathBuf};

@@ -1,17 +1,8 @@
 //! Errors at the edge: one message, one `help:` line, one exit code.
 
+use crate::verbs::{Doubt, Problem, ProblemError};
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
-use btr_lab::verbs::{Doubt, Problem, ProblemError};
-
-/// Exit code of a run that was done.
-pub(crate) const DONE: u8 = 0;
-/// Exit code of a run that was done but missed the goal it was given.
-pub(crate) const MISSED: u8 = 1;
-/// Exit code of a run that was interrupted.
-pub(crate) const INTERRUPTED: u8 = 130;
-/// Exit code of everything that cannot be done.
-pub(crate) const REFUSED: u8 = 2;
 
 /// A simulation that blows up sooner than this, in s, was wrong from the beginning.
 const AT_ONCE_S: f64 = 0.2;
@@ -19,7 +10,8 @@ const AT_ONCE_S: f64 = 0.2;
 /// Why a verb could not do its work.
 #[derive(Debug)]
 pub struct Failure {
-    code: &'static str,
+    /// A word that programs go by.
+    pub code: &'static str,
     /// What went wrong.
     pub message: String,
     /// What to do about it.
@@ -28,17 +20,17 @@ pub struct Failure {
 
 impl Failure {
     /// A failure of some kind, with what to do about it.
-    pub(crate) fn new(code: &'static str, message: impl Into<String>, help: Option<String>) -> Self {
+    pub fn new(code: &'static str, message: impl Into<String>, help: Option<String>) -> Self {
         Failure { code, message: message.into(), help }
     }
 
     /// A command line that makes no sense.
-    pub(crate) fn usage(message: impl Into<String>) -> Self {
+    pub fn usage(message: impl Into<String>) -> Self {
         Failure::new("usage", message, None)
     }
 
     /// A question that cannot be asked about logs of which this is doubtful.
-    pub(crate) fn problem(error: ProblemError, doubts: &[Doubt]) -> Self {
+    pub fn problem(error: ProblemError, doubts: &[Doubt]) -> Self {
         let (message, help) = (error.to_string(), error.help());
         match error {
             ProblemError::File(error) => error.into(),
@@ -51,7 +43,7 @@ impl Failure {
     }
 
     /// A simulation that could not be done, of logs of which this is doubtful.
-    pub(crate) fn simulation(error: &WorldError, doubts: &[Doubt]) -> Self {
+    pub fn simulation(error: &WorldError, doubts: &[Doubt]) -> Self {
         let unit = doubts.iter().find(|doubt| doubt.finding.topic == Topic::Unit);
         let help = match (error, unit) {
             (WorldError::BlewUp { time_s, .. }, Some(doubt)) if *time_s < AT_ONCE_S => {
@@ -79,30 +71,16 @@ impl Failure {
             None => Failure::new("simulation", message, Some("simulate it with the same logs to see where".to_owned())),
         }
     }
-
-    /// Says it on stderr, or as a JSON document on stdout.
-    pub(crate) fn report(&self, json: bool) -> u8 {
-        if json {
-            let error = serde_json::json!({ "code": self.code, "message": self.message, "help": self.help });
-            println!("{}", serde_json::json!({ "ok": false, "error": error }));
-        } else {
-            eprintln!("error: {}", self.message);
-            if let Some(help) = &self.help {
-                eprintln!("help: {help}");
-            }
-        }
-        REFUSED
-    }
 }
 
-impl From<btr_lab::experiment::FileError> for Failure {
-    fn from(error: btr_lab::experiment::FileError) -> Self {
+impl From<crate::experiment::FileError> for Failure {
+    fn from(error: crate::experiment::FileError) -> Self {
         Failure::new("file", error.to_string(), error.help)
     }
 }
 
-impl From<btr_lab::run::RunError> for Failure {
-    fn from(error: btr_lab::run::RunError) -> Self {
+impl From<crate::run::RunError> for Failure {
+    fn from(error: crate::run::RunError) -> Self {
         Failure::new("run", error.to_string(), error.help())
     }
 }
@@ -119,8 +97,8 @@ impl From<WorldError> for Failure {
     }
 }
 
-impl From<btr_lab::verbs::AddError> for Failure {
-    fn from(error: btr_lab::verbs::AddError) -> Self {
+impl From<crate::verbs::AddError> for Failure {
+    fn from(error: crate::verbs::AddError) -> Self {
         let help = error.help();
         Failure::new("add", error.to_string(), help)
     }

@@ -1,0 +1,26 @@
+//! Exit codes, and how a failure is told.
+
+use btr_lab::failure::Failure;
+
+/// Exit code of a run that was done.
+pub(crate) const DONE: u8 = 0;
+/// Exit code of a run that was done but missed the goal it was given.
+pub(crate) const MISSED: u8 = 1;
+/// Exit code of a run that was interrupted.
+pub(crate) const INTERRUPTED: u8 = 130;
+/// Exit code of everything that cannot be done.
+pub(crate) const REFUSED: u8 = 2;
+
+/// Says it on stderr, or as a JSON document on stdout.
+pub(crate) fn report(failure: &Failure, json: bool) -> u8 {
+    if json {
+        let error = serde_json::json!({ "code": failure.code, "message": failure.message, "help": failure.help });
+        println!("{}", serde_json::json!({ "ok": false, "error": error }));
+    } else {
+        eprintln!("error: {}", failure.message);
+        if let Some(help) = &failure.help {
+            eprintln!("help: {help}");
+        }
+    }
+    REFUSED
+}

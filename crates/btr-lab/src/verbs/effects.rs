@@ -1,0 +1,54 @@
+//! The library of effects, as the registry knows it.
+
+use crate::experiment::suggestion;
+use crate::failure::Failure;
+use btr_physics::effects::{Card, EFFECTS, FORMULA, Param};
+use serde_json::{Value, json};
+
+/// Every card; formulas share one.
+fn all() -> impl Iterator<Item = &'static Card> {
+    EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
+}
+
+/// All cards, or that of one effect.
+///
+/// # Errors
+/// An effect that is not there.
+pub fn named(name: Option<&str>) -> Result<Vec<&'static Card>, Failure> {
+    Ok(match name {
+        None => all().collect(),
+        Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
+    })
+}
+
+/// The physical effects, or one of them, as the document of `btr effects --json`.
+///
+/// # Errors
+/// An effect that is not there.
+pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
+    let effects: Vec<Value> = named(name)?.into_iter().map(describe).collect();
+    Ok(json!({ "ok": true, "effects": effects }))
+}
+
+fn unknown(name: &str) -> Failure {
+    let known = || all().map(|card| card.name);
+    let all = || format!("known: {}", known().collect::<Vec<_>>().join(", "));
+    let help = suggestion(name, known()).unwrap_or_else(all);
+    Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
+}
+
+/// What it sits on, in a word.
+pub fn site(card: &Card) -> String {
+    format!("{:?}", card.site).to_lowercase()
+}
+
+fn describe(card: &Card) -> Value {
+    let finite = |x: f64| x.is_finite().then_some(x);
+    let param = |p: &Param| {
+        json!({ "name": p.name, "unit": p.unit, "min": p.bounds.0, "max": finite(p.bounds.1), "off": finite(p.off),
+                "typical": p.hint, "shape": p.shape })
+    };
+    let params: Vec<Value> = card.params.iter().map(param).collect();
+    json!({ "effect": card.name, "site": site(card), "law": card.law, "shows": card.tell,
+            "source": card.cite, "alike": card.alike, "starts": card.starts, "parameters": params })
+}
