@@ -1,7 +1,7 @@
 //! The same bits for any number of threads and any interruption.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use btr_core::coevolve::{Coevolution, On, Plan, State, Step};
+use btr_core::coevolve::{Coevolution, Environment, Plan, RunState, StepOutcome};
 use btr_tests::{Hidden, Oscillator, finish, plan};
 
 const METHODS: [&str; 6] = [
@@ -66,13 +66,13 @@ fn interrupted(plan: &Plan, every: usize) -> (Vec<u8>, String) {
     let mut run = Coevolution::new(plan.clone(), 7, &world).unwrap();
     loop {
         for _ in 0..every {
-            let mut on = On { simulator: &world, distance: distance.as_ref(), reality: &mut reality };
-            if let Step::Stopped(_) = run.step(&mut on) {
+            let mut on = Environment { simulator: &world, distance: distance.as_ref(), reality: &mut reality };
+            if let StepOutcome::Stopped(_) = run.step(&mut on) {
                 return bytes(&run);
             }
         }
         let written = postcard::to_allocvec(run.state()).unwrap();
-        let state: State = postcard::from_bytes(&written).unwrap();
+        let state: RunState = postcard::from_bytes(&written).unwrap();
         run = Coevolution::resumed(plan.clone(), state);
         run.recall(&mut reality).unwrap();
     }

@@ -2,13 +2,13 @@
 #![allow(clippy::unwrap_used)]
 
 use btr_core::log::{Log, Role};
-use btr_identify::diagnose::{Question, Verdict, diagnose};
-use btr_identify::fit::{Bench, Logs, squares};
-use btr_identify::residual_model::{Family, Rollout, Step};
+use btr_identify::diagnose::{DiagnoseOptions, Verdict, diagnose};
+use btr_identify::fit::{LogSet, Objective, squares};
+use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::experiment::{Source, model};
-use btr_lab::identification::Beside;
+use btr_lab::identification::IdentificationProblem;
 use btr_physics::drive::{Drive, Replay};
-use btr_physics::effects::{EFFECTS, Placed, find};
+use btr_physics::effects::{EFFECTS, PlacedEffect, find};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::presets::ant;
 use btr_physics::robot::{JointKind, Link};
@@ -59,7 +59,7 @@ fn command_at_rest(told: &Log, model: &Model) -> Vec<(f64, f64)> {
 
 /// What is found where `hidden` is, among friction on any joint. The robot stood for so many seconds, or is said to be
 /// under way.
-fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
+fn found(hidden: &[PlacedEffect], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
     let source = Source::new("ant.toml", MODEL);
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
     model.scenarios = (0..2).map(|episode| scenario(&model, episode, stood_s.is_some())).collect();
@@ -76,16 +76,17 @@ fn found(hidden: &[Placed], stood_s: Option<f64>) -> (Verdict, Vec<String>) {
     let logs = (0..2).map(record).collect();
     let names = EFFECTS.iter().map(|effect| effect.card().name);
     let without: Vec<&str> = names.filter(|name| *name != "coulomb_friction").collect();
-    let beside = Beside::new(Arc::new(model), logs, &without).unwrap();
+    let beside = IdentificationProblem::new(Arc::new(model), logs, &without).unwrap();
     assert_eq!(beside.is_chaotic(), stood_s.is_none(), "whole logs from a standing start, windows else");
     let diagnosis =
-        diagnose(&Bench::new(&beside), Question { max_effects: 1, ..Question::default() }, &|_| ()).unwrap();
+        diagnose(&Objective::new(&beside), DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() }, &|_| ())
+            .unwrap();
     let named = diagnosis.effects.iter().map(|found| format!("{}@{}", found.effect, found.site)).collect();
     (diagnosis.verdict, named)
 }
 
-fn friction_on_one_leg() -> Placed {
-    Placed { effect: find("coulomb_friction").unwrap(), site: "L2_pitch".to_owned(), values: vec![0.15] }
+fn friction_on_one_leg() -> PlacedEffect {
+    PlacedEffect { effect: find("coulomb_friction").unwrap(), site: "L2_pitch".to_owned(), values: vec![0.15] }
 }
 
 #[test]
@@ -116,9 +117,10 @@ fn nothing_is_found_where_nothing_is_on_the_way() {
 }
 
 /// The root mean square of a family's residuals at a point, in noise floors.
-fn error(family: &dyn Family, u: &[f64]) -> f64 {
+fn error(family: &dyn ResidualModel, u: &[f64]) -> f64 {
     let logs = 0..family.logs().len();
-    let all: Vec<f64> = logs.flat_map(|log| family.residual(Rollout::of(u, log), Step::USUAL).unwrap()).collect();
+    let all: Vec<f64> =
+        logs.flat_map(|log| family.residual(ResidualRequest::of(u, log), TimeStep::USUAL).unwrap()).collect();
     let finite: Vec<f64> = all.into_iter().filter(|r| r.is_finite()).collect();
     (squares(&finite) / finite.len() as f64).sqrt()
 }
@@ -129,7 +131,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     let mut model = Model { learn: 1, ..model(&source).unwrap() };
     model.scenarios = vec![scenario(&model, 0, true)];
     // It was put down as it is told, stood for a moment, and sagged as far as friction let it.
-    let hidden = Placed { values: vec![0.8], ..friction_on_one_leg() };
+    let hidden = PlacedEffect { values: vec![0.8], ..friction_on_one_leg() };
     let (robot, mut effects, mut setup) = model.at(&model.simulations.nominal(), 0);
     effects.push(hidden);
     setup.rest_s = 0.5;
@@ -137,7 +139,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     let read = |link: &Link| (log.values(&format!("q_{}", link.joint.name)).unwrap()[0], 0.0);
     model.scenarios[0].start = model.robot.movable().map(|(_, link)| read(link)).collect();
-    let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
+    let beside = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
     let mut truth = vec![0.0; beside.knobs().len()];
     let knob = beside.knobs().iter().position(|knob| knob.name == "coulomb_friction.torque@L2_pitch").unwrap();
     truth[knob] = beside.knobs()[knob].coordinate(0.8);
@@ -163,11 +165,11 @@ fn where_feet_came_down_is_not_held_against_the_model() {
     let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     // Where the joints were put down is read no better than sensors read, and feet hold on to it.
     model.scenarios[0].start = told.iter().enumerate().map(|(k, q)| (q + by(0.012, k), 0.0)).collect();
-    let beside = Beside::new(Arc::new(model), vec![log], &[]).unwrap();
+    let beside = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
     let truth = vec![0.0; beside.knobs().len()];
-    let bench = Bench::at(&beside, &truth);
+    let bench = Objective::at(&beside, &truth);
     let whitened = bench.residuals_of(std::slice::from_ref(&truth), &[0]).pop().unwrap().unwrap();
-    let seen = (squares(&whitened) / bench.samples(Logs::Learn) as f64).sqrt();
+    let seen = (squares(&whitened) / bench.samples(LogSet::Learn) as f64).sqrt();
     let blind = error(&beside, &truth);
     assert!(blind > 1.2 && seen < 1.05, "{blind} {seen}");
 }
@@ -184,7 +186,7 @@ fn a_walk_that_grows_its_errors_is_compared_in_windows() {
         setup.rest_s = 1.0;
         let drive = model.scenarios[0].replay.clone().unwrap();
         let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
-        Beside::new(Arc::new(model), vec![log], &[]).unwrap().is_chaotic()
+        IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap().is_chaotic()
     };
     assert_eq!(["auto", "rapier"].map(is_chaotic), [false, true]);
 }

@@ -1,6 +1,6 @@
 //! A world small enough to reason about, for the laws of the loop: a damped oscillation that is set off by a controller.
 
-use btr_core::coevolve::{Coevolution, On, Plan, Step, StopReason};
+use btr_core::coevolve::{Coevolution, Environment, Plan, StepOutcome, StopReason};
 use btr_core::distance::Distance;
 use btr_core::log::{Log, Role};
 use btr_core::space::{Dim, Space, SpaceError};
@@ -170,9 +170,9 @@ pub fn plan(changes: &str) -> Result<Plan, toml::de::Error> {
 /// Runs until it stops.
 pub fn finish(run: &mut Coevolution, world: &Oscillator, reality: &mut Hidden) -> StopReason {
     let distance: Box<dyn Distance> = run.plan().distance.build();
-    let mut on = On { simulator: world, distance: distance.as_ref(), reality };
+    let mut on = Environment { simulator: world, distance: distance.as_ref(), reality };
     loop {
-        if let Step::Stopped(reason) = run.step(&mut on) {
+        if let StepOutcome::Stopped(reason) = run.step(&mut on) {
             return reason;
         }
     }

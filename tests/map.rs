@@ -1,7 +1,7 @@
 //! Transfer by quality diversity: a robot that does badly what the simulation does best.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use btr_core::coevolve::{Coevolution, MapError, On, Outlook, PlanError, StopReason};
+use btr_core::coevolve::{Coevolution, Environment, MapError, Outlook, PlanError, StopReason};
 use btr_core::log::{Log, LogError};
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Measure, Simulator, WorldError};
@@ -76,9 +76,9 @@ fn failures_count_as_spent_and_drive_it_away() {
 }
 
 /// An oscillator whose last position can be measured.
-struct Measured(Oscillator);
+struct MeasuredChannel(Oscillator);
 
-impl Simulator for Measured {
+impl Simulator for MeasuredChannel {
     fn simulations(&self) -> &Space {
         self.0.simulations()
     }
@@ -106,7 +106,7 @@ fn last(log: &Log) -> Result<f64, LogError> {
 
 #[test]
 fn behaviours_are_told_apart_by_what_was_measured() {
-    let world = Measured(Oscillator::new().unwrap().scenarios(2));
+    let world = MeasuredChannel(Oscillator::new().unwrap().scenarios(2));
     let changes = MAP.replace("phase = [-3.0, 3.0]", "last = [-1.0, 1.0]").replace("amplitude =", "'ampl' =");
     assert!(matches!(
         Coevolution::new(plan(&changes).unwrap(), 1, &world).unwrap_err(),
@@ -116,7 +116,7 @@ fn behaviours_are_told_apart_by_what_was_measured() {
     let mut run = Coevolution::new(plan(&changes).unwrap(), 1, &world).unwrap();
     let distance = run.plan().distance.build();
     let mut reality = Hidden::new(Oscillator::new().unwrap(), TRUTH);
-    let mut on = On { simulator: &world, distance: distance.as_ref(), reality: &mut reality };
+    let mut on = Environment { simulator: &world, distance: distance.as_ref(), reality: &mut reality };
     (0..60).for_each(|_| drop(run.step(&mut on)));
     let outlook = run.outlook(&world).unwrap();
     assert!(outlook.elites.len() > 30);

@@ -1,7 +1,7 @@
 //! Which controllers reality is asked to try, and how often: step 2 and the ledger.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use btr_core::coevolve::{Coevolution, Method, Side, StopReason, Verdict};
+use btr_core::coevolve::{Coevolution, Method, Side, StopReason, TestVerdict};
 use btr_core::world::{Simulator, Trial};
 use btr_tests::{Hidden, Oscillator, finish, plan};
 use proptest::prelude::*;
@@ -99,7 +99,7 @@ fn failed_real_tests_are_spent_and_do_not_stop_the_loop() {
     let (run, reason) = run("iterations = 5\nreal_tests = 40", 1, &world, &mut reality);
     assert_eq!(reason, StopReason::RealTestsSpent);
     assert_eq!((run.ledger().spent(), reality.asked.len()), (40, 40));
-    let failed = run.ledger().entries().iter().filter(|e| matches!(e.verdict, Verdict::Failed { .. }));
+    let failed = run.ledger().entries().iter().filter(|e| matches!(e.verdict, TestVerdict::Failed { .. }));
     assert_eq!(failed.count(), 14);
     let error = run.simulation().iter().zip(TRUTH).map(|(s, t)| (s / t - 1.0).abs()).fold(0.0, f64::max);
     assert!(error < 1e-3, "{:?}", run.simulation());

@@ -2,14 +2,14 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use btr_core::log::{Log, Role};
-use btr_identify::diagnose::{Diagnosis, Question, Verdict, diagnose};
-use btr_identify::fit::Bench;
-use btr_identify::residual_model::Family;
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use btr_identify::fit::Objective;
+use btr_identify::residual_model::ResidualModel;
 use btr_lab::experiment::{Source, model};
-use btr_lab::identification::Beside;
+use btr_lab::identification::IdentificationProblem;
 use btr_lab::verbs::{NextExperiment, next_experiment};
 use btr_physics::drive::Replay;
-use btr_physics::effects::{EFFECTS, On, Placed, formula};
+use btr_physics::effects::{EFFECTS, FormulaTarget, PlacedEffect, formula};
 use btr_physics::model::{Model, Scenario};
 use std::path::Path;
 use std::sync::Arc;
@@ -41,7 +41,7 @@ fn scenario(model: &Model, episode: usize) -> Scenario {
 }
 
 /// The arm beside what it does with `hidden` in it: two episodes to learn from, one to judge on.
-fn beside(hidden: &[Placed], without: &[&str]) -> Beside {
+fn beside(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
     let mut model = Model { learn: 2, ..arm() };
     model.scenarios = (0..3).map(|episode| scenario(&model, episode)).collect();
     let record = |episode: usize| {
@@ -51,19 +51,23 @@ fn beside(hidden: &[Placed], without: &[&str]) -> Beside {
         btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
     };
     let logs = (0..3).map(record).collect();
-    Beside::new(Arc::new(model), logs, without).unwrap()
+    IdentificationProblem::new(Arc::new(model), logs, without).unwrap()
 }
 
 /// A diagnosis that knows no effects, so that there is only the law.
-fn asked(hidden: &[Placed]) -> (Beside, Diagnosis) {
+fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
     let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.card().name).collect();
     let beside = beside(hidden, &names);
-    let diagnosis = diagnose(&Bench::new(&beside), Question::default(), &|_| {}).unwrap();
+    let diagnosis = diagnose(&Objective::new(&beside), DiagnoseOptions::default(), &|_| {}).unwrap();
     (beside, diagnosis)
 }
 
-fn planted(site: &str, law: &str) -> Placed {
-    Placed { effect: formula(On::Torque, law, &[]).unwrap(), site: site.to_owned(), values: Vec::new() }
+fn planted(site: &str, law: &str) -> PlacedEffect {
+    PlacedEffect {
+        effect: formula(FormulaTarget::Torque, law, &[]).unwrap(),
+        site: site.to_owned(),
+        values: Vec::new(),
+    }
 }
 
 #[test]

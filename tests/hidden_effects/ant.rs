@@ -4,7 +4,7 @@ use crate::excite::{Commands, between, clock};
 use crate::reality::Subject;
 use btr_core::random::Rng;
 use btr_physics::drive::{Drive, Sine};
-use btr_physics::effects::On;
+use btr_physics::effects::FormulaTarget;
 use btr_physics::presets::ant;
 use std::f64::consts::TAU;
 
@@ -19,10 +19,10 @@ pub(crate) static ANT: Subject = Subject {
     one_number: &[],
     max_rollouts: 3000,
     outside: &[
-        (On::Torque, "-8*max(0,q-0.2)^2"),
-        (On::Torque, "0.35*sin(19*t)"),
-        (On::Command, "cmd+0.08*sin(3*t)*cmd"),
-        (On::Torque, "-0.6*min(1,t)*sin(4*q)"),
+        (FormulaTarget::Torque, "-8*max(0,q-0.2)^2"),
+        (FormulaTarget::Torque, "0.35*sin(19*t)"),
+        (FormulaTarget::Command, "cmd+0.08*sin(3*t)*cmd"),
+        (FormulaTarget::Torque, "-0.6*min(1,t)*sin(4*q)"),
     ],
 };
 

@@ -3,7 +3,7 @@
 
 use crate::excite;
 use crate::reality::Subject;
-use btr_physics::effects::On;
+use btr_physics::effects::FormulaTarget;
 
 /// It has encoders only, and its base does not move.
 pub(crate) static ARM: Subject = Subject {
@@ -16,11 +16,11 @@ pub(crate) static ARM: Subject = Subject {
     one_number: &[("link_inertia", "turret"), ("com_offset", "turret")],
     max_rollouts: usize::MAX,
     outside: &[
-        (On::Torque, "-8*max(0,q-0.2)^2"),
-        (On::Torque, "0.35*sin(19*t)"),
-        (On::Torque, "-0.25*sign(dq)*max(0,sin(5*t))"),
-        (On::Torque, "-1.2*dq*max(0,q)"),
-        (On::Command, "cmd+0.08*sin(3*t)*cmd"),
-        (On::Torque, "-0.6*min(1,t/4)*sin(4*q)"),
+        (FormulaTarget::Torque, "-8*max(0,q-0.2)^2"),
+        (FormulaTarget::Torque, "0.35*sin(19*t)"),
+        (FormulaTarget::Torque, "-0.25*sign(dq)*max(0,sin(5*t))"),
+        (FormulaTarget::Torque, "-1.2*dq*max(0,q)"),
+        (FormulaTarget::Command, "cmd+0.08*sin(3*t)*cmd"),
+        (FormulaTarget::Torque, "-0.6*min(1,t/4)*sin(4*q)"),
     ],
 };

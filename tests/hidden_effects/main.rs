@@ -11,9 +11,9 @@ mod reality;
 mod score;
 
 use btr_core::log::Log;
-use btr_identify::diagnose::{Diagnosis, Question, Rung, diagnose};
-use btr_identify::fit::Bench;
-use btr_identify::residual_model::Family;
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Rung, diagnose};
+use btr_identify::fit::Objective;
+use btr_identify::residual_model::ResidualModel;
 use btr_io::Meta;
 use reality::Subject;
 use score::{Case, Outcome, summary};
@@ -137,7 +137,7 @@ fn run(case: &Case, max_rollouts: usize, verbose: bool) -> Outcome {
         }
     }
     let began = Instant::now();
-    let bench = Bench::new(&case.family);
+    let bench = Objective::new(&case.family);
     let tell = |rung: &Rung| {
         if verbose {
             let (held_out, seconds) = (rung.held_out.unwrap_or(f64::NAN), began.elapsed().as_secs_f64());
@@ -145,7 +145,7 @@ fn run(case: &Case, max_rollouts: usize, verbose: bool) -> Outcome {
             println!("    {step:<50} {train:7.3} {held_out:7.3}  {} rollouts {seconds:.1} s", bench.rollouts());
         }
     };
-    let diagnosis = diagnose(&bench, Question { max_rollouts, ..Question::default() }, &tell);
+    let diagnosis = diagnose(&bench, DiagnoseOptions { max_rollouts, ..DiagnoseOptions::default() }, &tell);
     let seconds = began.elapsed().as_secs_f64();
     if verbose {
         diagnosis.iter().for_each(show);

@@ -4,7 +4,7 @@ use crate::excite::{Commands, between, clock};
 use crate::reality::{Subject, quit};
 use btr_core::random::Rng;
 use btr_physics::drive::{Drive, NaoWalk};
-use btr_physics::effects::On;
+use btr_physics::effects::FormulaTarget;
 use btr_physics::presets::nao;
 use btr_physics::robot::{JointKind, Robot};
 use rand::RngExt;
@@ -21,9 +21,9 @@ pub(crate) static NAO: Subject = Subject {
     one_number: &[],
     max_rollouts: 3000,
     outside: &[
-        (On::Torque, "-20*max(0,q-0.1)^2"),
-        (On::Torque, "0.8*sin(19*t)"),
-        (On::Command, "cmd+0.08*sin(3*t)*cmd"),
+        (FormulaTarget::Torque, "-20*max(0,q-0.1)^2"),
+        (FormulaTarget::Torque, "0.8*sin(19*t)"),
+        (FormulaTarget::Command, "cmd+0.08*sin(3*t)*cmd"),
     ],
 };
 

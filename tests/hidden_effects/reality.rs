@@ -4,12 +4,14 @@ use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
-use btr_identify::residual_model::{Candidate, Family, Knob, Law, Rollout, Step};
+use btr_identify::residual_model::{
+    EffectCandidate, FitParameter, Parametrisation, ResidualModel, ResidualRequest, TimeStep,
+};
 use btr_lab::experiment::{Source, model, starts};
-use btr_lab::identification::Beside;
+use btr_lab::identification::IdentificationProblem;
 use btr_physics::drive::Replay;
 use btr_physics::effects;
-use btr_physics::effects::{On, Placed};
+use btr_physics::effects::{FormulaTarget, PlacedEffect};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{Base, JointKind, Robot};
 use rand::RngExt;
@@ -52,7 +54,7 @@ pub(crate) struct Subject {
     /// The most logs that a diagnosis may simulate before another round begins.
     pub max_rollouts: usize,
     /// Laws that are in no library: `on` what, and the law.
-    pub outside: &'static [(On, &'static str)],
+    pub outside: &'static [(FormulaTarget, &'static str)],
 }
 
 /// A case that is still to be simulated.
@@ -126,7 +128,7 @@ impl Reality {
     }
 
     /// The model beside what this reality does when `placed` is hidden in it.
-    fn beside(&mut self, placed: &[Placed]) -> Beside {
+    fn beside(&mut self, placed: &[PlacedEffect]) -> IdentificationProblem {
         let mut truth = self.model.simulations.nominal();
         for (value, dim) in truth.iter_mut().zip(self.model.simulations.dims()) {
             let off = if dim.name.starts_with("mass") { MASSES } else { GAINS };
@@ -138,11 +140,11 @@ impl Reality {
         for (scenario, log) in model.scenarios.iter_mut().zip(&logs) {
             scenario.start = starts(log, &self.model.robot).unwrap_or_else(|e| quit(&e));
         }
-        Beside::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
+        IdentificationProblem::new(Arc::new(model), logs, &[]).unwrap_or_else(|e| quit(&e))
     }
 
     /// What the sensors say in an episode, once the robot has come to rest where the episode begins.
-    fn record(&self, truth: &[f64], placed: &[Placed], episode: usize) -> Log {
+    fn record(&self, truth: &[f64], placed: &[PlacedEffect], episode: usize) -> Log {
         // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot settled.
         let skewed = placed.iter().any(|placed| placed.effect.card().name == "clock_skew");
         let free = self.model.robot.base == Base::Floating;
@@ -180,7 +182,7 @@ impl Reality {
         let bare = self.beside(&[]);
         self.rng = stream(self.seed, &[2, names.len() as u64, fingerprint(&names.join(","))]);
         let planted: Vec<Planted> = names.iter().map(|name| self.plant(&bare, name, size)).collect();
-        let placed: Vec<Placed> = planted.iter().flat_map(|p| p.placed(&bare)).collect();
+        let placed: Vec<PlacedEffect> = planted.iter().flat_map(|p| p.placed(&bare)).collect();
         self.rng = stream(self.seed, &[3]);
         let family = self.beside(&placed);
         Case { name: names.join(" + "), seed: self.seed, planted, outside: false, family }
@@ -192,15 +194,15 @@ impl Reality {
         let joint = &joints[(self.rng.random::<f64>() * joints.len() as f64) as usize];
         let (on, text) = self.subject.outside[law];
         let effect = effects::formula(on, text, &[]).unwrap_or_else(|e| quit(&e));
-        let placed = Placed { effect, site: joint.clone(), values: Vec::new() };
+        let placed = PlacedEffect { effect, site: joint.clone(), values: Vec::new() };
         let family = self.beside(&[placed]);
         Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, family }
     }
 
     /// An effect at a site drawn by lot, with amplitudes in typical proportions, scaled until it shows as wanted.
-    fn plant(&mut self, bare: &Beside, name: &str, size: f64) -> Planted {
+    fn plant(&mut self, bare: &IdentificationProblem, name: &str, size: f64) -> Planted {
         let drawn = |&i: &usize| {
-            let Candidate { effect, site, .. } = &bare.candidates()[i];
+            let EffectCandidate { effect, site, .. } = &bare.candidates()[i];
             effect == name && !self.subject.one_number.contains(&(name, site))
         };
         let sites: Vec<usize> = (0..bare.candidates().len()).filter(drawn).collect();
@@ -227,7 +229,7 @@ impl Reality {
             for (knob, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
                 let knob = &bare.knobs()[*knob];
                 // A limit that is hardly ever met is none, however much it is loosened.
-                let least = if knob.law == Law::Inverse { LOOSEST } else { f64::NEG_INFINITY };
+                let least = if knob.law == Parametrisation::Inverse { LOOSEST } else { f64::NEG_INFINITY };
                 *u = knob.clamp(*u * factor).max(least);
             }
         }
@@ -236,22 +238,22 @@ impl Reality {
         planted
     }
 
-    fn amplitude(&mut self, knob: &Knob) -> f64 {
+    fn amplitude(&mut self, knob: &FitParameter) -> f64 {
         let share: f64 = self.rng.random();
         let sign = if knob.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
-        let sizes = if knob.law == Law::Inverse { LIMITS } else { SIZES };
+        let sizes = if knob.law == Parametrisation::Inverse { LIMITS } else { SIZES };
         knob.clamp(sign * (sizes.0 + share * (sizes.1 - sizes.0)))
     }
 }
 
 /// Residuals of the training episodes.
-fn residuals(bare: &Beside, u: &[f64]) -> Vec<f64> {
+fn residuals(bare: &IdentificationProblem, u: &[f64]) -> Vec<f64> {
     let learn = bare.logs().iter().filter(|log| !log.held_out).count();
-    (0..learn).flat_map(|log| bare.residual(Rollout::of(u, log), Step::USUAL).unwrap_or_default()).collect()
+    (0..learn).flat_map(|log| bare.residual(ResidualRequest::of(u, log), TimeStep::USUAL).unwrap_or_default()).collect()
 }
 
 /// Root mean square of what an effect changes in the training episodes, in multiples of the noise.
-fn shows(bare: &Beside, without: &[f64], planted: &Planted) -> f64 {
+fn shows(bare: &IdentificationProblem, without: &[f64], planted: &Planted) -> f64 {
     let mut u = vec![0.0; bare.knobs().len()];
     planted.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
     let with = residuals(bare, &u);

@@ -2,10 +2,10 @@
 
 use btr_identify::diagnose::thresholds::TIE;
 use btr_identify::diagnose::{Diagnosis, Verdict};
-use btr_identify::fit::{Bench, Effort, Fit, Measure};
-use btr_identify::residual_model::Family;
-use btr_lab::identification::Beside;
-use btr_physics::effects::{Placed, find};
+use btr_identify::fit::{ComparisonMeasure, FitPoint, Objective, SearchBudget};
+use btr_identify::residual_model::ResidualModel;
+use btr_lab::identification::IdentificationProblem;
+use btr_physics::effects::{PlacedEffect, find};
 
 /// An effect that is there.
 pub(crate) struct Planted {
@@ -19,7 +19,7 @@ pub(crate) struct Planted {
 
 impl Planted {
     /// The effect itself.
-    pub(crate) fn placed(&self, bare: &Beside) -> Vec<Placed> {
+    pub(crate) fn placed(&self, bare: &IdentificationProblem) -> Vec<PlacedEffect> {
         let mut u = vec![0.0; bare.knobs().len()];
         self.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
         bare.placed(&u)
@@ -33,7 +33,7 @@ pub(crate) struct Case {
     pub planted: Vec<Planted>,
     /// Whether something is there that no effect of the library is.
     pub outside: bool,
-    pub family: Beside,
+    pub family: IdentificationProblem,
 }
 
 impl Case {
@@ -92,7 +92,7 @@ enum Score {
 }
 
 impl Outcome {
-    pub(crate) fn new(case: &Case, bench: &Bench, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
+    pub(crate) fn new(case: &Case, bench: &Objective, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
         let truth: Vec<String> = case.planted.iter().map(|p| format!("{}@{}", p.effect, p.site)).collect();
         let Some(diagnosis) = diagnosis else {
             let score = Score::Silent;
@@ -162,7 +162,7 @@ fn law(case: &Case, diagnosis: &Diagnosis) -> String {
     format!("\n            law: {on:?} on {site}: {law}{beside}, explains {explains:.1} %")
 }
 
-fn score(case: &Case, bench: &Bench, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
+fn score(case: &Case, bench: &Objective, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
     if case.outside {
         return if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong };
     }
@@ -196,16 +196,16 @@ fn score(case: &Case, bench: &Bench, truth: &[String], found: &[String], diagnos
 }
 
 /// Whether the criterion does not prefer what is there to what was named, when that is fitted from where it really is.
-fn is_twin(case: &Case, bench: &Bench, diagnosis: &Diagnosis) -> bool {
+fn is_twin(case: &Case, bench: &Objective, diagnosis: &Diagnosis) -> bool {
     let named = &diagnosis.fit;
     let mut u = named.u.clone();
     diagnosis.effects.iter().flat_map(|e| case.family.candidates()[e.candidate].knobs()).for_each(|knob| u[knob] = 0.0);
     let planted: Vec<(usize, f64)> = case.planted.iter().flat_map(|p| p.coordinates.clone()).collect();
     planted.iter().for_each(|(knob, x)| u[*knob] = *x);
     let active = case.family.doubtful().iter().copied().chain(planted.iter().map(|(knob, _)| *knob)).collect();
-    let Some(mut there) = Fit::at(bench, active, u, &named.step_error) else { return false };
-    there.solve(bench, Effort::FULL);
-    let measure = Measure::of(bench, named);
+    let Some(mut there) = FitPoint::at(bench, active, u, &named.step_error) else { return false };
+    there.solve(bench, SearchBudget::FULL);
+    let measure = ComparisonMeasure::of(bench, named);
     measure.criterion(&there) > measure.criterion(named) - TIE
 }
 

@@ -81,9 +81,9 @@ class Own:
     def __init__(self, change=lambda answer: answer) -> None:
         self.change, self.batches = change, []
 
-    def work(self, parcels: Sequence, batch: bytes) -> bytes:
+    def work(self, payloads: Sequence, batch: bytes) -> bytes:
         self.batches.append(len(batch))
-        return self.change(executors.serve([p.key for p in parcels], batch, *[p.content for p in parcels]))
+        return self.change(executors.serve([p.key for p in payloads], batch, *[p.content for p in payloads]))
 
 
 def test_batches_are_few_and_small(arm: btr.Model, alone: tuple) -> None:
@@ -108,8 +108,8 @@ def test_an_answer_to_another_batch_is_found_out(arm: btr.Model, tmp_path: Path)
 
         before: bytes | None = None
 
-        def work(self, parcels: Sequence, batch: bytes) -> bytes:
-            answer = super().work(parcels, batch)
+        def work(self, payloads: Sequence, batch: bytes) -> bytes:
+            answer = super().work(payloads, batch)
             answer, self.before = self.before or answer, answer
             return answer
 
@@ -213,12 +213,12 @@ def test_ray_also_when_a_machine_is_lost(arm: btr.Model, alone: tuple, tmp_path:
             machines.remove_node(second, allow_graceful=False)
             self.lost_after = self.handed_out
 
-        def work(self, parcels: Sequence, batch: bytes) -> bytes:
+        def work(self, payloads: Sequence, batch: bytes) -> bytes:
             self.handed_out += 1
             if self.handed_out == 20:
                 self.loser = threading.Thread(target=self.lose)
                 self.loser.start()
-            return super().work(parcels, batch)
+            return super().work(payloads, batch)
 
     losing = Losing()
     assert answer(arm, losing) == alone[0]

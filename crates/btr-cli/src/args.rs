@@ -93,18 +93,18 @@ pub(crate) enum Verb {
         after_help = "Examples:\n  btr coevolve robots/nao.toml\n  btr coevolve robots/ant.toml --seed 7 --out runs/ant-7\n  \
         btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume"
     )]
-    Coevolve(Coevolve),
+    Coevolve(CoevolveArgs),
     /// Run a model: replay a log's commands, or its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
-    Simulate(Simulate),
+    Simulate(SimulateArgs),
     /// Judge logs before anything is fitted to them: clock, sensors, lags, and which numbers in doubt they can tell
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
         Exit code 1 where something in a log is bad: nothing that uses it can be trusted.")]
-    Check(Check),
+    Check(CheckArgs),
     /// Tell where a model fails: per channel, per joint and regime of motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
         btr compare leg.toml logs/*.csv --report where.html --max-chi 1.5")]
-    Compare(Compare),
+    Compare(CompareArgs),
     /// Find out which physical effect the model lacks
     #[command(
         override_usage = beside_usage!("diagnose"),
@@ -112,16 +112,16 @@ pub(crate) enum Verb {
         btr diagnose arm.toml monday.mcap --report why.html\n\n\
         Without --held-out the last three tenths of each log are held out."
     )]
-    Diagnose(Diagnose),
+    Diagnose(DiagnoseArgs),
     /// Write an effect into a model, free to fit
     #[command(after_help = "Example:\n  btr add arm.toml coulomb_friction@elbow -o arm2.toml")]
-    Add(Add),
+    Add(AddArgs),
     /// Fit what is in doubt to logs, and see the error fall
     #[command(
         override_usage = beside_usage!("fit"),
         after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
     )]
-    Fit(Fit),
+    Fit(FitArgs),
     /// List the physical effects, or tell all about one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
     Effects {
@@ -157,7 +157,7 @@ pub(crate) enum Verb {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Coevolve {
+pub(crate) struct CoevolveArgs {
     /// The experiment (TOML)
     pub(crate) experiment: PathBuf,
     /// Folder of the run; runs/NAME unless given
@@ -172,7 +172,7 @@ pub(crate) struct Coevolve {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Simulate {
+pub(crate) struct SimulateArgs {
     /// The model or experiment (TOML)
     pub(crate) model: PathBuf,
     /// Replay the commands of this log instead of the model's own drive
@@ -190,7 +190,7 @@ pub(crate) struct Simulate {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Check {
+pub(crate) struct CheckArgs {
     /// The model or experiment (TOML)
     pub(crate) model: PathBuf,
     /// Recorded logs (MCAP or CSV)
@@ -199,7 +199,7 @@ pub(crate) struct Check {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Compare {
+pub(crate) struct CompareArgs {
     /// The model or experiment (TOML)
     pub(crate) model: PathBuf,
     /// Recorded logs (MCAP or CSV)
@@ -214,7 +214,7 @@ pub(crate) struct Compare {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Beside {
+pub(crate) struct LogArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
     /// The logs to learn from (MCAP or CSV)
@@ -228,7 +228,7 @@ pub(crate) struct Beside {
     pub(crate) report: Option<PathBuf>,
 }
 
-impl Beside {
+impl LogArgs {
     /// Every log that is read.
     pub(crate) fn all_logs(&self) -> impl Iterator<Item = PathBuf> {
         self.logs.iter().chain(&self.held_out).cloned()
@@ -236,9 +236,9 @@ impl Beside {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Diagnose {
+pub(crate) struct DiagnoseArgs {
     #[command(flatten)]
-    pub(crate) beside: Beside,
+    pub(crate) beside: LogArgs,
     /// The most effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
@@ -251,7 +251,7 @@ pub(crate) struct Diagnose {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Add {
+pub(crate) struct AddArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
     /// What to add; without a site it sits everywhere it can
@@ -263,9 +263,9 @@ pub(crate) struct Add {
 }
 
 #[derive(ClapArgs)]
-pub(crate) struct Fit {
+pub(crate) struct FitArgs {
     #[command(flatten)]
-    pub(crate) beside: Beside,
+    pub(crate) beside: LogArgs,
     /// An effect to add first
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,

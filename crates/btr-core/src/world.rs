@@ -87,25 +87,25 @@ pub trait Simulator: Sync {
     }
     /// What is wanted of each job's behaviour, in the order of the jobs. Who simulates elsewhere need not send behaviours
     /// home of which only a number is wanted.
-    fn make_all(&self, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+    fn evaluate_all(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
         self.run_all(jobs).into_iter().zip(wanted).map(|(behaviour, wanted)| Ok(wanted.of(behaviour?))).collect()
     }
 }
 
 /// What is wanted of a simulated behaviour.
 #[derive(Clone, Copy)]
-pub enum Wanted<'a> {
+pub enum OutputRequest<'a> {
     /// All of it.
     Behaviour,
     /// Its fitness.
     Fitness,
     /// How far it is from a real one.
-    Distance(Against<'a>),
+    Distance(Reference<'a>),
 }
 
 /// A real test that a behaviour is compared with.
 #[derive(Clone, Copy)]
-pub struct Against<'a> {
+pub struct Reference<'a> {
     /// Number of the real test in its run.
     pub test: usize,
     /// What came of it.
@@ -127,7 +127,7 @@ pub struct Compared {
 
 /// What was made of a behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Made {
+pub enum Output {
     /// All of it.
     Behaviour(Behaviour),
     /// Its fitness.
@@ -136,13 +136,13 @@ pub enum Made {
     Distance(Compared),
 }
 
-impl Wanted<'_> {
+impl OutputRequest<'_> {
     /// Makes it of a behaviour.
-    pub fn of(&self, behaviour: Behaviour) -> Made {
+    pub fn of(&self, behaviour: Behaviour) -> Output {
         match self {
-            Wanted::Behaviour => Made::Behaviour(behaviour),
-            Wanted::Fitness => Made::Fitness(behaviour.fitness),
-            Wanted::Distance(against) => Made::Distance((against.compare)(against.real, &behaviour)),
+            OutputRequest::Behaviour => Output::Behaviour(behaviour),
+            OutputRequest::Fitness => Output::Fitness(behaviour.fitness),
+            OutputRequest::Distance(against) => Output::Distance((against.compare)(against.real, &behaviour)),
         }
     }
 }
@@ -213,23 +213,23 @@ pub trait Reality {
 
 /// How exactly a simulation is computed: with the model's own time step, halved so many times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
+pub struct TimeStep {
     halvings: u8,
 }
 
-impl Step {
+impl TimeStep {
     /// The model's own time step.
-    pub const USUAL: Step = Step { halvings: 0 };
+    pub const USUAL: TimeStep = TimeStep { halvings: 0 };
 
     /// A step half as long.
     #[must_use]
-    pub fn halved(self) -> Step {
-        Step { halvings: self.halvings + 1 }
+    pub fn halved(self) -> TimeStep {
+        TimeStep { halvings: self.halvings + 1 }
     }
 
     /// The model's own step, halved so many times.
     pub fn of_halvings(halvings: u8) -> Self {
-        Step { halvings }
+        TimeStep { halvings }
     }
 
     /// How many times the model's own step is halved.

@@ -1,10 +1,10 @@
 //! What fits and diagnoses work on: a family of simulations beside measurements.
 //!
 //! A simulator is a family of worlds indexed by numbers. Some of them are in doubt from the beginning (masses, gains), others
-//! belong to effects that may be missing and are *off* as long as nobody says otherwise. Both are [`Knob`]s of one vector in
+//! belong to effects that may be missing and are *off* as long as nobody says otherwise. Both are [`FitParameter`]s of one vector in
 //! normalised coordinates: 0 is the model as it stands, 1 is a typical deviation.
 
-pub use btr_core::world::Step;
+pub use btr_core::world::TimeStep;
 use btr_core::world::WorldError;
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ const MULTIPLIED: f64 = 0.5;
 
 /// How a knob's coordinate becomes its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
+pub enum Parametrisation {
     /// value = origin + size·u.
     Linear,
     /// value = origin·exp(size·u).
@@ -24,17 +24,17 @@ pub enum Law {
 
 /// A number that may be varied.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Knob {
+pub struct FitParameter {
     /// Unique in its family: `mass@thigh`, `coulomb_friction.torque@knee`.
     pub name: String,
     /// SI unit as text.
     pub unit: String,
     /// The value at u = 0.
     pub origin: f64,
-    /// A typical deviation; see [`Law`].
+    /// A typical deviation; see [`Parametrisation`].
     pub size: f64,
     /// From the coordinate to the value.
-    pub law: Law,
+    pub law: Parametrisation,
     /// Least and greatest coordinate.
     pub bounds: (f64, f64),
     /// How far from 0 the coordinate is expected to be (a standard deviation).
@@ -45,37 +45,37 @@ pub struct Knob {
     pub amplitude: bool,
 }
 
-impl Knob {
+impl FitParameter {
     /// The value at a coordinate.
     pub fn value(&self, u: f64) -> f64 {
         match self.law {
-            Law::Linear => self.origin + self.size * u,
-            Law::Exponential => self.origin * (self.size * u).exp(),
-            Law::Inverse => self.size / u,
+            Parametrisation::Linear => self.origin + self.size * u,
+            Parametrisation::Exponential => self.origin * (self.size * u).exp(),
+            Parametrisation::Inverse => self.size / u,
         }
     }
 
     /// The coordinate of a value.
     pub fn coordinate(&self, value: f64) -> f64 {
         match self.law {
-            Law::Linear => (value - self.origin) / self.size,
-            Law::Exponential => (value / self.origin).ln() / self.size,
-            Law::Inverse => self.size / value,
+            Parametrisation::Linear => (value - self.origin) / self.size,
+            Parametrisation::Exponential => (value / self.origin).ln() / self.size,
+            Parametrisation::Inverse => self.size / value,
         }
     }
 
     /// d value / d u.
     pub fn slope(&self, u: f64) -> f64 {
         match self.law {
-            Law::Linear => self.size,
-            Law::Exponential => self.size * self.value(u),
-            Law::Inverse => -self.size / (u * u),
+            Parametrisation::Linear => self.size,
+            Parametrisation::Exponential => self.size * self.value(u),
+            Parametrisation::Inverse => -self.size / (u * u),
         }
     }
 
     /// Whether a factor of e more or less is to be expected of it.
     pub fn is_of_any_magnitude(&self) -> bool {
-        self.law == Law::Exponential && self.size * self.spread > 1.0
+        self.law == Parametrisation::Exponential && self.size * self.spread > 1.0
     }
 
     /// d ln(value) / d u: infinite, or not a number, where the value is 0 or off.
@@ -91,7 +91,7 @@ impl Knob {
     /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves
     /// exponentially is.
     pub fn along(&self, u: f64, by: f64) -> f64 {
-        let on = self.law == Law::Inverse && u > 0.0;
+        let on = self.law == Parametrisation::Inverse && u > 0.0;
         self.clamp(if on { u * (by / u).exp() } else { u + by })
     }
 
@@ -99,7 +99,7 @@ impl Knob {
     /// masses, gains, limits and friction is a straight line.
     pub fn in_proportion(&self, u: f64, by: f64) -> f64 {
         let growth = self.growth(u);
-        let multiplied = self.law == Law::Linear && (by * growth).abs() <= MULTIPLIED;
+        let multiplied = self.law == Parametrisation::Linear && (by * growth).abs() <= MULTIPLIED;
         if multiplied && growth != 0.0 { self.clamp(u + (by * growth).exp_m1() / growth) } else { self.along(u, by) }
     }
 
@@ -111,7 +111,7 @@ impl Knob {
 
 /// An effect at a site that the model may lack.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Candidate {
+pub struct EffectCandidate {
     /// The effect.
     pub effect: String,
     /// Where it would sit.
@@ -128,7 +128,7 @@ pub struct Candidate {
     pub contains: Vec<usize>,
 }
 
-impl Candidate {
+impl EffectCandidate {
     /// `effect@site`.
     pub fn name(&self) -> String {
         format!("{}@{}", self.effect, self.site)
@@ -142,11 +142,11 @@ impl Candidate {
 
 /// A term that laws are made of: tried where no effect explains the error.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Feature {
+pub struct LawTerm {
     /// What it acts on at its site; the terms of a law act on the same.
     pub on: String,
     /// Its knobs and site, as those of an effect.
-    pub term: Candidate,
+    pub term: EffectCandidate,
     /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no
     /// starts: the error tells.
     pub swings: Option<usize>,
@@ -154,7 +154,7 @@ pub struct Feature {
 
 /// A measured channel of a log.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredChannel {
     /// The channel's name in the log.
     pub name: String,
     /// SI unit as text.
@@ -167,18 +167,18 @@ pub struct Measured {
 
 /// A log to learn from or to judge on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
+pub struct RecordedLog {
     /// What it is called in reports.
     pub name: String,
     /// Whether nothing may be fitted to it.
     pub held_out: bool,
     /// What was measured.
-    pub channels: Vec<Measured>,
+    pub channels: Vec<MeasuredChannel>,
     /// How many samples of all channels are there and count.
     pub present: usize,
 }
 
-impl Recorded {
+impl RecordedLog {
     /// Length of its residual.
     pub fn rows(&self) -> usize {
         self.channels.last().map_or(0, |channel| channel.samples.end)
@@ -187,7 +187,7 @@ impl Recorded {
 
 /// A simulation that is put beside a log.
 #[derive(Clone, Copy, Debug)]
-pub struct Rollout<'a> {
+pub struct ResidualRequest<'a> {
     /// One coordinate per knob.
     pub u: &'a [f64],
     /// Which log.
@@ -197,23 +197,23 @@ pub struct Rollout<'a> {
     pub moved: &'a [f64],
 }
 
-impl<'a> Rollout<'a> {
+impl<'a> ResidualRequest<'a> {
     /// From where the log seems to begin.
     pub fn of(u: &'a [f64], log: usize) -> Self {
-        Rollout { u, log, moved: &[] }
+        ResidualRequest { u, log, moved: &[] }
     }
 }
 
 /// A family of simulations beside measurements.
-pub trait Family: Send + Sync {
+pub trait ResidualModel: Send + Sync {
     /// Everything that may be varied.
-    fn knobs(&self) -> &[Knob];
+    fn knobs(&self) -> &[FitParameter];
     /// The knobs that are in doubt from the beginning.
     fn doubtful(&self) -> &[usize];
     /// Effects that may be missing.
-    fn candidates(&self) -> &[Candidate];
+    fn candidates(&self) -> &[EffectCandidate];
     /// Terms of laws, those of one place (site, and what they act on) one after the other.
-    fn features(&self) -> &[Feature] {
+    fn features(&self) -> &[LawTerm] {
         &[]
     }
     /// The clock of a log's channels, in s from where laws count time.
@@ -221,19 +221,19 @@ pub trait Family: Send + Sync {
         &[]
     }
     /// The logs; those to learn from first.
-    fn logs(&self) -> &[Recorded];
+    fn logs(&self) -> &[RecordedLog];
     /// (measured − simulated)/sigma for one log, all its channels one after the other; NaN where nothing was measured. The same
     /// arguments give the same bits.
     ///
     /// # Errors
     /// A simulation that blew up.
-    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError>;
+    fn residual(&self, rollout: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError>;
     /// How many are best asked for at once.
     fn side_by_side(&self) -> usize {
         1
     }
     /// What [`residual`](Self::residual) gives for each, bit by bit; they may be simulated side by side.
-    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+    fn residuals(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
         rollouts.iter().map(|rollout| self.residual(*rollout, step)).collect()
     }
     /// With which power of the step its error falls.
@@ -261,18 +261,18 @@ pub trait Family: Send + Sync {
     /// The same family as it is seen from a point: what only a model can tell of the logs' starts, and its noise floors, as the
     /// model there has them. None where they do not depend on it, or starts are looked for number by number
     /// ([`start_open`](Self::start_open)).
-    fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn Family>> {
+    fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         None
     }
     /// The same family where some logs begin elsewhere, and others with them ([`begins_with`](Self::begins_with)): by how much
-    /// each number of their starts is moved, as in [`Rollout`]. None where logs cannot.
-    fn begun(&self, _moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
+    /// each number of their starts is moved, as in [`ResidualRequest`]. None where logs cannot.
+    fn begun(&self, _moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
         None
     }
     /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no
     /// probe around the model foretells, but why it tips shows before it does. None where the whole of a log follows
     /// from its beginning smoothly.
-    fn beginnings(&self) -> Option<Box<dyn Family>> {
+    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
         None
     }
     /// Names of the channels in which one of those numbers is felt; none where it is felt everywhere.
@@ -284,7 +284,7 @@ pub trait Family: Send + Sync {
     fn near(&self, _candidate: usize) -> &[String] {
         &[]
     }
-    /// The standard deviation of what is known of those numbers, in units of what a [`Rollout`] moves them by; infinite where
+    /// The standard deviation of what is known of those numbers, in units of what a [`ResidualRequest`] moves them by; infinite where
     /// nothing is.
     fn start_spread(&self) -> f64 {
         f64::INFINITY
@@ -307,7 +307,8 @@ mod tests {
 
     #[test]
     fn a_limit_keeps_its_proportion_to_a_mass() {
-        let (mass, limit) = (knob(Law::Exponential, 2.0, 0.1), knob(Law::Inverse, f64::INFINITY, 3.0));
+        let (mass, limit) =
+            (knob(Parametrisation::Exponential, 2.0, 0.1), knob(Parametrisation::Inverse, f64::INFINITY, 3.0));
         // To first order, a tenth more of the mass is a tenth less of the limit's coordinate.
         let proportion = |by: f64| mass.value(mass.along(0.0, by)) / limit.value(limit.along(0.6, -0.06 * by));
         assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
@@ -317,14 +318,18 @@ mod tests {
 
     #[test]
     fn a_friction_keeps_its_proportion_to_a_mass() {
-        for friction in [knob(Law::Linear, 0.0, 0.3), knob(Law::Linear, -0.1, 0.3), knob(Law::Linear, 0.0, -0.3)] {
-            let mass = knob(Law::Exponential, 2.0, 0.1);
+        for friction in [
+            knob(Parametrisation::Linear, 0.0, 0.3),
+            knob(Parametrisation::Linear, -0.1, 0.3),
+            knob(Parametrisation::Linear, 0.0, -0.3),
+        ] {
+            let mass = knob(Parametrisation::Exponential, 2.0, 0.1);
             let along = |by: f64| friction.in_proportion(1.4, by * mass.growth(0.0) / friction.growth(1.4));
             let proportion = |by: f64| mass.value(mass.in_proportion(0.0, by)) / friction.value(along(by));
             assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
             // What is hardly there, or not at all, is not multiplied.
             assert!((friction.in_proportion(1.4, -1.6) - (1.4 - 1.6)).abs() < 1e-12);
         }
-        assert!((knob(Law::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);
+        assert!((knob(Parametrisation::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);
     }
 }

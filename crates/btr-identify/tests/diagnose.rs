@@ -3,9 +3,12 @@
 
 use btr_core::random::stream;
 use btr_core::world::WorldError;
-use btr_identify::diagnose::{Diagnosis, Question, Verdict, diagnose};
-use btr_identify::fit::Bench;
-use btr_identify::residual_model::{Candidate, Family, Knob, Law, Measured, Recorded, Rollout, Step};
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use btr_identify::fit::Objective;
+use btr_identify::residual_model::{
+    EffectCandidate, FitParameter, MeasuredChannel, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
+    TimeStep,
+};
 use rand::RngExt;
 use std::sync::Arc;
 
@@ -17,9 +20,9 @@ type Motion = dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync;
 /// Two logs to learn from and one to judge on, of one channel with a noise of 1.
 #[derive(Clone)]
 struct Made {
-    knobs: Vec<Knob>,
-    candidates: Vec<Candidate>,
-    logs: Vec<Recorded>,
+    knobs: Vec<FitParameter>,
+    candidates: Vec<EffectCandidate>,
+    logs: Vec<RecordedLog>,
     measured: Vec<Vec<f64>>,
     contact: bool,
     /// How many samples are the beginning of a log, which can be foretold where the rest cannot.
@@ -39,8 +42,8 @@ impl Made {
         motion: impl Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync + 'static,
     ) -> Self {
         let names = ["gain"].iter().chain(effects).enumerate();
-        let knobs: Vec<Knob> = names.map(|(i, name)| knob(name, i > 0)).collect();
-        let candidate = |(i, name): (usize, &&str)| Candidate {
+        let knobs: Vec<FitParameter> = names.map(|(i, name)| knob(name, i > 0)).collect();
+        let candidate = |(i, name): (usize, &&str)| EffectCandidate {
             effect: (*name).to_owned(),
             site: "here".to_owned(),
             amplitudes: vec![i + 1],
@@ -49,10 +52,15 @@ impl Made {
             kin: Vec::new(),
             contains: Vec::new(),
         };
-        let log = |i: usize| Recorded {
+        let log = |i: usize| RecordedLog {
             name: format!("log {i}"),
             held_out: i == 2,
-            channels: vec![Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..SAMPLES }],
+            channels: vec![MeasuredChannel {
+                name: "q".to_owned(),
+                unit: "rad".to_owned(),
+                sigma: 1.0,
+                samples: 0..SAMPLES,
+            }],
             present: SAMPLES,
         };
         // Twelve evenly distributed numbers have a variance of one.
@@ -75,18 +83,28 @@ impl Made {
     }
 
     fn diagnosis(&self) -> Diagnosis {
-        diagnose(&Bench::new(self), Question::default(), &|_| ()).unwrap()
+        diagnose(&Objective::new(self), DiagnoseOptions::default(), &|_| ()).unwrap()
     }
 }
 
-fn knob(name: &str, amplitude: bool) -> Knob {
+fn knob(name: &str, amplitude: bool) -> FitParameter {
     let (bounds, spread) = if amplitude { ((-40.0, 40.0), 30.0) } else { ((-3.0, 3.0), 1.0) };
     let (name, unit) = (name.to_owned(), "1".to_owned());
-    Knob { name, unit, origin: 0.0, size: 1.0, law: Law::Linear, bounds, spread, reach: 0.1, amplitude }
+    FitParameter {
+        name,
+        unit,
+        origin: 0.0,
+        size: 1.0,
+        law: Parametrisation::Linear,
+        bounds,
+        spread,
+        reach: 0.1,
+        amplitude,
+    }
 }
 
-impl Family for Made {
-    fn knobs(&self) -> &[Knob] {
+impl ResidualModel for Made {
+    fn knobs(&self) -> &[FitParameter] {
         &self.knobs
     }
 
@@ -94,11 +112,11 @@ impl Family for Made {
         &[0]
     }
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &[EffectCandidate] {
         &self.candidates
     }
 
-    fn logs(&self) -> &[Recorded] {
+    fn logs(&self) -> &[RecordedLog] {
         &self.logs
     }
 
@@ -106,7 +124,7 @@ impl Family for Made {
         self.contact
     }
 
-    fn beginnings(&self) -> Option<Box<dyn Family>> {
+    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
         let mut short = Made { beginning: None, ..self.clone() };
         for log in &mut short.logs {
             log.channels[0].samples.end = self.beginning?;
@@ -115,7 +133,11 @@ impl Family for Made {
         Some(Box::new(short))
     }
 
-    fn residual(&self, Rollout { u, log, .. }: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+    fn residual(
+        &self,
+        ResidualRequest { u, log, .. }: ResidualRequest,
+        step: TimeStep,
+    ) -> Result<Vec<f64>, WorldError> {
         let finer = f64::from(step.divides_by());
         let simulated = (0..self.logs[log].rows()).map(|i| (self.motion)(u, log, i as f64 * PERIOD_S, finer));
         Ok(self.measured[log].iter().zip(simulated).map(|(there, here)| there - here).collect())
@@ -191,7 +213,7 @@ fn intervals_on_the_ground_are_as_wide_as_channels_differ() {
     let mut air = Made::new(&["tilt"], &[0.4, 1.5], motion);
     for log in &mut air.logs {
         let each = SAMPLES / CHANNELS;
-        let channel = |k: usize| Measured { samples: k * each..(k + 1) * each, ..log.channels[0].clone() };
+        let channel = |k: usize| MeasuredChannel { samples: k * each..(k + 1) * each, ..log.channels[0].clone() };
         log.channels = (0..CHANNELS).map(channel).collect();
     }
     let ground = Made { contact: true, ..air.clone() };

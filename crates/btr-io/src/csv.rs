@@ -7,7 +7,7 @@
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
 use super::names::{Meaning, header, seconds_per_unit};
-use super::series::{Series, assemble};
+use super::series::{NamedSeries, assemble};
 use btr_core::log::{Log, Role};
 use csv::StringRecord;
 use std::io::{self, Read, Write};
@@ -21,7 +21,7 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
     let broken = |e: csv::Error| IoError::Csv { path: path.to_owned(), what: e.to_string() };
     // Cells are trimmed where that is needed: csv would make a new record of every row.
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).flexible(true).from_reader(bytes);
-    let mut table = Table::new(path, reader.headers().map_err(broken)?, mapping)?;
+    let mut table = CsvColumns::new(path, reader.headers().map_err(broken)?, mapping)?;
     let expected = table.columns.len();
     let mut row = StringRecord::new();
     let mut short = None;
@@ -44,15 +44,15 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
 }
 
 /// The columns as they fill up.
-struct Table<'a> {
+struct CsvColumns<'a> {
     path: &'a Path,
     time: usize,
     seconds_per_unit: f64,
     clock_s: Vec<f64>,
-    columns: Vec<Column>,
+    columns: Vec<CsvColumn>,
 }
 
-struct Column {
+struct CsvColumn {
     source: String,
     meaning: Meaning,
     /// Whether somebody relies on it: mapped, or one of btr's names.
@@ -62,18 +62,18 @@ struct Column {
     text: Option<(u64, String)>,
 }
 
-impl Column {
+impl CsvColumn {
     fn new(source: &str, mapping: &Mapping) -> Self {
         let mapped = mapping.meaning(source);
         let switch = mapping.torque_on.as_ref().is_some_and(|s| s == source);
         let wanted = mapped.is_some() || switch;
         let meaning = mapped.unwrap_or_else(|| Meaning::of_header(source));
         let wanted = wanted || meaning.role != Role::Truth;
-        Column { source: source.to_owned(), meaning, wanted, values: Vec::new(), text: None }
+        CsvColumn { source: source.to_owned(), meaning, wanted, values: Vec::new(), text: None }
     }
 }
 
-impl<'a> Table<'a> {
+impl<'a> CsvColumns<'a> {
     fn new(path: &'a Path, header: &StringRecord, mapping: &Mapping) -> Result<Self, IoError> {
         if header.is_empty() {
             return Err(IoError::Empty { path: path.to_owned() });
@@ -88,8 +88,8 @@ impl<'a> Table<'a> {
             wanted: mapping.time.clone().unwrap_or_else(|| "t".into()),
             columns: header.iter().map(str::to_owned).collect(),
         })?;
-        let columns = header.iter().map(|name| Column::new(name, mapping)).collect();
-        Ok(Table { path, time, seconds_per_unit: seconds_per_unit(&header[time]), clock_s: Vec::new(), columns })
+        let columns = header.iter().map(|name| CsvColumn::new(name, mapping)).collect();
+        Ok(CsvColumns { path, time, seconds_per_unit: seconds_per_unit(&header[time]), clock_s: Vec::new(), columns })
     }
 
     fn push(&mut self, line: u64, row: &StringRecord) -> Result<(), IoError> {
@@ -128,11 +128,11 @@ impl<'a> Table<'a> {
         }
         let mut warnings: Vec<Warning> = cut.into_iter().collect();
         let mut series = Vec::new();
-        for (i, Column { source, meaning, values, text, .. }) in self.columns.into_iter().enumerate() {
+        for (i, CsvColumn { source, meaning, values, text, .. }) in self.columns.into_iter().enumerate() {
             match text {
                 _ if i == self.time => {}
                 Some((line, text)) => warnings.push(Warning::ColumnIgnored { column: source, line, text }),
-                None => series.push(Series { source, meaning, values }),
+                None => series.push(NamedSeries { source, meaning, values }),
             }
         }
         let (log, more) = assemble(self.path, self.clock_s, series, mapping)?;

@@ -14,7 +14,7 @@ mod tests;
 mod whole;
 
 pub use error::{IoError, Warning};
-pub use mapping::{Mapping, Theirs, Topics};
+pub use mapping::{ForeignName, Mapping, Topics};
 pub use mcap::{Meta, Recording};
 pub use renamed::renamed;
 pub use whole::{can_write, write_whole};
@@ -88,7 +88,7 @@ pub fn log_of(
     columns: Vec<(String, Vec<f64>)>,
     mapping: &Mapping,
 ) -> Result<(Log, Vec<Warning>), IoError> {
-    let series = |(source, values): (String, Vec<f64>)| series::Series {
+    let series = |(source, values): (String, Vec<f64>)| series::NamedSeries {
         meaning: mapping.meaning(&source).unwrap_or_else(|| names::Meaning::of_header(&source)),
         source,
         values,

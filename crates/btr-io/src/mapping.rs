@@ -16,7 +16,7 @@ pub struct Mapping {
     /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor = 0.0175 }`.
     /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
-    pub channels: IndexMap<String, Theirs>,
+    pub channels: IndexMap<String, ForeignName>,
     /// A channel of 0 and 1; where it is 0, commands are NaN (nothing is driven, but for losses up to 50 ms). `{joint}`
     /// makes it one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -29,7 +29,7 @@ pub struct Mapping {
 /// What a log calls a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged, deny_unknown_fields)]
-pub enum Theirs {
+pub enum ForeignName {
     /// A name; a unit at its end (`_deg`) is heeded.
     Name(String),
     /// A name whose values are not in btr's unit.
@@ -41,11 +41,11 @@ pub enum Theirs {
     },
 }
 
-impl Theirs {
+impl ForeignName {
     /// The log's name.
     pub(crate) fn name(&self) -> &str {
         match self {
-            Theirs::Name(name) | Theirs::Scaled { column: name, .. } => name,
+            ForeignName::Name(name) | ForeignName::Scaled { column: name, .. } => name,
         }
     }
 }
@@ -88,16 +88,16 @@ impl Mapping {
         let (name, said) = exact.or_else(by_pattern)?;
         let plain = Meaning::of(name);
         Some(match (said, suffix(theirs)) {
-            (Theirs::Scaled { factor, .. }, _) => Meaning { factor: *factor, ..plain },
-            (Theirs::Name(_), Some((_, unit, factor))) => Meaning { unit: unit.into(), factor, ..plain },
-            (Theirs::Name(_), None) => plain,
+            (ForeignName::Scaled { factor, .. }, _) => Meaning { factor: *factor, ..plain },
+            (ForeignName::Name(_), Some((_, unit, factor))) => Meaning { unit: unit.into(), factor, ..plain },
+            (ForeignName::Name(_), None) => plain,
         })
     }
 
     /// What a log has to call one of btr's channels, and the key that says so.
     pub fn theirs(&self, ours: &str) -> Option<(&str, String)> {
         let exact = self.channels.get_key_value(ours).map(|(key, t)| (key.as_str(), t.name().to_owned()));
-        let by_pattern = |(key, theirs): (&'_ String, &Theirs)| fill(key, theirs.name(), ours);
+        let by_pattern = |(key, theirs): (&'_ String, &ForeignName)| fill(key, theirs.name(), ours);
         exact
             .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
     }

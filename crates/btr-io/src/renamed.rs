@@ -3,7 +3,7 @@
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
 use super::names::{Meaning, is_doubled};
-use super::series::{Series, assemble};
+use super::series::{NamedSeries, assemble};
 use btr_core::log::{Channel, Log, Role};
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub fn renamed(name: &Path, log: Log, mapping: &Mapping) -> Result<(Log, Vec<War
     if meanings.iter().all(Option::is_none) && !commands.into_iter().any(is_switched) {
         return Ok((log, Vec::new()));
     }
-    let series = log.channels().zip(meanings).map(|((source, channel), meaning)| Series {
+    let series = log.channels().zip(meanings).map(|((source, channel), meaning)| NamedSeries {
         source: source.to_owned(),
         meaning: meaning.unwrap_or_else(|| as_it_is(source, channel)),
         values: channel.values.clone(),

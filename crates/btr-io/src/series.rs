@@ -7,7 +7,7 @@ use btr_core::log::{Log, Role};
 use std::path::Path;
 
 /// One series of a file, under the file's own name for it.
-pub(crate) struct Series {
+pub(crate) struct NamedSeries {
     /// The file's name.
     pub(crate) source: String,
     /// What it stands for.
@@ -18,9 +18,9 @@ pub(crate) struct Series {
 
 impl Mapping {
     /// A series under what its name means: by the mapping, or as one of btr's names.
-    pub(crate) fn series(&self, source: String, values: Vec<f64>) -> Series {
+    pub(crate) fn series(&self, source: String, values: Vec<f64>) -> NamedSeries {
         let meaning = self.meaning(&source).unwrap_or_else(|| Meaning::of(source.clone()));
-        Series { source, meaning, values }
+        NamedSeries { source, meaning, values }
     }
 }
 
@@ -28,7 +28,7 @@ impl Mapping {
 pub(crate) fn assemble(
     path: &Path,
     clock_s: Vec<f64>,
-    mut series: Vec<Series>,
+    mut series: Vec<NamedSeries>,
     mapping: &Mapping,
 ) -> Result<(Log, Vec<Warning>), IoError> {
     let warnings = unused(mapping, &series);
@@ -52,7 +52,7 @@ pub(crate) fn assemble(
 }
 
 /// Pairs of a command's index and the index of the 0/1 series that switches it.
-fn switches(mapping: &Mapping, series: &[Series]) -> Vec<(usize, usize)> {
+fn switches(mapping: &Mapping, series: &[NamedSeries]) -> Vec<(usize, usize)> {
     let switch_of = |command: &str| {
         let switch = mapping.torque_on_for(command)?;
         series.iter().position(|s| s.source == switch)
@@ -71,7 +71,7 @@ fn switch_off(command: &mut [f64], on: &[f64]) {
     }
 }
 
-fn check_names(path: &Path, series: &[Series]) -> Result<(), IoError> {
+fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
     for (i, second) in series.iter().enumerate() {
         if let Some(first) = series[..i].iter().find(|s| s.meaning.name == second.meaning.name) {
             return Err(IoError::Twice {
@@ -87,7 +87,7 @@ fn check_names(path: &Path, series: &[Series]) -> Result<(), IoError> {
 
 /// Names of the mapping that the log does not have. A log in btr's own names (say, a simulated one) owes nobody a
 /// foreign name, so a mapping of which nothing is found is no mistake.
-fn unused(mapping: &Mapping, series: &[Series]) -> Vec<Warning> {
+fn unused(mapping: &Mapping, series: &[NamedSeries]) -> Vec<Warning> {
     let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
     let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));
     let mut wanted: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();

@@ -1,6 +1,6 @@
 //! Errors at the edge: one message, one `help:` line, one exit code.
 
-use crate::verbs::{Doubt, Problem, ProblemError};
+use crate::verbs::{Doubt, ProblemError, VerbInput};
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
 
@@ -61,7 +61,7 @@ impl Failure {
     }
 
     /// A model that blows up on the logs of a question.
-    pub fn blown(problem: &Problem) -> Self {
+    pub fn blown(problem: &VerbInput) -> Self {
         let message = "the model blows up on these logs as it stands";
         match problem.trouble() {
             Some(error) => {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// What is written.
 #[derive(Clone, Copy)]
-pub enum Kind {
+pub enum OutputKind {
     /// A model's TOML.
     Model,
     /// An HTML report.
@@ -23,17 +23,17 @@ pub enum Kind {
 }
 
 /// A file that a verb is to write.
-pub struct Output<'a> {
+pub struct OutputFile<'a> {
     /// Where.
     pub path: &'a Path,
     /// What.
-    pub kind: Kind,
+    pub kind: OutputKind,
 }
 
-impl Kind {
+impl OutputKind {
     /// This kind of output at a path, if one is given.
-    pub fn at(self, path: Option<&Path>) -> Option<Output<'_>> {
-        path.map(|path| Output { path, kind: self })
+    pub fn at(self, path: Option<&Path>) -> Option<OutputFile<'_>> {
+        path.map(|path| OutputFile { path, kind: self })
     }
 }
 
@@ -47,7 +47,7 @@ pub fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>) -> Ve
 /// # Errors
 /// See [`guard`].
 pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure> {
-    guard(Kind::Log { over_measurements }.at(Some(path)), [])
+    guard(OutputKind::Log { over_measurements }.at(Some(path)), [])
 }
 
 /// Refuses outputs that cannot be written or would take the place of what is not theirs to replace.
@@ -56,23 +56,23 @@ pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure
 /// An output that is one of the inputs, by whatever name; one whose name is not of its kind; a log in the place of
 /// measurements; a folder that is not there or cannot be written into.
 pub fn guard<'a>(
-    outputs: impl IntoIterator<Item = Output<'a>>,
+    outputs: impl IntoIterator<Item = OutputFile<'a>>,
     inputs: impl IntoIterator<Item = PathBuf>,
 ) -> Result<(), Failure> {
     let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
     outputs.into_iter().try_for_each(|output| output.check(&inputs))
 }
 
-impl Output<'_> {
+impl OutputFile<'_> {
     fn check(&self, inputs: &[PathBuf]) -> Result<(), Failure> {
         let name = self.path.display();
         if self.path.canonicalize().is_ok_and(|there| inputs.contains(&there)) {
             return Err(refused(format!("{name} is read here and would be written over")));
         }
         match self.kind {
-            Kind::Model => self.ends_in("toml", "a model"),
-            Kind::Report => self.ends_in("html", "a report"),
-            Kind::Log { over_measurements } => {
+            OutputKind::Model => self.ends_in("toml", "a model"),
+            OutputKind::Report => self.ends_in("html", "a report"),
+            OutputKind::Log { over_measurements } => {
                 btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
                 if !over_measurements && self.path.exists() && !holds_commands_alone(self.path) {
                     return Err(refused(format!("{name} is there and holds more than commands: it would be lost")));

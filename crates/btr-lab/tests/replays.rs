@@ -3,7 +3,7 @@
 
 use btr_core::log::{Log, Role};
 use btr_core::world::Simulator;
-use btr_identify::residual_model::Step;
+use btr_identify::residual_model::TimeStep;
 use btr_io::Meta;
 use btr_lab::experiment;
 use btr_lab::experiment::{LogSource, Source};
@@ -111,7 +111,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
     let model = experiment::replays(&source(folder.path(), MODEL), &logs[..1], &[]).unwrap().model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let run = |step| model.simulate_in_steps(&s, &c, 0, None, step).unwrap();
-    let (usual, halved) = (run(Step::USUAL), run(Step::USUAL.halved()));
+    let (usual, halved) = (run(TimeStep::USUAL), run(TimeStep::USUAL.halved()));
     assert_eq!(usual.len(), halved.len());
     let change = usual.values("q_hinge").unwrap().iter().zip(halved.values("q_hinge").unwrap());
     let change = change.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -121,7 +121,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
 /// Root mean square of a torque, and of what a model's differs from it, along the measured motion.
 fn needed(folder: &Path, log: &Path, text: &str) -> (f64, f64) {
     let replays = experiment::replays(&source(folder, text), &[log.to_owned()], &[]).unwrap();
-    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::USUAL).unwrap();
+    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], TimeStep::USUAL).unwrap();
     let (said, measured) = (simulated.values("tau_hinge").unwrap(), replays.logs[0].values("tau_hinge").unwrap());
     let inner = 10..measured.len() - 10;
     let rms =
@@ -169,7 +169,7 @@ fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
             true
         });
         let replays = experiment::replays(&source(folder.path(), MODEL), &[path], &[]).unwrap();
-        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], Step::USUAL).unwrap();
+        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], TimeStep::USUAL).unwrap();
         log.values("q_hinge").unwrap().to_vec()
     };
     let (empty, last) = (|_: &str| String::new(), |held: &str| held.to_owned());
@@ -219,7 +219,7 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
     std::fs::write(&gap, rows.join("\n")).unwrap();
     let replays = experiment::replays(&swinging, &[gap], &[]).unwrap();
-    let again = replays.model.rollout(&s, 1, &[], Step::USUAL).unwrap();
+    let again = replays.model.rollout(&s, 1, &[], TimeStep::USUAL).unwrap();
     let pairs = again.values("q_hinge").unwrap().iter().zip(replays.logs[1].values("q_hinge").unwrap());
     let furthest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(furthest < 0.02, "{furthest}");

@@ -2,11 +2,13 @@
 
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
-use btr_core::world::{Job, Made, Simulator, Wanted};
-use btr_identify::residual_model::{Family, Rollout, Step};
-use btr_lab::distributed::{Executor, Parcel, Parcels, Served, ServedModel, Stopped, Way, serve};
+use btr_core::world::{Job, Output, OutputRequest, Simulator};
+use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use btr_lab::distributed::{
+    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, serve,
+};
 use btr_lab::experiment::{LogSource, Source, model};
-use btr_lab::verbs::Problem;
+use btr_lab::verbs::VerbInput;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -23,7 +25,7 @@ impl Executor for Worker {
         2
     }
 
-    fn work(&self, parcels: &[Arc<Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, parcels: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
         serve(&parcels, batch, &|_| Err("no functions here".to_owned()))
             .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
@@ -43,7 +45,7 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
     Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
 }
 
-fn assert_the_same(here: &dyn Family, there: &dyn Family) {
+fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
     let knobs = here.knobs().len();
     let moved = |k: usize| (0..knobs).map(|i| if i == k { here.knobs()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
     let points: Vec<Vec<f64>> = (0..knobs).step_by(knobs / 7 + 1).map(moved).collect();
@@ -57,20 +59,21 @@ fn assert_the_same(here: &dyn Family, there: &dyn Family) {
     };
     let logs = 0..here.logs().len();
     let moved: Vec<(usize, Vec<f64>)> = logs.clone().flat_map(moved).collect();
-    let of_points = logs.flat_map(|log| points.iter().map(move |u| Rollout::of(u, log)));
-    let of_starts = moved.iter().map(|(log, moved)| Rollout { u: &points[0], log: *log, moved });
-    let rollouts: Vec<Rollout> = of_points.chain(of_starts).collect();
-    for step in [Step::USUAL, Step::USUAL.halved()] {
+    let of_points = logs.flat_map(|log| points.iter().map(move |u| ResidualRequest::of(u, log)));
+    let of_starts = moved.iter().map(|(log, moved)| ResidualRequest { u: &points[0], log: *log, moved });
+    let rollouts: Vec<ResidualRequest> = of_points.chain(of_starts).collect();
+    for step in [TimeStep::USUAL, TimeStep::USUAL.halved()] {
         let together = bits(here.residuals(&rollouts, step));
         assert_eq!(together, bits(there.residuals(&rollouts, step)));
         assert_eq!(together, bits(rollouts.iter().map(|one| here.residual(*one, step)).collect()), "one by one");
     }
 }
 
-fn served(source: &Source, from_s: f64) -> Tested<(Problem, Served)> {
+fn served(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
     let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
-    let problem = Problem::new(source.clone(), &learn, &held_out)?;
-    let family = Served::new(&problem, &learn, &held_out, Arc::new(Way::elsewhere(Box::new(Worker))))?;
+    let problem = VerbInput::new(source.clone(), &learn, &held_out)?;
+    let family =
+        RemoteModel::new(&problem, &learn, &held_out, Arc::new(ExecutionContext::elsewhere(Box::new(Worker))))?;
     Ok((problem, family))
 }
 
@@ -78,12 +81,12 @@ fn served(source: &Source, from_s: f64) -> Tested<(Problem, Served)> {
 #[test]
 fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
     let source = robots("arm.toml")?;
-    let beside = Problem::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.beside;
+    let beside = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.beside;
     assert_eq!((beside.logs().len(), beside.begins_with(0), beside.begins_with(1)), (2, 0, 0));
     let begun = beside.begun(&[(0, vec![2.0; beside.starts(0)])]).ok_or("a fixed robot's logs can begin elsewhere")?;
     let origin = vec![0.0; beside.knobs().len()];
     for log in 0..2 {
-        let residual = |family: &dyn Family| family.residual(Rollout::of(&origin, log), Step::USUAL);
+        let residual = |family: &dyn ResidualModel| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL);
         let there = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
         assert_ne!(there(residual(&beside)?), there(residual(&*begun)?), "part {log}");
     }
@@ -102,7 +105,7 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
     assert_the_same(&*here, &*there);
     let origin = vec![0.0; family.knobs().len()];
-    let from = |family: &dyn Family, log| family.residual(Rollout::of(&origin, log), Step::USUAL);
+    let from = |family: &dyn ResidualModel, log| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL);
     assert_ne!(from(&*here, 0)?, from(&family, 0)?);
     assert_eq!(from(&*here, 1)?, from(&family, 1)?);
     Ok(())
@@ -137,7 +140,7 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
     let model = model(&robots("pendulum.toml")?)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; 4096];
-    let way = Way::default();
+    let way = ExecutionContext::default();
     let heed = || {
         if model.rollouts.load(Ordering::Relaxed) > 0 {
             way.stop();
@@ -155,12 +158,12 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
 fn a_population_of_an_experiment() -> Tested<()> {
     let source = robots("nao.toml")?;
     let model = model(&source)?;
-    let (way, parcels) = (Way::elsewhere(Box::new(Worker)), Parcels::default());
-    let served = ServedModel::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &way, &parcels)?;
+    let (way, parcels) = (ExecutionContext::elsewhere(Box::new(Worker)), RunPayloads::default());
+    let served = RemoteSimulator::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &way, &parcels)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
-    let wanted = [Wanted::Fitness, Wanted::Behaviour, Wanted::Fitness];
-    let (here, there) = (model.make_all(&jobs, &wanted), served.make_all(&jobs, &wanted));
-    assert!(matches!(here[1], Ok(Made::Behaviour(_))) && here == there);
+    let wanted = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];
+    let (here, there) = (model.evaluate_all(&jobs, &wanted), served.evaluate_all(&jobs, &wanted));
+    assert!(matches!(here[1], Ok(Output::Behaviour(_))) && here == there);
     Ok(())
 }

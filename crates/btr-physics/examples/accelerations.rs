@@ -3,7 +3,7 @@
 //! (angular, linear, world's axes), then of the joints.
 
 use btr_physics::engine::forward_dynamics;
-use btr_physics::engine::{BaseState, State};
+use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::presets::ant::ant;
 use btr_physics::presets::nao::nao;
 use btr_physics::robot::Base;
@@ -28,10 +28,10 @@ struct Told {
 }
 
 impl Told {
-    fn state(&self) -> State {
+    fn state(&self) -> RobotState {
         let [w, x, y, z] = self.turn;
         let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-        State {
+        RobotState {
             joints: self.q.iter().copied().zip(self.dq.iter().copied()).collect(),
             base: BaseState {
                 pose: Isometry3::from_parts(Translation3::from(Vector3::from(self.base)), turn),

@@ -7,7 +7,7 @@ use rand::RngExt;
 
 /// Standard deviations of the sensors' noise, by kind; all zero by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Noise {
+pub struct SensorNoise {
     /// Of joint positions, in rad (m).
     pub position: f64,
     /// Of joint velocities, in rad/s (m/s).
@@ -24,11 +24,11 @@ pub struct Noise {
     pub position_quantum: f64,
 }
 
-impl Noise {
+impl SensorNoise {
     /// The noise floor of a channel of these readings: what the model says of such sensors, or else what the readings
     /// themselves show. `None` for channels with too few readings to tell.
     pub fn floor(&self, channel: &str, readings: &[f64]) -> Option<f64> {
-        self.stated(channel).or_else(|| noise::Noise::of(readings).map(|estimate| estimate.floor()))
+        self.stated(channel).or_else(|| noise::NoiseEstimate::of(readings).map(|estimate| estimate.floor()))
     }
 
     /// What the model says of its sensors, by the pattern of their channels' names.
@@ -39,7 +39,8 @@ impl Noise {
 
     /// Whether nobody knows that floor: the model does not say, and the readings show no noise.
     pub fn is_assumed(&self, channel: &str, readings: &[f64]) -> bool {
-        self.stated(channel).is_none() && noise::Noise::of(readings).is_some_and(|estimate| estimate.is_negligible())
+        self.stated(channel).is_none()
+            && noise::NoiseEstimate::of(readings).is_some_and(|estimate| estimate.is_negligible())
     }
 
     /// What the model says of a channel's sensor, quantisation included; `None` where it says nothing.

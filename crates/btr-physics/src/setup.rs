@@ -1,6 +1,6 @@
 //! Everything about a run but the robot and its drive: times, sensors, the floor, a ball, the engine.
 
-use crate::sensor::Noise;
+use crate::sensor::SensorNoise;
 use btr_core::world::WorldError;
 use nalgebra::{Point3, Vector3};
 
@@ -97,7 +97,7 @@ pub struct Setup {
     /// A ball, if any.
     pub ball: Option<Ball>,
     /// Errors of the sensors; applied only when a run is given a noise seed.
-    pub noise: Noise,
+    pub noise: SensorNoise,
     /// In the world's axes, in m/s².
     pub gravity_m_s2: Vector3<f64>,
     /// What computes the motion.
@@ -121,7 +121,7 @@ impl Default for Setup {
             sensors: Sensors { velocities: true, torques: true, imu: false, feet: true },
             ground: Some(Ground::hard(0.8)),
             ball: None,
-            noise: Noise::default(),
+            noise: SensorNoise::default(),
             gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),
             engine: EngineName::Auto,
             start_velocities: Vec::new(),

@@ -3,13 +3,13 @@
 use crate::error::{Raise, TestFailed, in_python, raised};
 use crate::log::{Log, warn};
 use crate::model::Model;
-use crate::work::{Hands, way, working};
-use btr_core::coevolve::{Coevolution, Step};
+use crate::work::{ExecutorChoice, way, working};
+use btr_core::coevolve::{Coevolution, StepOutcome};
 use btr_identify::diagnose::Rung;
-use btr_lab::distributed::Way;
-use btr_lab::experiment::{Experiment, Robotic};
-use btr_lab::reality::{Asked, Unanswered};
-use btr_lab::run::turn::{self, Watch};
+use btr_lab::distributed::ExecutionContext;
+use btr_lab::experiment::{Experiment, RobotFunction};
+use btr_lab::reality::{TestFailure, TestRequest};
+use btr_lab::run::turn::{self, RunObserver};
 use btr_report::figures;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub(crate) fn coevolve(
     robot: Option<Py<PyAny>>,
     tell: Py<PyAny>,
     warned: Py<PyAny>,
-    hands: Option<Hands>,
+    hands: Option<ExecutorChoice>,
 ) -> PyResult<Option<String>> {
     let (way, raised_there) = (way(py, hands, model)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
@@ -64,8 +64,8 @@ pub(crate) fn coevolve(
 }
 
 /// A Python function as a robot. What it raises, but `TestFailed`, ends the run, which can be resumed with the same test.
-fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
-    Arc::new(move |asked: &Asked| {
+fn robotic(function: Py<PyAny>, ended_with: Raised) -> RobotFunction {
+    Arc::new(move |asked: &TestRequest| {
         Python::attach(|py| {
             let references = Log::made_here("references", asked.references.clone());
             let trial = asked.trial;
@@ -82,11 +82,11 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
             );
             let log = function.call1(py, asked).and_then(|log| Ok(log.extract::<Py<Log>>(py)?.get().log.clone()));
             log.map_err(|error| match error.is_instance_of::<TestFailed>(py) {
-                true => Unanswered::Failed(error.value(py).to_string()),
+                true => TestFailure::Failed(error.value(py).to_string()),
                 false => {
                     let why = error.to_string();
                     *ended_with.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                    Unanswered::Broken(why)
+                    TestFailure::Broken(why)
                 }
             })
         })
@@ -95,20 +95,20 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> Robotic {
 
 /// Tells a Python function of every closed iteration.
 struct Watcher {
-    way: Arc<Way>,
+    way: Arc<ExecutionContext>,
     tell: Py<PyAny>,
     warned: Py<PyAny>,
     told: usize,
 }
 
-impl Watch for Watcher {
+impl RunObserver for Watcher {
     fn begins(&mut self, _: &Experiment, run: &Coevolution) {
         self.told = run.history().iterations.len();
     }
 
-    fn step(&mut self, run: &Coevolution, step: Option<&Step>) {
+    fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>) {
         let iterations = &run.history().iterations;
-        if step != Some(&Step::Iteration) || iterations.len() <= self.told {
+        if step != Some(&StepOutcome::Iteration) || iterations.len() <= self.told {
             return;
         }
         self.told = iterations.len();

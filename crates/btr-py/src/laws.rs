@@ -1,8 +1,8 @@
 //! A user's laws as functions in Python: how they are called, and how what they raise ends the work.
 
 use crate::error::raised;
-use btr_lab::distributed::{Stopped, Way};
-use btr_physics::effects::{Function, Laws, Param, Scene};
+use btr_lab::distributed::{ExecutionContext, Stopped};
+use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyString};
@@ -12,22 +12,22 @@ use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What stands for a function in a model's text, and the function.
-pub(crate) type Given = Vec<(String, Py<PyAny>)>;
+pub(crate) type LawGiven = Vec<(String, Py<PyAny>)>;
 
 /// Functions so far, by their addresses: they stay, as laws do, so that no address is used twice.
-static KNOWN: Mutex<BTreeMap<usize, Arc<Function>>> = Mutex::new(BTreeMap::new());
+static KNOWN: Mutex<BTreeMap<usize, Arc<LawFunction>>> = Mutex::new(BTreeMap::new());
 
 thread_local! {
     /// How work is done on this thread: it can be stopped.
-    static WAY: RefCell<Option<Arc<Way>>> = const { RefCell::new(None) };
+    static WAY: RefCell<Option<Arc<ExecutionContext>>> = const { RefCell::new(None) };
 }
 
 /// The functions of a model.
-pub(crate) fn laws(py: Python<'_>, given: &Given) -> Laws {
+pub(crate) fn laws(py: Python<'_>, given: &LawGiven) -> Laws {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     Laws::new(given.iter().map(|(name, function)| {
-        let make = |function: Py<PyAny>| -> Arc<Function> {
-            Arc::new(move |scene: &Scene, params: &[Param], p: &[f64]| value(&function, scene, params, p))
+        let make = |function: Py<PyAny>| -> Arc<LawFunction> {
+            Arc::new(move |scene: &LawInputs, params: &[Param], p: &[f64]| value(&function, scene, params, p))
         };
         let function = function.clone_ref(py);
         (name.clone(), known.entry(function.as_ptr() as usize).or_insert_with(|| make(function)).clone())
@@ -35,7 +35,7 @@ pub(crate) fn laws(py: Python<'_>, given: &Given) -> Laws {
 }
 
 /// Functions as other processes can read them; nothing where there are none.
-pub(crate) fn packed(py: Python<'_>, given: &Given) -> PyResult<Vec<u8>> {
+pub(crate) fn packed(py: Python<'_>, given: &LawGiven) -> PyResult<Vec<u8>> {
     if given.is_empty() {
         return Ok(Vec::new());
     }
@@ -47,13 +47,13 @@ pub(crate) fn packed(py: Python<'_>, given: &Given) -> PyResult<Vec<u8>> {
 pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
     Python::attach(|py| {
         let given = py.import("btr._laws").and_then(|laws| laws.call_method1("unpacked", (PyBytes::new(py, bytes),)));
-        let given: PyResult<Given> = given.and_then(|given| given.extract());
+        let given: PyResult<LawGiven> = given.and_then(|given| given.extract());
         given.map(|given| laws(py, &given)).map_err(|why| format!("the law's function cannot be read here: {why}"))
     })
 }
 
 /// What the function says; an exception unwinds to whoever works with it.
-fn value(function: &Py<PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> f64 {
+fn value(function: &Py<PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> f64 {
     if WAY.with_borrow(|way| way.as_ref().is_some_and(|way| way.is_stopped())) {
         resume_unwind(Box::new(Stopped));
     }
@@ -61,7 +61,7 @@ fn value(function: &Py<PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> f6
     answer.unwrap_or_else(|error| resume_unwind(Box::new(error)))
 }
 
-fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64]) -> PyResult<f64> {
+fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> PyResult<f64> {
     let (py, own) = (function.py(), PyDict::new(function.py()));
     for (param, value) in params.iter().zip(p) {
         own.set_item(PyString::intern(py, param.name), value)?;
@@ -81,7 +81,7 @@ fn called(function: &Bound<'_, PyAny>, scene: &Scene, params: &[Param], p: &[f64
 }
 
 /// Does work on this thread, whose functions heed whether it was stopped.
-pub(crate) fn heeding<T: Send>(way: &Arc<Way>, work: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn heeding<T: Send>(way: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
     WAY.set(Some(way.clone()));
     // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.
     Python::attach(|py| py.detach(work))

@@ -327,18 +327,20 @@ pub(crate) fn log_of_messages(
 
 /// A log that somebody asks about: a path, or a log that is there, perhaps called otherwise.
 #[derive(FromPyObject)]
-pub(crate) enum Given {
+pub(crate) enum LogArgument {
     Log(Py<Log>),
     Called((String, Py<Log>)),
     Path(PathBuf),
 }
 
-impl Given {
+impl LogArgument {
     pub(crate) fn source(self) -> LogSource {
         match self {
-            Given::Path(path) => LogSource::File(path),
-            Given::Log(log) => LogSource::Made { name: log.get().name.clone(), log: log.get().log.clone() },
-            Given::Called((name, log)) => LogSource::Made { name: PathBuf::from(name), log: log.get().log.clone() },
+            LogArgument::Path(path) => LogSource::File(path),
+            LogArgument::Log(log) => LogSource::Made { name: log.get().name.clone(), log: log.get().log.clone() },
+            LogArgument::Called((name, log)) => {
+                LogSource::Made { name: PathBuf::from(name), log: log.get().log.clone() }
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Raise, raised};
 use crate::laws;
-use crate::log::{Given, Log};
+use crate::log::{Log, LogArgument};
 use crate::work::{at_once, way, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 pub(crate) struct Model {
     pub(crate) source: Source,
     /// The functions that its laws name.
-    pub(crate) functions: laws::Given,
+    pub(crate) functions: laws::LawGiven,
     built: Box<model::Model>,
 }
 
@@ -33,7 +33,7 @@ impl Model {
     /// A model of a text; `path` is where it stands or would stand, `laws` are the functions that it names.
     #[new]
     #[pyo3(signature = (text, path, laws = vec![]))]
-    fn new(py: Python<'_>, text: String, path: PathBuf, laws: laws::Given) -> PyResult<Self> {
+    fn new(py: Python<'_>, text: String, path: PathBuf, laws: laws::LawGiven) -> PyResult<Self> {
         let source = Source { laws: laws::laws(py, &laws), ..Source::new(path, text) };
         let built = py.detach(|| experiment::model(&source)).map_err(Raise::raise)?;
         Ok(Model { source, functions: laws, built: Box::new(built) })
@@ -42,7 +42,7 @@ impl Model {
     /// The model of a file, with `key=value` settings as `--set` takes them.
     #[staticmethod]
     #[pyo3(signature = (path, settings = vec![], laws = vec![]))]
-    fn read(py: Python<'_>, path: PathBuf, settings: Vec<String>, laws: laws::Given) -> PyResult<Self> {
+    fn read(py: Python<'_>, path: PathBuf, settings: Vec<String>, laws: laws::LawGiven) -> PyResult<Self> {
         let mut source = Source::read(&path).map_err(Raise::raise)?;
         source.set(&settings).map_err(Raise::raise)?;
         Model::new(py, source.text, source.path, laws)
@@ -119,8 +119,14 @@ impl Model {
 
     /// One rollout: of the model's own drive, or told what a log says the robot was told, from where it or `begins` says.
     #[pyo3(signature = (log = None, seed = None, begins = None))]
-    fn simulate(&self, py: Python<'_>, log: Option<Given>, seed: Option<u64>, begins: Option<Begins>) -> PyResult<Log> {
-        let log = log.map(Given::source);
+    fn simulate(
+        &self,
+        py: Python<'_>,
+        log: Option<LogArgument>,
+        seed: Option<u64>,
+        begins: Option<Begins>,
+    ) -> PyResult<Log> {
+        let log = log.map(LogArgument::source);
         let simulated = at_once(py, &self.source, || {
             let model = match log {
                 Some(log) => self.replaying(log, begins)?,
@@ -140,10 +146,10 @@ impl Model {
         py: Python<'_>,
         parameters: Option<Vec<Vec<f64>>>,
         controllers: Option<Vec<Vec<f64>>>,
-        log: Option<Given>,
+        log: Option<LogArgument>,
         begins: Option<Begins>,
     ) -> PyResult<Vec<Option<Log>>> {
-        let log = log.map(Given::source);
+        let log = log.map(LogArgument::source);
         let way = way(py, None, self)?;
         let simulated = working(py, &way, || {
             let replaying = log.map(|log| self.replaying(log, begins)).transpose()?;

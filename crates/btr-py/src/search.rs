@@ -3,8 +3,8 @@
 use crate::error::{Raise, raised};
 use crate::settings::{self, Settings};
 use btr_core::random::stream;
-use btr_core::search::cmaes::Ended;
-use btr_core::search::{AnySearch, SEARCHES, Search as _, SearchSpec, Unit};
+use btr_core::search::cmaes::CmaStop;
+use btr_core::search::{AnySearch, SEARCHES, Search as _, SearchSpec, UnitPoint};
 use btr_core::space::{Dim, Scale, Space};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ pub(crate) struct Search {
     evaluations: u64,
     evals_best: u64,
     /// The population on the unit cube that nobody has told about yet. Kept, so that asking again gives the same points.
-    asked: Option<Vec<Unit>>,
+    asked: Option<Vec<UnitPoint>>,
 }
 
 type Point<'py> = Bound<'py, PyArray1<f64>>;
@@ -139,11 +139,11 @@ impl Search {
     fn ended(&self) -> Option<(&'static str, &'static str)> {
         let AnySearch::CmaEs(search) = &self.search else { return None };
         search.ended().map(|ended| match ended {
-            Ended::SmallSteps => ("tolx", "the steps are too small to matter"),
-            Ended::UnlikeAxes => ("tolconditioncov", "the axes of the distribution are too unlike to compute with"),
-            Ended::FlatCosts => ("tolfunhist", "the latest best costs are equal to 12 digits"),
-            Ended::Stagnation => ("tolstagnation", "the latest best costs are no better than much older ones"),
-            Ended::Failures => ("failures", "nothing succeeds"),
+            CmaStop::SmallSteps => ("tolx", "the steps are too small to matter"),
+            CmaStop::UnlikeAxes => ("tolconditioncov", "the axes of the distribution are too unlike to compute with"),
+            CmaStop::FlatCosts => ("tolfunhist", "the latest best costs are equal to 12 digits"),
+            CmaStop::Stagnation => ("tolstagnation", "the latest best costs are no better than much older ones"),
+            CmaStop::Failures => ("failures", "nothing succeeds"),
         })
     }
 

@@ -1,17 +1,17 @@
 //! What people ask of a model and its logs: the answers as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
-use crate::log::{Given, Log};
+use crate::log::{Log, LogArgument};
 use crate::model::Model;
 use crate::page::Page;
-use crate::work::{Hands, at_once, way, working};
-use btr_identify::diagnose::Question;
-use btr_lab::distributed::{Served, Way};
+use crate::work::{ExecutorChoice, at_once, way, working};
+use btr_identify::diagnose::DiagnoseOptions;
+use btr_lab::distributed::{ExecutionContext, RemoteModel};
 use btr_lab::experiment;
 use btr_lab::experiment::LogSource;
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::Problem;
+use btr_lab::verbs::VerbInput;
 use btr_report::html;
 use btr_report::html::Subject;
 use pyo3::prelude::*;
@@ -20,8 +20,8 @@ use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-fn sources(logs: Vec<Given>) -> Vec<LogSource> {
-    logs.into_iter().map(Given::source).collect()
+fn sources(logs: Vec<LogArgument>) -> Vec<LogSource> {
+    logs.into_iter().map(LogArgument::source).collect()
 }
 
 fn names(logs: &[LogSource]) -> Vec<PathBuf> {
@@ -30,7 +30,7 @@ fn names(logs: &[LogSource]) -> Vec<PathBuf> {
 
 /// What logs are worth, and what they tell about the numbers in doubt.
 #[pyfunction]
-pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<String> {
+pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<String> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
@@ -40,7 +40,7 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult
 
 /// How far the model is off, and where: the answer and its page.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<Given>) -> PyResult<(String, Page)> {
+pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<(String, Page)> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
@@ -63,16 +63,16 @@ pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
 pub(crate) fn diagnose(
     py: Python<'_>,
     model: &Model,
-    logs: Vec<Given>,
-    held_out: Vec<Given>,
+    logs: Vec<LogArgument>,
+    held_out: Vec<LogArgument>,
     max_effects: usize,
     tell: Py<PyAny>,
-    hands: Option<Hands>,
+    hands: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, Option<Log>)> {
     let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
     working(py, &way, || {
-        let problem = Problem::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
-        let question = Question { max_effects, ..Question::default() };
+        let problem = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
+        let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
         let heard = |rung: &btr_identify::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
         let family = served(&problem, &logs, &held_out, &way)?;
         let (found, diagnosis) =
@@ -92,17 +92,17 @@ pub(crate) fn diagnose(
 pub(crate) fn fit(
     py: Python<'_>,
     model: &Model,
-    logs: Vec<Given>,
-    held_out: Vec<Given>,
+    logs: Vec<LogArgument>,
+    held_out: Vec<LogArgument>,
     add: Vec<String>,
     tell: Py<PyAny>,
-    hands: Option<Hands>,
+    hands: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
     let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
     working(py, &way, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
-        let problem = Problem::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
+        let problem = VerbInput::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
         if problem.beside.model().simulations.is_empty() {
             let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
             return Err(raised("no number of this model is in doubt", Some(help)));
@@ -130,6 +130,11 @@ fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
 }
 
 /// The problem's family as `way` serves it.
-fn served(problem: &Problem, logs: &[LogSource], held_out: &[LogSource], way: &Arc<Way>) -> PyResult<Served> {
-    Served::new(problem, logs, held_out, way.clone()).map_err(|why| raised(&why, None))
+fn served(
+    problem: &VerbInput,
+    logs: &[LogSource],
+    held_out: &[LogSource],
+    way: &Arc<ExecutionContext>,
+) -> PyResult<RemoteModel> {
+    RemoteModel::new(problem, logs, held_out, way.clone()).map_err(|why| raised(&why, None))
 }

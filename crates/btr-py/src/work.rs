@@ -4,7 +4,7 @@ use crate::error::raised;
 use crate::laws;
 use crate::model::Model;
 use btr_lab::distributed;
-use btr_lab::distributed::{Executor, Stopped, Way};
+use btr_lab::distributed::{ExecutionContext, Executor, Stopped};
 use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -21,43 +21,43 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Who does the work: threads of this process (all, or so many), or an object of `btr.executors` with `workers` and `work`.
 #[derive(FromPyObject)]
-pub(crate) enum Hands {
+pub(crate) enum ExecutorChoice {
     Threads(usize),
     Object(Py<PyAny>),
 }
 
 /// How the work on a model is done. Functions of Python are called on one thread of a process: only one can hold Python's
 /// lock.
-pub(crate) fn way(py: Python<'_>, hands: Option<Hands>, model: &Model) -> PyResult<Arc<Way>> {
+pub(crate) fn way(py: Python<'_>, hands: Option<ExecutorChoice>, model: &Model) -> PyResult<Arc<ExecutionContext>> {
     Ok(Arc::new(match hands {
-        Some(Hands::Object(object)) => {
+        Some(ExecutorChoice::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
             let functions = laws::packed(py, &model.functions)?;
-            Way::elsewhere(Box::new(Elsewhere { object, workers, functions }))
+            ExecutionContext::elsewhere(Box::new(PythonExecutor { object, workers, functions }))
         }
-        Some(Hands::Threads(threads)) if model.functions.is_empty() => Way::here(threads),
-        Some(Hands::Threads(_)) | None => here(&model.source),
+        Some(ExecutorChoice::Threads(threads)) if model.functions.is_empty() => ExecutionContext::here(threads),
+        Some(ExecutorChoice::Threads(_)) | None => here(&model.source),
     }))
 }
 
 /// The work on a model done by all threads, or by one.
-fn here(source: &Source) -> Way {
-    if source.laws.is_empty() { Way::default() } else { Way::here(1) }
+fn here(source: &Source) -> ExecutionContext {
+    if source.laws.is_empty() { ExecutionContext::default() } else { ExecutionContext::here(1) }
 }
 
 /// Batches go out through a Python object: `work(parcels, batch) -> answer`.
-struct Elsewhere {
+struct PythonExecutor {
     object: Py<PyAny>,
     workers: usize,
     functions: Vec<u8>,
 }
 
 /// What workers are told once; `key` is the same for the same content.
-#[pyclass(frozen, module = "btr", name = "Parcel")]
-pub(crate) struct Parcel(Arc<distributed::Parcel>);
+#[pyclass(frozen, module = "btr", name = "Payload")]
+pub(crate) struct Payload(Arc<distributed::Payload>);
 
 #[pymethods]
-impl Parcel {
+impl Payload {
     #[getter]
     fn key(&self) -> u64 {
         self.0.key
@@ -69,7 +69,7 @@ impl Parcel {
     }
 }
 
-impl Executor for Elsewhere {
+impl Executor for PythonExecutor {
     fn workers(&self) -> usize {
         self.workers
     }
@@ -78,9 +78,9 @@ impl Executor for Elsewhere {
         &self.functions
     }
 
-    fn work(&self, parcels: &[Arc<distributed::Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, parcels: &[Arc<distributed::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
-            let parcels: Vec<Parcel> = parcels.iter().cloned().map(Parcel).collect();
+            let parcels: Vec<Payload> = parcels.iter().cloned().map(Payload).collect();
             let answer = self.object.call_method1(py, "work", (parcels, PyBytes::new(py, batch)))?;
             Ok(answer.cast_bound::<PyBytes>(py)?.as_bytes().to_vec())
         });
@@ -140,7 +140,7 @@ pub(crate) fn serve<'py>(
 /// worker, a user's function) is what is raised here.
 pub(crate) fn working<T: Send>(
     py: Python<'_>,
-    way: &Arc<Way>,
+    way: &Arc<ExecutionContext>,
     work: impl FnOnce() -> PyResult<T> + Send,
 ) -> PyResult<T> {
     let mut interrupted = None;

@@ -1,6 +1,6 @@
 //! Files that people look at: the paper's figures 3 and 5 of this run, and its logs for robot viewers.
 
-use crate::plot::paper::{Figure3, Generation, Individual, Parameter, Tracking, figure3, figure5};
+use crate::plot::paper::{Figure3, GenerationTrace, Individual, Parameter, Tracking, figure3, figure5};
 use btr_core::coevolve;
 use btr_core::coevolve::Side;
 use btr_core::log::{Log, interpolate};
@@ -9,7 +9,7 @@ use btr_io::Meta;
 use btr_lab::experiment::Experiment;
 use btr_lab::failure::Failure;
 use btr_lab::run::Run;
-use btr_lab::run::report::Report;
+use btr_lab::run::report::RunReport;
 use btr_lab::run::turn::adapted;
 use btr_physics::robot::urdf;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ const JOINTS: usize = 3;
 ///
 /// # Errors
 /// A disk that refuses; a simulation that blows up.
-pub fn write(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+pub fn write(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     if report.generations.iter().any(|g| g.side == Side::Simulators) {
         files.push(run.write("figure3.svg", figure3(&history(experiment, report)).as_bytes())?);
@@ -54,10 +54,10 @@ fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
     })
 }
 
-fn history(experiment: &Experiment, report: &Report) -> Figure3 {
+fn history(experiment: &Experiment, report: &RunReport) -> Figure3 {
     let of = |side: Side| report.generations.iter().filter(move |g| g.side == side);
     let trace = |side: Side| {
-        of(side).map(|g| Generation { iteration: g.iteration, best: g.best, mean: g.mean }).collect::<Vec<_>>()
+        of(side).map(|g| GenerationTrace { iteration: g.iteration, best: g.best, mean: g.mean }).collect::<Vec<_>>()
     };
     let truth = report.revealed.as_ref().map(|r| &r.truth.parameters);
     let dims = experiment.model.simulations().dims().iter();
@@ -80,7 +80,7 @@ fn history(experiment: &Experiment, report: &Report) -> Figure3 {
 }
 
 /// The 95 % intervals of a parameter, each at the last generation of its iteration.
-fn intervals(report: &Report, name: &str) -> Vec<(usize, [f64; 2])> {
+fn intervals(report: &RunReport, name: &str) -> Vec<(usize, [f64; 2])> {
     let simulators: Vec<&coevolve::Generation> =
         report.generations.iter().filter(|g| g.side == Side::Simulators).collect();
     let interval = |it: &coevolve::Iteration| {

@@ -6,8 +6,8 @@ use btr_identify::compare::ChannelError;
 use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Estimate;
 use btr_identify::quality::Severity;
-use btr_identify::residual_model::Step;
-use btr_lab::verbs::{Compared, DiagnoseReport, Doubt, Floor};
+use btr_identify::residual_model::TimeStep;
+use btr_lab::verbs::{CompareReport, DiagnoseReport, Doubt, NoiseFloor};
 use std::path::PathBuf;
 
 /// How bad a finding is.
@@ -49,8 +49,8 @@ pub fn unmeasured(joints: &[String]) -> String {
 }
 
 /// The noise floors in a line.
-pub fn floors(floors: &[Floor]) -> String {
-    let assumed = |floor: &Floor| if floor.assumed { " (assumed: its readings show no noise)" } else { "" };
+pub fn floors(floors: &[NoiseFloor]) -> String {
+    let assumed = |floor: &NoiseFloor| if floor.assumed { " (assumed: its readings show no noise)" } else { "" };
     let each = floors.iter().map(|f| format!("{} {} {}{}", f.channel, number(f.sigma), f.unit, assumed(f)));
     format!("noise floor: {}", each.collect::<Vec<_>>().join(", "))
 }
@@ -93,7 +93,7 @@ pub const LEGEND: [&str; 3] = [
 ];
 
 /// One row per channel, under [`CHANNEL_HEADER`].
-pub fn channel_rows(outcome: &Compared) -> Vec<Vec<String>> {
+pub fn channel_rows(outcome: &CompareReport) -> Vec<Vec<String>> {
     let tenth = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.1}"));
     let row = |c: &ChannelError| {
         vec![
@@ -113,7 +113,7 @@ pub fn channel_rows(outcome: &Compared) -> Vec<Vec<String>> {
 }
 
 /// What there is to say about the time step, if anything.
-pub fn about_the_step(outcome: &Compared) -> Option<String> {
+pub fn about_the_step(outcome: &CompareReport) -> Option<String> {
     let step_ms = number(1e3 * outcome.time_step_s());
     if outcome.integrator_error() > 0.5 {
         let error = number(outcome.integrator_error());
@@ -123,7 +123,7 @@ pub fn about_the_step(outcome: &Compared) -> Option<String> {
     let usual_ms = number(1e3 * outcome.replays.model.setup.dt_s);
     let finer =
         format!("Simulated in steps of {step_ms} ms: the model's {usual_ms} ms err by more than a fifth of the noise.");
-    (outcome.step != Step::USUAL).then_some(finer)
+    (outcome.step != TimeStep::USUAL).then_some(finer)
 }
 
 /// What to type next, once it is known what is missing; nothing where the model or a log is no file.

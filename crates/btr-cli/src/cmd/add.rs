@@ -1,21 +1,21 @@
 //! `btr add`: an effect written into a model, free to fit.
 
 use super::ladder;
-use crate::args::{Add, Global};
+use crate::args::{AddArgs, Global};
 use crate::exit::DONE;
 use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
 use btr_lab::experiment::adapt::{moved, named_files};
 use btr_lab::failure::Failure;
-use btr_lab::output::{Kind, guard};
+use btr_lab::output::{OutputKind, guard};
 use btr_lab::verbs::{AddError, Addition, add};
 use std::io::Write;
 use std::path::Path;
 
-pub(crate) fn run(args: &Add, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     // A model may grow in its place: nothing in it is lost.
-    guard(Kind::Model.at(Some(&args.output)), named_files(&source))?;
+    guard(OutputKind::Model.at(Some(&args.output)), named_files(&source))?;
     let model = experiment::model(&source)?;
     let additions =
         args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;

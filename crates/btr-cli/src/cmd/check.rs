@@ -1,18 +1,18 @@
 //! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
 
 use super::ladder;
-use crate::args::{Check, Global};
+use crate::args::{CheckArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_identify::quality::Severity;
 use btr_lab::experiment;
-use btr_lab::experiment::Checked;
+use btr_lab::experiment::CheckedLog;
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::Told;
+use btr_lab::verbs::IdentifiabilityReport;
 use btr_report::table::{Table, maybe, number};
 use btr_report::text::word;
 
-pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
     let report = verbs::check(replays);
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &Check, global: &Global) -> Result<u8, Failure> {
     Ok(if bad { MISSED } else { DONE })
 }
 
-fn text(Checked { log, quality }: &Checked, verbose: bool) -> String {
+fn text(CheckedLog { log, quality }: &CheckedLog, verbose: bool) -> String {
     let mut lines = vec![format!("{log}: {}", word(quality.worst()))];
     lines.extend(quality.findings.iter().map(|f| format!("  {:<9} {}", word(f.severity), f.sentence)));
     if verbose {
@@ -42,7 +42,7 @@ fn text(Checked { log, quality }: &Checked, verbose: bool) -> String {
 }
 
 /// What can be told about the numbers in doubt.
-fn identifiability(told: &Told) -> String {
+fn identifiability(told: &IdentifiabilityReport) -> String {
     if let Some(why) = &told.not_judged {
         return format!("what these logs tell about the numbers in doubt cannot be said: {why}");
     }

@@ -1,10 +1,10 @@
 //! `btr coevolve`: the loop, live, and what it found.
 
 use super::ladder;
-use crate::args::{Coevolve, Global};
+use crate::args::{CoevolveArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
-use btr_core::coevolve::{Change, Coevolution, Iteration, Promise, Step, StopReason};
+use btr_core::coevolve::{Change, Coevolution, Iteration, Promise, StepOutcome, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::diagnose::Rung;
 use btr_lab::experiment::{Experiment, Source};
@@ -12,9 +12,9 @@ use btr_lab::failure::Failure;
 use btr_lab::run::Run;
 use btr_lab::run::augment::Cause;
 use btr_lab::run::report;
-use btr_lab::run::report::{ByDistance, Comparison, Report};
+use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
 use btr_lab::run::turn;
-use btr_lab::run::turn::{Ended, Watch};
+use btr_lab::run::turn::{FinishedRun, RunObserver};
 use btr_lab::verbs::LadderStep;
 use btr_report::figures;
 use btr_report::table::{Table, maybe, number};
@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-pub(crate) fn run(args: &Coevolve, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     let mut source = Source::read(&args.experiment)?;
     source.set(&global.settings)?;
     let folder = match &args.out {
@@ -61,19 +61,21 @@ impl Watcher<'_> {
     }
 }
 
-impl Watch for Watcher<'_> {
+impl RunObserver for Watcher<'_> {
     fn begins(&mut self, experiment: &Experiment, run: &Coevolution) {
         self.finish();
         self.progress = Some(Progress::new(experiment.model.clone(), run, self.global));
     }
 
-    fn step(&mut self, run: &Coevolution, step: Option<&Step>) {
+    fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>) {
         let Some(progress) = &self.progress else { return };
         progress.update(run);
         let history = run.history();
         match step {
-            Some(Step::Generation) => history.generations.last().into_iter().for_each(|g| progress.generation(g)),
-            Some(Step::Iteration) => {
+            Some(StepOutcome::Generation) => {
+                history.generations.last().into_iter().for_each(|g| progress.generation(g))
+            }
+            Some(StepOutcome::Iteration) => {
                 let of = run.plan().iterations;
                 history.iterations.last().into_iter().for_each(|it| progress.iteration(it, of));
             }
@@ -112,7 +114,7 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
     Ok(interrupted)
 }
 
-fn say_interrupted(args: &Coevolve, folder: &Path) -> u8 {
+fn say_interrupted(args: &CoevolveArgs, folder: &Path) -> u8 {
     eprintln!(
         "interrupted; go on with: btr coevolve {} --out {} --resume",
         args.experiment.display(),
@@ -140,8 +142,8 @@ fn dry_run(experiment: &Experiment, folder: &Path, global: &Global) -> Result<u8
     Ok(DONE)
 }
 
-fn finish(ended: &Ended, args: &Coevolve, global: &Global) -> Result<u8, Failure> {
-    let Ended { run, report, files, waiting } = ended;
+fn finish(ended: &FinishedRun, args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
+    let FinishedRun { run, report, files, waiting } = ended;
     if global.json {
         println!("{}", ended.document()?);
     } else {
@@ -159,7 +161,7 @@ fn finish(ended: &Ended, args: &Coevolve, global: &Global) -> Result<u8, Failure
 }
 
 /// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
-fn exit_code(run: &Run, report: &Report) -> u8 {
+fn exit_code(run: &Run, report: &RunReport) -> u8 {
     let goal = run.state().plan().fitness_goal.is_some();
     match report.stop_reason {
         Some(StopReason::GoalReached) | None => DONE,
@@ -169,7 +171,7 @@ fn exit_code(run: &Run, report: &Report) -> u8 {
     }
 }
 
-fn show(report: &Report) {
+fn show(report: &RunReport) {
     println!("{}", iterations(report).render());
     println!(
         "\nstopped: {}   real tests: {}   simulated: {} ({} failed)",
@@ -215,7 +217,7 @@ fn reason_text(reason: &StopReason) -> &'static str {
     }
 }
 
-fn iterations(report: &Report) -> Table {
+fn iterations(report: &RunReport) -> Table {
     let judged = !report.fitness.is_empty();
     let doubted = report.iterations.iter().any(|it| it.fitness_ci95.is_some());
     let fitness: &[&str] = match (judged, doubted) {
@@ -238,7 +240,7 @@ fn iterations(report: &Report) -> Table {
 }
 
 /// How much of the map is filled, and what became of its promises.
-fn show_map(report: &Report) {
+fn show_map(report: &RunReport) {
     let Some(map) = &report.map else { return };
     let elites = &map.outlook.elites;
     let most = |of: &dyn Fn(&Promise) -> Option<f64>| maybe(elites.iter().filter_map(of).max_by(f64::total_cmp));
@@ -260,7 +262,7 @@ fn span(interval: Option<[f64; 2]>) -> String {
 }
 
 /// By how much reality falls short of promises, and which of these held.
-fn show_gap(report: &Report) {
+fn show_gap(report: &RunReport) {
     let Some(gap) = report.reality_gap.filter(|gap| gap.within[1] > 0) else { return };
     let interval = gap.ci95.map_or_else(String::new, |_| format!(" (95 %: {})", span(gap.ci95)));
     println!(
@@ -273,7 +275,7 @@ fn show_gap(report: &Report) {
 }
 
 /// What the tests tell of S, where the run estimated a posterior and nobody knows the truth.
-fn show_posterior(report: &Report) {
+fn show_posterior(report: &RunReport) {
     let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
     if report.revealed.is_none() {
         let mut table = Table::new(&["parameter", "estimate", "95 %"]);
@@ -297,7 +299,7 @@ fn show_posterior(report: &Report) {
 }
 
 /// After how many real tests everything was told, as it has been since.
-fn told_by(report: &Report) -> usize {
+fn told_by(report: &RunReport) -> usize {
     let told = |it: &&Iteration| it.posterior.as_ref().is_some_and(|estimate| estimate.not_told.is_empty());
     report.iterations.iter().rev().take_while(told).last().map_or(0, |it| it.real_tests)
 }
@@ -308,7 +310,7 @@ fn tests(count: usize) -> String {
 }
 
 /// When the robot has changed, and in what.
-fn show_drift(report: &Report) {
+fn show_drift(report: &RunReport) {
     for drift in &report.drifts {
         let change = |c: &Change| {
             format!("{} {} -> {} ({} sd)", c.parameter, number(c.before), number(c.after), number(c.deviations))
@@ -330,7 +332,7 @@ fn show_drift(report: &Report) {
     }
 }
 
-fn show_disengagement(report: &Report) {
+fn show_disengagement(report: &RunReport) {
     let Some(last) = report.iterations.last() else { return };
     let e = &last.evidence;
     println!("\ndisengaged: the space of simulations does not reproduce what the robot does");
@@ -369,7 +371,7 @@ fn show_cause(cause: &Cause) {
 }
 
 /// What to type so that the run goes on with what it lacks.
-fn next_step(cause: &Cause, folder: &Path, args: &Coevolve, global: &Global) {
+fn next_step(cause: &Cause, folder: &Path, args: &CoevolveArgs, global: &Global) {
     let missing = cause.missing();
     if missing.is_empty() {
         return;
@@ -385,7 +387,7 @@ fn next_step(cause: &Cause, folder: &Path, args: &Coevolve, global: &Global) {
     );
 }
 
-fn show_revealed(report: &Report, revealed: &Comparison) {
+fn show_revealed(report: &RunReport, revealed: &TwinComparison) {
     let Some(last) = report.iterations.last() else { return };
     println!("\nthe hidden twin");
     let intervals: &[&str] = if last.posterior.is_some() { &["95 %"] } else { &[] };
@@ -408,7 +410,7 @@ fn show_revealed(report: &Report, revealed: &Comparison) {
     println!("state match (rms of simulated − real, best controller): {}", state.join(", "));
 }
 
-fn show_logs(report: &Report) {
+fn show_logs(report: &RunReport) {
     let mut table = Table::new(&["log", "", "channel", "mean |error| before", "after", "fit % before", "after"]);
     for score in &report.logs {
         table.row(vec![
@@ -439,7 +441,7 @@ fn show_logs(report: &Report) {
     }
 }
 
-fn show_by_distance(report: &Report) {
+fn show_by_distance(report: &RunReport) {
     let Some(first) = report.by_distance.first() else { return };
     println!(
         "\nerror % of each parameter by distance; in brackets how far it must move, alone or to another\n\

@@ -2,12 +2,12 @@
 
 use super::ladder;
 use super::ladder::{announce, write_report};
-use crate::args::{Compare, Global};
+use crate::args::{CompareArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_lab::failure::Failure;
-use btr_lab::output::{Kind, guard, inputs};
+use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::Compared;
+use btr_lab::verbs::CompareReport;
 use btr_report::html;
 use btr_report::table::Table;
 use btr_report::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
@@ -17,12 +17,12 @@ const LOUD: f64 = 2.0;
 /// Failures in the terminal; `-v` and `--json` have all.
 const SHOWN: usize = 8;
 
-pub(crate) fn run(args: &Compare, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
     let source = ladder::source(&args.model, global)?;
-    guard(Kind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
+    guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = ladder::replays(&source, &args.logs, &[], global)?;
     let outcome = verbs::compare(&source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     if let Some(path) = &args.report {
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &Compare, global: &Global) -> Result<u8, Failure> {
     Ok(if missed { MISSED } else { DONE })
 }
 
-fn text(outcome: &Compared, most: usize) -> String {
+fn text(outcome: &CompareReport, most: usize) -> String {
     let mut channels = Table::new(&CHANNEL_HEADER);
     channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
     let failures = outcome.comparison.failures();

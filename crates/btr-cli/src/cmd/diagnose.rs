@@ -2,28 +2,28 @@
 
 use super::ladder;
 use super::ladder::{announce, write_report};
-use crate::args::{Diagnose, Global};
+use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, MISSED};
-use btr_identify::diagnose::{Question, Verdict};
+use btr_identify::diagnose::{DiagnoseOptions, Verdict};
 use btr_io::Meta;
 use btr_lab::failure::Failure;
-use btr_lab::output::{Kind, guard, inputs};
+use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{DiagnoseReport, LadderStep, Problem};
+use btr_lab::verbs::{DiagnoseReport, LadderStep, VerbInput};
 use btr_report::html;
 use btr_report::html::Subject;
 use btr_report::table::{Table, number};
 use btr_report::text::fit_command;
 use std::path::Path;
 
-pub(crate) fn run(args: &Diagnose, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
-    let commands = Kind::Log { over_measurements: false }.at(args.next.as_deref());
-    let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
+    let commands = OutputKind::Log { over_measurements: false }.at(args.next.as_deref());
+    let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
     let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
-    let problem = Problem::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
-    let question = Question { max_effects: args.max_effects, ..Question::default() };
+    let problem = VerbInput::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
+    let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
     let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
     let Some((report, diagnosis)) = verbs::diagnose(&problem, &problem.beside, question, &tell) else {
         return Err(Failure::blown(&problem));
@@ -64,7 +64,7 @@ fn word_of(verdict: Verdict) -> String {
     serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
 }
 
-fn show(report: &DiagnoseReport, args: &Diagnose, asked: &Subject) {
+fn show(report: &DiagnoseReport, args: &DiagnoseArgs, asked: &Subject) {
     println!("\n{}\n", ladder::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));

@@ -4,7 +4,7 @@ use crate::args::Global;
 use crate::exit::DONE;
 use btr_lab::failure::Failure;
 use btr_lab::verbs::{effects, named, site};
-use btr_physics::effects::{Card, Param, SiteKind};
+use btr_physics::effects::{EffectSpec, Param, SiteKind};
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
@@ -19,7 +19,7 @@ pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
     Ok(DONE)
 }
 
-fn list(cards: &[&Card]) {
+fn list(cards: &[&EffectSpec]) {
     let mut table = Table::new(&["effect", "on", "parameters"]);
     for card in cards {
         table.row(vec![card.name.to_owned(), site(card), params(card)]);
@@ -29,7 +29,7 @@ fn list(cards: &[&Card]) {
 }
 
 /// Names and units, each unit once for neighbours that share it.
-fn params(card: &Card) -> String {
+fn params(card: &EffectSpec) -> String {
     if card.params.is_empty() {
         return "its own".to_owned();
     }
@@ -41,7 +41,7 @@ fn params(card: &Card) -> String {
     units.collect::<Vec<_>>().join(", ")
 }
 
-fn tell(card: &Card) {
+fn tell(card: &EffectSpec) {
     println!("{}\n\n  law     {}\n  sits    {}", card.name, card.law, on(card));
     println!("  shows   {}\n  source  {}", card.tell, card.cite);
     if !card.alike.is_empty() {
@@ -63,7 +63,7 @@ fn tell(card: &Card) {
 }
 
 /// How its site is written.
-fn on(card: &Card) -> &'static str {
+fn on(card: &EffectSpec) -> &'static str {
     match card.site {
         SiteKind::Joint => "on joints: site = \"knee\", \"L*,R*\", \"*\"",
         SiteKind::Link => "on links: site = \"shank\", \"base\", \"*\"",

@@ -3,23 +3,23 @@
 use super::add::write_text;
 use super::ladder;
 use super::ladder::{announce, write_report};
-use crate::args::{Fit, Global};
+use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
 use btr_lab::failure::Failure;
-use btr_lab::output::{Kind, guard, inputs};
+use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{FitReport, Problem};
+use btr_lab::verbs::{FitReport, VerbInput};
 use btr_report::html;
 use btr_report::html::Subject;
 use btr_report::table::{Table, number};
 
-pub(crate) fn run(args: &Fit, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.beside.model, global)?;
-    let model = Kind::Model.at(args.output.as_deref());
-    let outputs = Kind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
+    let model = OutputKind::Model.at(args.output.as_deref());
+    let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
     let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
-    let problem = Problem::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
+    let problem = VerbInput::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
         .map_err(|e| Failure::problem(e, &doubts))?;
     if problem.beside.model().simulations.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();

@@ -1,19 +1,19 @@
 //! `btr simulate`: one rollout of a model, written as a log.
 
 use super::ladder;
-use crate::args::{Global, Simulate};
+use crate::args::{Global, SimulateArgs};
 use crate::exit::DONE;
 use btr_core::world::Simulator;
 use btr_io::Meta;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
-use btr_lab::output::{Kind, guard, inputs};
+use btr_lab::output::{OutputKind, guard, inputs};
 use btr_report::table::number;
 
-pub(crate) fn run(args: &Simulate, global: &Global) -> Result<u8, Failure> {
+pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
     let source = ladder::source(&args.model, global)?;
-    let log = Kind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
+    let log = OutputKind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {
         (Some(log), _) => experiment::model_replaying(&source, log.clone())?,

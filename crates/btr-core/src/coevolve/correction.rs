@@ -3,7 +3,7 @@
 //! A baseline after Hemker, Stelzer, von Stryk and Sakamoto's interleaving of simulated and real fitness, as the paper
 //! describes it (section 2.1.1): f_r(c) ≈ f_s(c) + w·(1, c), fitted to all real tests.
 
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 
 /// Weight of the penalty that keeps the estimate at zero where no test speaks, in squared unit-cube lengths.
@@ -17,7 +17,7 @@ pub struct LinearCorrection {
 
 impl LinearCorrection {
     /// Ridge regression of the gaps f_r − f_s on the controllers, given on the unit cube.
-    pub(super) fn fit(gaps: &[(Unit, f64)]) -> Self {
+    pub(super) fn fit(gaps: &[(UnitPoint, f64)]) -> Self {
         let finite = gaps.iter().filter(|(_, gap)| gap.is_finite());
         let data: Vec<(Vec<f64>, f64)> = finite.map(|(unit, gap)| (features(unit), *gap)).collect();
         let Some(dims) = data.first().map(|(x, _)| x.len()) else { return LinearCorrection::default() };

@@ -4,8 +4,8 @@ use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};
 use crate::optimize::Residuals;
 use crate::parallel::side_by_side;
-use crate::search::Unit;
-use crate::world::{Against, Behaviour, Compared, Job, Made, Simulator, Trial, Wanted, WorldError};
+use crate::search::UnitPoint;
+use crate::world::{Behaviour, Compared, Job, Output, OutputRequest, Reference, Simulator, Trial, WorldError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ impl Cost {
 }
 
 /// The mean fitness of each controller over all scenarios of a simulation; −∞ where one of them failed.
-pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit], cost: &mut Cost) -> Vec<f64> {
+pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[UnitPoint], cost: &mut Cost) -> Vec<f64> {
     fitness_in(simulator, std::slice::from_ref(&s.to_vec()), controllers, cost).concat()
 }
 
@@ -39,7 +39,7 @@ pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[Unit]
 pub(super) fn fitness_in(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
-    controllers: &[Unit],
+    controllers: &[UnitPoint],
     cost: &mut Cost,
 ) -> Vec<Vec<f64>> {
     let (scenarios, per_controller) = (simulator.scenarios(), simulations.len() * simulator.scenarios());
@@ -49,8 +49,8 @@ pub(super) fn fitness_in(
         Job { s: &simulations[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let made = make_all(simulator, &jobs, &vec![Wanted::Fitness; jobs.len()]);
-    let of = |made| if let Made::Fitness(fitness) = made { fitness } else { f64::NAN };
+    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Fitness; jobs.len()]);
+    let of = |made| if let Output::Fitness(fitness) = made { fitness } else { f64::NAN };
     let results: Vec<Result<f64, WorldError>> = made.into_iter().map(|made| made.map(of)).collect();
     cost.count(&results);
     let row = |row: &[Result<f64, WorldError>]| row.chunks(scenarios).map(mean_fitness).collect();
@@ -61,7 +61,7 @@ pub(super) fn fitness_in(
 pub(super) fn fitness_over(
     simulator: &dyn Simulator,
     (simulations, quantile): (&[Vec<f64>], f64),
-    controllers: &[Unit],
+    controllers: &[UnitPoint],
     cost: &mut Cost,
 ) -> Vec<f64> {
     fitness_in(simulator, simulations, controllers, cost).into_iter().map(|row| quantile_of(row, quantile)).collect()
@@ -79,24 +79,28 @@ fn quantile_of(mut values: Vec<f64>, quantile: f64) -> f64 {
 pub(super) fn behaviours(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
-    (controller, scenario): (&Unit, usize),
+    (controller, scenario): (&UnitPoint, usize),
     cost: &mut Cost,
 ) -> Vec<Option<Behaviour>> {
     let c = simulator.controllers().from_unit(controller);
     let jobs: Vec<Job> = simulations.iter().map(|s| Job { s, c: &c, scenario }).collect();
-    let made = make_all(simulator, &jobs, &vec![Wanted::Behaviour; jobs.len()]);
+    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
     cost.count(&made);
-    let behaviour = |made| if let Ok(Made::Behaviour(behaviour)) = made { Some(behaviour) } else { None };
+    let behaviour = |made| if let Ok(Output::Behaviour(behaviour)) = made { Some(behaviour) } else { None };
     made.into_iter().map(behaviour).collect()
 }
 
 /// Runs all jobs, those of each scenario side by side, and makes what is wanted of each, in their order.
-pub(super) fn make_all(simulator: &dyn Simulator, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+pub(super) fn evaluate_all(
+    simulator: &dyn Simulator,
+    jobs: &[Job],
+    wanted: &[OutputRequest],
+) -> Vec<Result<Output, WorldError>> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&k| jobs[k].scenario);
     let few = |ks: &[usize]| {
-        let these: (Vec<Job>, Vec<Wanted>) = ks.iter().map(|&k| (jobs[k], wanted[k])).unzip();
-        simulator.make_all(&these.0, &these.1).into_iter().zip(ks.to_vec())
+        let these: (Vec<Job>, Vec<OutputRequest>) = ks.iter().map(|&k| (jobs[k], wanted[k])).unzip();
+        simulator.evaluate_all(&these.0, &these.1).into_iter().zip(ks.to_vec())
     };
     let at_once = side_by_side(simulator.side_by_side(), jobs.len());
     let mut results: Vec<_> = order.par_chunks(at_once).with_max_len(1).flat_map_iter(few).collect();
@@ -173,13 +177,13 @@ fn beside(
         let Some(real) = entry.behaviour() else { continue };
         let Trial { number: test, controller, scenario, .. } = &entry.trial;
         which.push(k);
-        let against = Against { test: *test, real, squares, compare };
-        asked.push((Job { s, c: controller, scenario: *scenario }, Wanted::Distance(against)));
+        let against = Reference { test: *test, real, squares, compare };
+        asked.push((Job { s, c: controller, scenario: *scenario }, OutputRequest::Distance(against)));
     }
-    let (jobs, wanted): (Vec<Job>, Vec<Wanted>) = asked.into_iter().unzip();
+    let (jobs, wanted): (Vec<Job>, Vec<OutputRequest>) = asked.into_iter().unzip();
     let mut results: Vec<_> = (0..simulations.len() * tests.len()).map(|_| Ok(no_behaviour())).collect();
-    for (k, made) in which.into_iter().zip(make_all(simulator, &jobs, &wanted)) {
-        results[k] = made.map(|made| if let Made::Distance(compared) = made { compared } else { no_behaviour() });
+    for (k, made) in which.into_iter().zip(evaluate_all(simulator, &jobs, &wanted)) {
+        results[k] = made.map(|made| if let Output::Distance(compared) = made { compared } else { no_behaviour() });
     }
     results
 }
@@ -199,7 +203,7 @@ pub(super) fn disagreement(
     simulator: &dyn Simulator,
     distance: &dyn Distance,
     rivals: &[Vec<f64>],
-    controllers: &[Unit],
+    controllers: &[UnitPoint],
     cost: &mut Cost,
 ) -> Vec<f64> {
     let (scenarios, per_controller) = (simulator.scenarios(), rivals.len() * simulator.scenarios());
@@ -209,9 +213,9 @@ pub(super) fn disagreement(
         Job { s: &rivals[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let made = make_all(simulator, &jobs, &vec![Wanted::Behaviour; jobs.len()]);
+    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
     let failed = || WorldError::Setup { what: "no behaviour came back".to_owned() };
-    let of = |made| if let Made::Behaviour(behaviour) = made { Ok(behaviour) } else { Err(failed()) };
+    let of = |made| if let Output::Behaviour(behaviour) = made { Ok(behaviour) } else { Err(failed()) };
     let results: Vec<Result<Behaviour, WorldError>> = made.into_iter().map(|made| made.and_then(of)).collect();
     cost.count(&results);
     results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()

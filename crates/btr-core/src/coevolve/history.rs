@@ -57,7 +57,7 @@ impl Generation {
 
 /// What the real tests say of S.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Estimate {
+pub struct EstimateRecord {
     /// Whether simulations explain the tests to the noise. Where they do not, S lacks something, or the estimate has not
     /// found its place in it.
     pub explained: bool,
@@ -91,7 +91,7 @@ pub struct Iteration {
     /// s_i by name, in the units of S.
     pub parameters: IndexMap<String, f64>,
     /// What the real tests say of S; `None` where the plan asks for no posterior.
-    pub posterior: Option<Estimate>,
+    pub posterior: Option<EstimateRecord>,
     /// c_i in the units of C.
     pub controller: Vec<f64>,
     /// Real tests spent so far.

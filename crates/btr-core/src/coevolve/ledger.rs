@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// How a real test ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum TestVerdict {
     /// It gave a behaviour of this fitness.
     Done {
         /// f_r of the trial.
@@ -30,7 +30,7 @@ pub struct Entry {
     /// 95 % prediction interval of that, over what the posterior or the map left open then; `None` without either.
     pub promised_ci95: Option<[f64; 2]>,
     /// What came of it.
-    pub verdict: Verdict,
+    pub verdict: TestVerdict,
     /// The behaviour itself. Not part of a checkpoint: reality keeps its logs and is asked for them again.
     #[serde(skip)]
     behaviour: Option<Behaviour>,
@@ -56,8 +56,8 @@ impl Entry {
     /// f_r, unless the test failed.
     pub fn fitness(&self) -> Option<f64> {
         match self.verdict {
-            Verdict::Done { fitness } => Some(fitness),
-            Verdict::Failed { .. } => None,
+            TestVerdict::Done { fitness } => Some(fitness),
+            TestVerdict::Failed { .. } => None,
         }
     }
 }
@@ -92,8 +92,8 @@ impl Ledger {
         reality: &mut dyn Reality,
     ) -> Result<(), String> {
         let (verdict, behaviour) = match reality.test(&trial) {
-            Outcome::Done(behaviour) => (Verdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
-            Outcome::Failed { why } => (Verdict::Failed { why }, None),
+            Outcome::Done(behaviour) => (TestVerdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
+            Outcome::Failed { why } => (TestVerdict::Failed { why }, None),
             Outcome::Pending { what } => return Err(what),
         };
         self.entries.push(Entry { trial, promised, promised_ci95, verdict, behaviour });
@@ -106,7 +106,7 @@ impl Ledger {
     /// A trial whose result reality no longer has.
     pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
         for entry in &mut self.entries {
-            if matches!(entry.verdict, Verdict::Failed { .. }) || entry.behaviour.is_some() {
+            if matches!(entry.verdict, TestVerdict::Failed { .. }) || entry.behaviour.is_some() {
                 continue;
             }
             entry.behaviour = match reality.recall(&entry.trial) {

@@ -80,13 +80,13 @@ impl Simulator for Toy {
 }
 
 /// A space of simulations that another one's are made of.
-pub(super) struct Made<F> {
+pub(super) struct DerivedSpace<F> {
     pub(super) space: Space,
     pub(super) of: Toy,
     pub(super) by: F,
 }
 
-impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Simulator for Made<F> {
+impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Simulator for DerivedSpace<F> {
     fn simulations(&self) -> &Space {
         &self.space
     }
@@ -105,7 +105,7 @@ impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Simulator for Made<F> {
 }
 
 /// A toy that errs, and may change.
-pub(super) struct Robot<'a> {
+pub(super) struct ToyRobot<'a> {
     pub(super) toy: &'a Toy,
     pub(super) truth: Vec<f64>,
     /// From which test on it is another one.
@@ -113,13 +113,13 @@ pub(super) struct Robot<'a> {
     pub(super) seed: u64,
 }
 
-impl<'a> Robot<'a> {
+impl<'a> ToyRobot<'a> {
     pub(super) fn new(toy: &'a Toy, truth: &[f64], seed: u64) -> Self {
-        Robot { toy, truth: truth.to_vec(), later: None, seed }
+        ToyRobot { toy, truth: truth.to_vec(), later: None, seed }
     }
 }
 
-impl Reality for Robot<'_> {
+impl Reality for ToyRobot<'_> {
     fn test(&mut self, trial: &Trial) -> Outcome {
         let mut rng = random::stream(self.seed, &[trial.number as u64]);
         let noisy = |q: f64| q + SIGMA * crate::search::normal(&mut rng);
@@ -129,7 +129,7 @@ impl Reality for Robot<'_> {
     }
 }
 
-pub(super) fn tested(robot: &mut Robot, tests: usize) -> Ledger {
+pub(super) fn tested(robot: &mut ToyRobot, tests: usize) -> Ledger {
     let mut ledger = Ledger::default();
     for number in 0..tests {
         let trial = Trial { number, iteration: 1, controller: Vec::new(), scenario: 0 };

@@ -24,7 +24,7 @@ impl Channels {
 
     /// The channels both logs have, in the real log's order, the simulated ones on the real clock (commands held,
     /// measurements interpolated, both held beyond the ends). [`Role::Truth`] is left out: no robot knows it.
-    pub(super) fn pairs<'a>(&'a self, real: &'a Log, sim: &'a Log) -> impl Iterator<Item = Pair<'a>> {
+    pub(super) fn pairs<'a>(&'a self, real: &'a Log, sim: &'a Log) -> impl Iterator<Item = ChannelPair<'a>> {
         let same_clock = real.clock_s() == sim.clock_s();
         real.channels().filter_map(move |(name, channel)| {
             if channel.role == Role::Truth || !self.contains(name) {
@@ -36,7 +36,7 @@ impl Channels {
                 Role::Command => Cow::Owned(hold(sim.clock_s(), other, real.clock_s())),
                 _ => Cow::Owned(interpolate(sim.clock_s(), other, real.clock_s())),
             };
-            Some(Pair { name, unit: &channel.unit, role: channel.role, real: &channel.values, sim })
+            Some(ChannelPair { name, unit: &channel.unit, role: channel.role, real: &channel.values, sim })
         })
     }
 
@@ -48,7 +48,7 @@ impl Channels {
         sim: &Log,
         mut error: impl FnMut(&[f64], &[f64]) -> Option<f64>,
     ) -> Vec<f64> {
-        let pairs: Vec<Pair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
+        let pairs: Vec<ChannelPair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
         let errors = pairs.iter().zip(scales(&pairs));
         errors.filter_map(|(pair, scale)| error(pair.real, &pair.sim).map(|e| e / scale)).collect()
     }
@@ -56,10 +56,10 @@ impl Channels {
     /// The errors of every sample of every measured channel, scaled so that the sum of their squares is the mean over the
     /// channels of the squared error, each as a share of its channel's [scale](scales). NaN where a sample is missing.
     pub(super) fn scaled_residuals(&self, real: &Log, sim: &Log) -> Vec<Vec<f64>> {
-        let pairs: Vec<Pair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
+        let pairs: Vec<ChannelPair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
         let counts: Vec<f64> = pairs.iter().map(|pair| sum_pairs(pair.real, &pair.sim, |a, b| a - b).1).collect();
         let channels = counts.iter().filter(|count| **count > 0.0).count() as f64;
-        let block = |((pair, scale), count): ((&Pair, f64), &f64)| {
+        let block = |((pair, scale), count): ((&ChannelPair, f64), &f64)| {
             let share = (scale * (count * channels).sqrt()).recip();
             pair.real.iter().zip(pair.sim.iter()).map(|(real, sim)| (sim - real) * share).collect()
         };
@@ -68,7 +68,7 @@ impl Channels {
 }
 
 /// One channel of both logs on the same clock.
-pub(super) struct Pair<'a> {
+pub(super) struct ChannelPair<'a> {
     pub(super) name: &'a str,
     unit: &'a str,
     pub(super) role: Role,
@@ -80,7 +80,7 @@ pub(super) struct Pair<'a> {
 ///
 /// A channel that hardly moves (a held joint) would make its sensor noise the measure of all things. Its scale is therefore
 /// at least a tenth of the liveliest compared channel of the same unit; where all of them stand still it is 1 SI unit.
-fn scales(pairs: &[Pair]) -> Vec<f64> {
+fn scales(pairs: &[ChannelPair]) -> Vec<f64> {
     const FLOOR: f64 = 0.1;
     const STANDSTILL: f64 = 1e-9;
     let spreads: Vec<f64> = pairs.iter().map(|pair| spread(pair.real)).collect();
@@ -88,7 +88,7 @@ fn scales(pairs: &[Pair]) -> Vec<f64> {
         let family = pairs.iter().zip(&spreads).filter(|(pair, _)| pair.unit == unit);
         family.map(|(_, spread)| *spread).fold(0.0, f64::max)
     };
-    let scale = |(pair, spread): (&Pair, &f64)| match liveliest(pair.unit) {
+    let scale = |(pair, spread): (&ChannelPair, &f64)| match liveliest(pair.unit) {
         most if most > STANDSTILL => spread.max(FLOOR * most),
         _ => 1.0,
     };
@@ -172,7 +172,7 @@ mod tests {
             ("imu", "m/s^2", &[-0.02, f64::NAN, 0.02, f64::NAN]),
         ]);
         let all = Channels::default();
-        let pairs: Vec<Pair> = all.pairs(&real, &real).collect();
+        let pairs: Vec<ChannelPair> = all.pairs(&real, &real).collect();
         assert_eq!(scales(&pairs), [1.0, 0.1, 1.0, 0.02]);
     }
 

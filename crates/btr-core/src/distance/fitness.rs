@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 /// Difference of fitness, in the fitness' own unit.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Fitness {}
+pub struct FitnessDifference {}
 
-impl Distance for Fitness {
+impl Distance for FitnessDifference {
     fn name(&self) -> &'static str {
         "fitness"
     }

@@ -11,10 +11,10 @@ use std::time::Instant;
 
 fn named(name: &str) -> Box<dyn Distance> {
     #[derive(serde::Deserialize)]
-    struct Experiment {
+    struct Section {
         distance: DistanceSpec,
     }
-    toml::from_str::<Experiment>(&format!("distance = {name:?}")).unwrap().distance.build()
+    toml::from_str::<Section>(&format!("distance = {name:?}")).unwrap().distance.build()
 }
 
 /// A behaviour of joints that swing, with a command and something no robot knows.

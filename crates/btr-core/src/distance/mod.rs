@@ -20,7 +20,7 @@ pub use channels::Channels;
 pub(crate) use channels::matches;
 pub use dtw::{Dtw, dtw};
 pub use fit::{NormalisedRmse, fit_percent};
-pub use fitness::Fitness;
+pub use fitness::FitnessDifference;
 pub use information::{Information, InformationDistance, information_distance};
 pub use rmse::{Rmse, rmse};
 pub use spec::{DISTANCES, DistanceSpec};

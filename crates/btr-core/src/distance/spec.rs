@@ -1,6 +1,6 @@
 //! The distances by name, as experiment files choose them.
 
-use super::{Channels, Distance, Dtw, Fitness, Information, NormalisedRmse, Rmse, Spectrum, Whitened};
+use super::{Channels, Distance, Dtw, FitnessDifference, Information, NormalisedRmse, Rmse, Spectrum, Whitened};
 use indexmap::IndexMap;
 use serde::de::value::{MapAccessDeserializer, MapDeserializer};
 use serde::de::{Error, MapAccess, Visitor};
@@ -25,7 +25,7 @@ pub const DISTANCES: &[(&str, &str)] = &[
 pub enum DistanceSpec {
     /// phi_1.
     #[serde(alias = "phi_1")]
-    Fitness(Fitness),
+    Fitness(FitnessDifference),
     /// phi_2.
     #[serde(alias = "phi_2")]
     Information(Information),
@@ -136,12 +136,12 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Deserialize, Serialize)]
-    struct Experiment {
+    struct Section {
         distance: DistanceSpec,
     }
 
     fn read(text: &str) -> Result<DistanceSpec, String> {
-        toml::from_str::<Experiment>(text).map(|e| e.distance).map_err(|e| e.to_string())
+        toml::from_str::<Section>(text).map(|e| e.distance).map_err(|e| e.to_string())
     }
 
     #[test]
@@ -149,7 +149,7 @@ mod tests {
         for (name, _) in DISTANCES {
             let spec = read(&format!("distance = {name:?}")).unwrap();
             assert_eq!(spec.build().name(), *name);
-            assert_eq!(read(&toml::to_string(&Experiment { distance: spec.clone() }).unwrap()).unwrap(), spec);
+            assert_eq!(read(&toml::to_string(&Section { distance: spec.clone() }).unwrap()).unwrap(), spec);
         }
         assert_eq!(read("distance = 'phi_1'").unwrap().build().name(), "fitness");
         let wanted = Information { bins: 8, channels: Channels(vec!["q_*".into()]) };

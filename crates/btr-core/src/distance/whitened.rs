@@ -1,10 +1,10 @@
 //! Errors in multiples of the sensors' noise.
 
-use super::channels::{Pair, sum_pairs};
+use super::channels::{ChannelPair, sum_pairs};
 use super::{Channels, Distance, SumOfSquares, comparable};
 use crate::log::Role;
 use crate::optimize::Residuals;
-use crate::signal::noise::Noise;
+use crate::signal::noise::NoiseEstimate;
 use crate::world::Behaviour;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -26,16 +26,16 @@ impl Whitened {
     /// The errors of each channel in multiples of its noise; NaN where a sample is missing.
     fn errors(&self, real: &Behaviour, sim: &Behaviour) -> Vec<Vec<f64>> {
         let pairs = self.channels.pairs(&real.log, &sim.log).filter(|pair| pair.role == Role::Measured);
-        let block = |pair: Pair| {
+        let block = |pair: ChannelPair| {
             let sigma = self.sigma(&pair);
             pair.real.iter().zip(pair.sim.iter()).map(|(real, sim)| (sim - real) / sigma).collect()
         };
         pairs.map(block).collect()
     }
 
-    fn sigma(&self, pair: &Pair) -> f64 {
+    fn sigma(&self, pair: &ChannelPair) -> f64 {
         let stated = self.noise.iter().find(|(pattern, _)| super::channels::matches(pattern, pair.name));
-        let estimated = || Noise::of(pair.real).map_or(f64::NAN, |noise| noise.floor());
+        let estimated = || NoiseEstimate::of(pair.real).map_or(f64::NAN, |noise| noise.floor());
         stated.map(|(_, sigma)| *sigma).filter(|sigma| *sigma > 0.0).unwrap_or_else(estimated)
     }
 }

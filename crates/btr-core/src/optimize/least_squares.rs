@@ -7,7 +7,7 @@
 //! weights): they have just jumped, and say nothing about the slope. The caller judges the points by the distance itself.
 
 use crate::random::Rng;
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ const HALF_WEIGHT: f64 = 2.0;
 /// [`tries`](Self::tries), [`settle`](Self::settle).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeastSquares {
-    here: Unit,
+    here: UnitPoint,
     reach: f64,
     damping: f64,
     done: bool,
@@ -53,7 +53,7 @@ pub struct Linear {
 
 impl LeastSquares {
     /// Starts at a point of the unit cube.
-    pub fn new(start: Unit) -> Self {
+    pub fn new(start: UnitPoint) -> Self {
         LeastSquares { here: start, reach: REACH[0], damping: DAMPING[0], done: false }
     }
 
@@ -73,7 +73,7 @@ impl LeastSquares {
     }
 
     /// This point, then for every parameter one to its right and one to its left.
-    pub fn probes(&self) -> Vec<Unit> {
+    pub fn probes(&self) -> Vec<UnitPoint> {
         let moved = |k: usize, by: f64| {
             let mut point = self.here.clone();
             point[k] = (point[k] + by).clamp(0.0, 1.0);
@@ -85,7 +85,7 @@ impl LeastSquares {
 
     /// What the probes tell; `None` where the point itself could not be evaluated. A parameter with no valid probe on either
     /// side is held.
-    pub fn linearise(&mut self, probes: &[Unit], residuals: &[Option<Residuals>]) -> Option<Linear> {
+    pub fn linearise(&mut self, probes: &[UnitPoint], residuals: &[Option<Residuals>]) -> Option<Linear> {
         let Some(here) = residuals.first().and_then(Option::as_ref) else {
             self.done = true;
             return None;
@@ -119,7 +119,7 @@ impl LeastSquares {
     }
 
     /// Steps of several lengths and directions between the gradient's and Gauss and Newton's.
-    pub fn tries(&self, linear: &Linear) -> Vec<Unit> {
+    pub fn tries(&self, linear: &Linear) -> Vec<UnitPoint> {
         let reached = |(factor, length): &(f64, f64)| {
             let step = linear.step(self.damping * factor);
             let moved = |(x, d): (&f64, &f64)| (x - (length * d).clamp(-STRIDE, STRIDE)).clamp(0.0, 1.0);
@@ -129,7 +129,7 @@ impl LeastSquares {
     }
 
     /// Goes to the best of the tried points, or looks closer where none is better, or is done.
-    pub fn settle(&mut self, linear: &Linear, tries: &[Unit], residuals: &[Option<Residuals>]) {
+    pub fn settle(&mut self, linear: &Linear, tries: &[UnitPoint], residuals: &[Option<Residuals>]) {
         let costs = residuals.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |r| cost(r, &linear.weights)));
         let best = costs.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let [widest, least] = REACH;

@@ -1,15 +1,15 @@
 //! The best point a search was ever told.
 
-use super::Unit;
+use super::UnitPoint;
 use serde::{Deserialize, Serialize};
 
 /// The best point so far; empty until an evaluation has succeeded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Best(Option<(Unit, f64)>);
+pub(crate) struct Best(Option<(UnitPoint, f64)>);
 
 impl Best {
     /// Looks at a told population. Of equal costs the first one stays; failures (infinite or NaN) do not count.
-    pub(crate) fn see(&mut self, population: &[Unit], costs: &[f64]) {
+    pub(crate) fn see(&mut self, population: &[UnitPoint], costs: &[f64]) {
         for (point, &cost) in population.iter().zip(costs) {
             let better = self.0.as_ref().is_none_or(|(_, best)| cost < *best);
             if cost.is_finite() && better {

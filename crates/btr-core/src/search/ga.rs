@@ -7,7 +7,7 @@
 
 use super::best::Best;
 use super::pool::Pool;
-use super::{Search, Unit, gray, sample};
+use super::{Search, UnitPoint, gray, sample};
 use crate::random::Rng;
 use crate::settings;
 use rand::RngExt;
@@ -94,12 +94,12 @@ impl Ga {
 }
 
 impl Search for Ga {
-    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+    fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         let genomes = if self.pool.is_empty() { self.first(rng) } else { self.next(rng) };
         genomes.iter().map(|genome| decode(genome, self.settings.bits)).collect()
     }
 
-    fn tell(&mut self, population: &[Unit], costs: &[f64]) {
+    fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.best.see(population, costs);
         let told = population.iter().map(|point| encode(point, self.settings.bits)).zip(costs.iter().copied());
         // The best always stays known, even when nobody wants to ask it again.
@@ -113,7 +113,7 @@ impl Search for Ga {
 
 /// `count` mutants of a seed, each bit flipped with probability `p`: the paper's neighbourhood of a controller, from which
 /// the tests of step 2 are topped up (there called p'_m). The seed itself is not among them, unless by chance.
-pub fn neighbours(seed: &[f64], count: usize, p: f64, bits: u32, rng: &mut Rng) -> Vec<Unit> {
+pub fn neighbours(seed: &[f64], count: usize, p: f64, bits: u32, rng: &mut Rng) -> Vec<UnitPoint> {
     let genome = encode(seed, bits);
     (0..count).map(|_| decode(&mutate(genome.clone(), p, bits, rng), bits)).collect()
 }
@@ -122,7 +122,7 @@ fn encode(point: &[f64], bits: u32) -> Genome {
     point.iter().map(|&u| gray::encode(u, bits)).collect()
 }
 
-fn decode(genome: &[u32], bits: u32) -> Unit {
+fn decode(genome: &[u32], bits: u32) -> UnitPoint {
     genome.iter().map(|&word| gray::decode(word, bits)).collect()
 }
 
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn counts_ones() {
         let settings = GaSettings { bits: 8, mutation: 0.01, population: 30, ..GaSettings::default() };
-        let ones = |p: &Unit| encode(p, 8).iter().map(|word| word.count_ones()).sum::<u32>();
+        let ones = |p: &UnitPoint| encode(p, 8).iter().map(|word| word.count_ones()).sum::<u32>();
         let mut ga = Ga::new(settings, 8, None);
         for generation in 0..80 {
             let population = ga.ask(&mut stream(3, &[generation]));

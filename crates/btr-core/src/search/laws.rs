@@ -1,7 +1,7 @@
 //! What every search keeps, whatever it is told.
 #![allow(clippy::unwrap_used)]
 
-use super::{AnySearch, SEARCHES, Search, SearchSpec, Unit};
+use super::{AnySearch, SEARCHES, Search, SearchSpec, UnitPoint};
 use crate::random::stream;
 use proptest::prelude::*;
 
@@ -16,7 +16,7 @@ fn cost(p: &[f64], failing: f64) -> f64 {
     if lot < failing { f64::INFINITY } else { sum }
 }
 
-fn generation(search: &mut AnySearch, draw: u64, generation: u64, failing: f64) -> (Vec<Unit>, Vec<f64>) {
+fn generation(search: &mut AnySearch, draw: u64, generation: u64, failing: f64) -> (Vec<UnitPoint>, Vec<f64>) {
     let population = search.ask(&mut stream(draw, &[generation]));
     let costs: Vec<f64> = population.iter().map(|p| cost(p, failing)).collect();
     search.tell(&population, &costs);

@@ -5,7 +5,7 @@
 //! Children are made as in V. Vassiliades and J.-B. Mouret, "Discovering the elite hypervolume by leveraging interspecies
 //! correlation", GECCO 2018: a small step in all directions, and one along the line to another elite.
 
-use super::{Unit, sample};
+use super::{UnitPoint, sample};
 use crate::random::Rng;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Elite {
     /// The point of the unit cube.
-    pub unit: Unit,
+    pub unit: UnitPoint,
     /// Its cost; finite.
     pub cost: f64,
     /// Of what kind it is, in [0, 1] per axis.
@@ -76,7 +76,7 @@ impl MapElites {
 
     /// The next population to evaluate: children of elites, or points from anywhere as long as there are none. `rng` belongs
     /// to this generation.
-    pub fn ask(&self, rng: &mut Rng) -> Vec<Unit> {
+    pub fn ask(&self, rng: &mut Rng) -> Vec<UnitPoint> {
         let elites: Vec<&Elite> = self.elites.values().collect();
         let one = |_| match elites.as_slice() {
             [] => sample::uniform(self.dims, rng),
@@ -90,7 +90,7 @@ impl MapElites {
     }
 
     /// A step in all directions and one along the line to the other parent. Steps beyond a bound end on it.
-    fn child(&self, parent: &[f64], other: &[f64], rng: &mut Rng) -> Unit {
+    fn child(&self, parent: &[f64], other: &[f64], rng: &mut Rng) -> UnitPoint {
         let along = self.variation.line * sample::normal(rng);
         let one =
             |(x, y): (&f64, &f64)| (x + along * (y - x) + self.variation.step * sample::normal(rng)).clamp(0.0, 1.0);
@@ -99,7 +99,7 @@ impl MapElites {
 
     /// What came of some points: costs, and descriptors in [0, 1] per axis; what lies outside counts as on the edge. A point
     /// takes its cell where that is empty or costs more. Failures (infinite or NaN, in either) do not count.
-    pub fn tell(&mut self, population: &[Unit], costs: &[f64], descriptors: &[Vec<f64>]) {
+    pub fn tell(&mut self, population: &[UnitPoint], costs: &[f64], descriptors: &[Vec<f64>]) {
         for ((unit, &cost), descriptor) in population.iter().zip(costs).zip(descriptors) {
             let whole = descriptor.len() == self.grid.axes && descriptor.iter().all(|x| x.is_finite());
             if !(whole && cost.is_finite()) {
@@ -143,7 +143,7 @@ mod tests {
         (cost, std::iter::once(first).chain(point[1..axes].iter().copied()).collect())
     }
 
-    fn generation(map: &mut MapElites, draw: u64, generation: u64) -> Vec<Unit> {
+    fn generation(map: &mut MapElites, draw: u64, generation: u64) -> Vec<UnitPoint> {
         let population = map.ask(&mut stream(draw, &[generation]));
         let (costs, descriptors): (Vec<f64>, Vec<Vec<f64>>) =
             population.iter().map(|point| judged(point, map.grid.axes)).unzip();

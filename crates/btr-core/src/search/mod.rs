@@ -24,14 +24,14 @@ pub use spec::{AnySearch, SEARCHES, SearchSpec};
 use crate::random::Rng;
 
 /// A point of the unit cube.
-pub type Unit = Vec<f64>;
+pub type UnitPoint = Vec<f64>;
 
 /// A search over the unit cube that somebody else evaluates for.
 pub trait Search {
     /// The next population to evaluate. `rng` belongs to this generation.
-    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit>;
+    fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint>;
     /// The costs of the population last asked for, in its order.
-    fn tell(&mut self, population: &[Unit], costs: &[f64]);
+    fn tell(&mut self, population: &[UnitPoint], costs: &[f64]);
     /// The best point told so far, with its cost; `None` until an evaluation has succeeded.
     fn best(&self) -> Option<(&[f64], f64)>;
 }

@@ -4,7 +4,7 @@
 
 use super::best::Best;
 use super::pool::Pool;
-use super::{Search, Unit, sample};
+use super::{Search, UnitPoint, sample};
 use crate::random::Rng;
 use crate::settings;
 use rand::RngExt;
@@ -46,8 +46,8 @@ impl Default for RealGaSettings {
 pub struct RealGa {
     settings: RealGaSettings,
     dims: usize,
-    seed: Option<Unit>,
-    pool: Pool<Unit>,
+    seed: Option<UnitPoint>,
+    pool: Pool<UnitPoint>,
     best: Best,
 }
 
@@ -58,7 +58,7 @@ impl RealGa {
         RealGa { settings, dims, seed, pool: Pool::default(), best: Best::default() }
     }
 
-    fn first(&self, rng: &mut Rng) -> Vec<Unit> {
+    fn first(&self, rng: &mut Rng) -> Vec<UnitPoint> {
         let size = self.settings.population.max(2);
         match &self.seed {
             Some(seed) => {
@@ -69,9 +69,9 @@ impl RealGa {
         }
     }
 
-    fn next(&self, rng: &mut Rng) -> Vec<Unit> {
+    fn next(&self, rng: &mut Rng) -> Vec<UnitPoint> {
         let size = self.settings.population.max(2);
-        let mut points: Vec<Unit> = self.pool.elite(self.settings.elite.min(size - 1)).cloned().collect();
+        let mut points: Vec<UnitPoint> = self.pool.elite(self.settings.elite.min(size - 1)).cloned().collect();
         while points.len() < size {
             let mut child = self.pool.tournament(self.settings.tournament, rng).clone();
             if rng.random::<f64>() < self.settings.crossover {
@@ -83,7 +83,7 @@ impl RealGa {
     }
 
     /// Steps beyond a bound end on it, so that an optimum on the bound can be met exactly.
-    fn mutate(&self, mut point: Unit, rng: &mut Rng) -> Unit {
+    fn mutate(&self, mut point: UnitPoint, rng: &mut Rng) -> UnitPoint {
         for x in &mut point {
             if rng.random::<f64>() < self.settings.mutation {
                 *x = (*x + self.settings.sigma * sample::normal(rng)).clamp(0.0, 1.0);
@@ -94,11 +94,11 @@ impl RealGa {
 }
 
 impl Search for RealGa {
-    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+    fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         if self.pool.is_empty() { self.first(rng) } else { self.next(rng) }
     }
 
-    fn tell(&mut self, population: &[Unit], costs: &[f64]) {
+    fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.best.see(population, costs);
         let told = population.iter().cloned().zip(costs.iter().copied());
         // The best always stays known, even when nobody wants to ask it again.
@@ -111,7 +111,7 @@ impl Search for RealGa {
 }
 
 /// Simulated binary crossover in every parameter, of which one of the two children (drawn by lot) is kept.
-fn cross(child: &mut Unit, other: &Unit, eta: f64, rng: &mut Rng) {
+fn cross(child: &mut UnitPoint, other: &UnitPoint, eta: f64, rng: &mut Rng) {
     for (a, &b) in child.iter_mut().zip(other) {
         let u: f64 = rng.random();
         let spread = if u < 0.5 { 2.0 * u } else { 0.5 / (1.0 - u) }.powf(1.0 / (eta + 1.0));

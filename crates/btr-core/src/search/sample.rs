@@ -1,6 +1,6 @@
 //! Random numbers the searches share.
 
-use super::Unit;
+use super::UnitPoint;
 use crate::random::Rng;
 use rand::RngExt;
 
@@ -17,11 +17,11 @@ pub(crate) fn normal(rng: &mut Rng) -> f64 {
 }
 
 /// A point anywhere in the cube.
-pub(crate) fn uniform(dims: usize, rng: &mut Rng) -> Unit {
+pub(crate) fn uniform(dims: usize, rng: &mut Rng) -> UnitPoint {
     (0..dims).map(|_| rng.random()).collect()
 }
 
 /// Makes a point of the cube of what a caller hands over: clamped, and the middle where a number is missing.
-pub(crate) fn on_cube(dims: usize, point: &[f64]) -> Unit {
+pub(crate) fn on_cube(dims: usize, point: &[f64]) -> UnitPoint {
     (0..dims).map(|i| point.get(i).copied().filter(|x| !x.is_nan()).unwrap_or(0.5).clamp(0.0, 1.0)).collect()
 }

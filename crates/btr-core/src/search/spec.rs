@@ -3,7 +3,7 @@
 use super::cmaes::{CmaEs, CmaEsSettings};
 use super::ga::{Ga, GaSettings};
 use super::real_ga::{RealGa, RealGaSettings};
-use super::{Search, Unit};
+use super::{Search, UnitPoint};
 use crate::random::Rng;
 use serde::{Deserialize, Serialize};
 
@@ -89,11 +89,11 @@ impl AnySearch {
 }
 
 impl Search for AnySearch {
-    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+    fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         self.get_mut().ask(rng)
     }
 
-    fn tell(&mut self, population: &[Unit], costs: &[f64]) {
+    fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.get_mut().tell(population, costs);
     }
 

@@ -8,7 +8,7 @@
 
 /// What is known of a sensor's errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Noise {
+pub struct NoiseEstimate {
     /// Standard deviation of the white noise without quantisation, in the unit of the series.
     pub white: f64,
     /// Step of the readings; 0 where there is none.
@@ -28,7 +28,7 @@ const FINEST: f64 = 1e-5;
 /// A channel that stands still has no range; in SI units a good sensor's is about one, of which 13 bits resolve this.
 const ASSUMED: f64 = 1e-4;
 
-impl Noise {
+impl NoiseEstimate {
     /// Estimated from readings alone; NaN are missing samples. `None` when fewer than a dozen readings are there.
     pub fn of(values: &[f64]) -> Option<Self> {
         let there: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
@@ -42,7 +42,7 @@ impl Noise {
         let white = if rough.is_finite() { (rough * rough - quantum * quantum / 12.0).max(0.0).sqrt() } else { 0.0 };
         let least = FINEST * (high - low).max(FINEST * high.abs().max(low.abs())).max(f64::MIN_POSITIVE / FINEST);
         let assumed = if high > low { least } else { ASSUMED };
-        Some(Noise { white, quantum, least, assumed })
+        Some(NoiseEstimate { white, quantum, least, assumed })
     }
 
     /// The standard deviation of a reading, quantisation included: sigma² = white² + quantum²/12, never zero.
@@ -134,7 +134,7 @@ mod tests {
     fn noise_is_found_under_fast_motion_and_quantisation() {
         for (sigma, quantum) in [(5e-4, 0.0), (1e-2, 0.0), (5e-4, 1.7e-3), (1e-3, 1.5e-3), (0.0, 1.5e-3), (2e-3, 1e-3)]
         {
-            let noise = Noise::of(&noisy(3000, sigma, quantum)).unwrap();
+            let noise = NoiseEstimate::of(&noisy(3000, sigma, quantum)).unwrap();
             let truth = (sigma * sigma + quantum * quantum / 12.0_f64).sqrt();
             assert!((noise.sigma() / truth - 1.0).abs() < 0.1, "{sigma} {quantum}: {noise:?}, {truth}");
             assert!((noise.quantum - quantum).abs() < 1e-3 * quantum.max(1e-9), "{sigma} {quantum}: {noise:?}");
@@ -146,22 +146,22 @@ mod tests {
         let mut values = noisy(3000, 1e-3, 0.0);
         values.iter_mut().step_by(211).for_each(|x| *x = f64::NAN);
         values[1000..].iter_mut().for_each(|x| *x += 0.7);
-        let sigma = Noise::of(&values).unwrap().sigma();
+        let sigma = NoiseEstimate::of(&values).unwrap().sigma();
         assert!((sigma / 1e-3 - 1.0).abs() < 0.1, "{sigma}");
     }
 
     #[test]
     fn the_floor_is_never_zero_and_simulations_have_none() {
         for values in [motion(1000), vec![0.0; 50], vec![3.0; 50]] {
-            let noise = Noise::of(&values).unwrap();
+            let noise = NoiseEstimate::of(&values).unwrap();
             assert!(noise.sigma() > 0.0 && noise.is_negligible(), "{noise:?}");
             let spread = |pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap();
             let range = spread(f64::max) - spread(f64::min);
             let expected = if range > 0.0 { FINEST * range } else { ASSUMED };
             assert!((noise.floor() / expected - 1.0).abs() < 1e-9, "{noise:?}");
         }
-        assert!(!Noise::of(&noisy(500, 1e-4, 0.0)).unwrap().is_negligible());
-        assert!(Noise::of(&[1.0; 5]).is_none() && Noise::of(&[f64::NAN; 50]).is_none());
+        assert!(!NoiseEstimate::of(&noisy(500, 1e-4, 0.0)).unwrap().is_negligible());
+        assert!(NoiseEstimate::of(&[1.0; 5]).is_none() && NoiseEstimate::of(&[f64::NAN; 50]).is_none());
     }
 
     #[test]

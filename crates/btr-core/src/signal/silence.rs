@@ -15,7 +15,7 @@ const GAP: (f64, f64) = (0.1, 5.0);
 
 /// A run of missing values.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spell {
+pub struct Gap {
     /// Which samples.
     pub samples: Range<usize>,
     /// From the first missing sample, by the log's clock in s.
@@ -27,7 +27,7 @@ pub struct Spell {
 }
 
 /// The runs of missing values in a log's commands.
-pub fn spells(log: &Log, values: &[f64]) -> Vec<Spell> {
+pub fn spells(log: &Log, values: &[f64]) -> Vec<Gap> {
     let clock_s = log.clock_s();
     let usual_s = log.usual_step_s().unwrap_or(0.0);
     let most_s = longest_s(LOST, usual_s);
@@ -40,7 +40,7 @@ pub fn spells(log: &Log, values: &[f64]) -> Vec<Spell> {
             let start_s = clock_s[samples.start];
             let end_s = clock_s.get(samples.end).copied().unwrap_or(clock_s[samples.end - 1] + usual_s);
             let lost = end_s - start_s <= most_s && run.len() < values.len();
-            spells.push(Spell { samples, start_s, end_s, lost });
+            spells.push(Gap { samples, start_s, end_s, lost });
         }
     }
     spells
@@ -49,7 +49,7 @@ pub fn spells(log: &Log, values: &[f64]) -> Vec<Spell> {
 /// Commands without their losses: the last value is held, and before the first one that one.
 pub fn held(log: &Log, values: &[f64]) -> Vec<f64> {
     let mut held = values.to_vec();
-    for Spell { samples, .. } in spells(log, values).into_iter().filter(|spell| spell.lost) {
+    for Gap { samples, .. } in spells(log, values).into_iter().filter(|spell| spell.lost) {
         let known = samples.start.checked_sub(1).unwrap_or(samples.end);
         held[samples].fill(values[known]);
     }

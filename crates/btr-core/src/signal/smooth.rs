@@ -120,13 +120,13 @@ pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Opt
 }
 
 /// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
-fn moving(series: Series, most: usize, sigma: f64, measured: Option<f64>) -> Option<Motion> {
+fn moving(series: SampledSeries, most: usize, sigma: f64, measured: Option<f64>) -> Option<Motion> {
     /// Released from rest is believed if it fits this share of the samples that any parabola fits.
     const NEARLY: f64 = 0.7;
     let (clock_s, values) = series;
     let free = |to: usize| Some(Cubic { motion: parabola(clock_s, values, 0..to, clock_s[0])?, jerk: 0.0 });
-    let free = Fitted::longest(series, most, sigma, free)?;
-    let Some(rest) = Fitted::longest(series, most, sigma, |to| released(series, to)) else {
+    let free = FittedCurve::longest(series, most, sigma, free)?;
+    let Some(rest) = FittedCurve::longest(series, most, sigma, |to| released(series, to)) else {
         return Some(free.cubic.motion);
     };
     let rests = match measured {
@@ -139,7 +139,7 @@ fn moving(series: Series, most: usize, sigma: f64, measured: Option<f64>) -> Opt
 }
 
 /// A clock in s, and readings.
-type Series<'a> = (&'a [f64], &'a [f64]);
+type SampledSeries<'a> = (&'a [f64], &'a [f64]);
 
 /// A motion at the first tick, whose acceleration changes: per second cubed.
 struct Cubic {
@@ -148,7 +148,7 @@ struct Cubic {
 }
 
 /// A curve and how far it fits.
-struct Fitted {
+struct FittedCurve {
     cubic: Cubic,
     /// How many of the first samples it fits to their noise; none where even the fewest are too many.
     samples: usize,
@@ -156,9 +156,9 @@ struct Fitted {
     left: f64,
 }
 
-impl Fitted {
+impl FittedCurve {
     /// The curve of a kind through as many samples, `most` at most, as it fits to `sigma`; else that through the fewest.
-    fn longest(series: Series, most: usize, sigma: f64, fit: impl Fn(usize) -> Option<Cubic>) -> Option<Self> {
+    fn longest(series: SampledSeries, most: usize, sigma: f64, fit: impl Fn(usize) -> Option<Cubic>) -> Option<Self> {
         /// A fit is good while what it leaves is no more than so many sigma.
         const GOOD: f64 = 1.3;
         let fitted = |to: usize| {
@@ -166,7 +166,7 @@ impl Fitted {
             let left = cubic.left(series, to);
             let there = series.1[..to].iter().filter(|x| x.is_finite()).count() as f64;
             let samples = if left <= (GOOD * sigma).powi(2) * (there - 3.0) { to } else { 0 };
-            Some(Fitted { cubic, samples, left })
+            Some(FittedCurve { cubic, samples, left })
         };
         let good = (FEWEST..=most).rev().filter_map(fitted).find(|it| it.samples > 0);
         good.or_else(|| (FEWEST..=most).find_map(fitted))
@@ -175,7 +175,7 @@ impl Fitted {
 
 impl Cubic {
     /// What it leaves of the first `to` samples: the sum of squares.
-    fn left(&self, (clock_s, values): Series, to: usize) -> f64 {
+    fn left(&self, (clock_s, values): SampledSeries, to: usize) -> f64 {
         let Motion { value, velocity, acceleration } = self.motion;
         let at = |t: f64| value + t * (velocity + t * (0.5 * acceleration + t * self.jerk / 6.0));
         let errors = (0..to).map(|i| values[i] - at(clock_s[i] - clock_s[0])).filter(|e| e.is_finite());
@@ -185,7 +185,7 @@ impl Cubic {
 
 /// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere
 /// begins with an acceleration that soon falls.
-fn released((clock_s, values): Series, to: usize) -> Option<Cubic> {
+fn released((clock_s, values): SampledSeries, to: usize) -> Option<Cubic> {
     let there = || (0..to).filter(|&i| values[i].is_finite());
     let reach = there().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);
     if there().count() < FEWEST || reach <= 0.0 {

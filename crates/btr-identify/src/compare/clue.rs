@@ -3,7 +3,7 @@
 //! A torque that is missing in the model moves the position only as fast as the servo lets it. So every clue is also tried as
 //! it looks behind a filter of first order, the same for all.
 
-use super::Track;
+use super::JointTrack;
 use btr_core::signal::smooth::smooth;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,7 @@ impl Clue {
 const SLOWNESS_S: [f64; 3] = [0.0, 0.03, 0.1];
 
 /// All clues of a joint at every slowness, sample by sample; NaN where unknown.
-pub(super) fn clues(track: &Track) -> Vec<(Clue, Vec<f64>)> {
+pub(super) fn clues(track: &JointTrack) -> Vec<(Clue, Vec<f64>)> {
     let slowed = |(clue, series): (Clue, Vec<f64>)| {
         SLOWNESS_S.map(|slowness_s| (clue, behind_filter(&track.clock_s, &series, slowness_s)))
     };
@@ -76,7 +76,7 @@ fn behind_filter(clock_s: &[f64], series: &[f64], slowness_s: f64) -> Vec<f64> {
 }
 
 /// All clues without delay.
-fn prompt(track: &Track) -> Vec<(Clue, Vec<f64>)> {
+fn prompt(track: &JointTrack) -> Vec<(Clue, Vec<f64>)> {
     let directions = track.directions();
     let of_motion = |f: fn(&btr_core::signal::smooth::Motion) -> f64| track.motion.iter().map(f).collect::<Vec<_>>();
     let against = track.load.iter().zip(&directions).map(|(load, direction)| load.abs() * direction).collect();

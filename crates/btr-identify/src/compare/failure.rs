@@ -1,6 +1,6 @@
 //! The map of failures: joint x regime, over all logs.
 
-use super::{Clue, Episode, Regime, Track};
+use super::{Clue, JointTrack, LogPair, Regime};
 use btr_core::signal::stats::correlation;
 use indexmap::IndexMap;
 
@@ -17,7 +17,7 @@ const OFFSET_SHARE: f64 = 0.7;
 
 /// A joint in a regime.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct RegimeCell {
     /// The joint.
     pub joint: String,
     /// What it was doing.
@@ -41,21 +41,21 @@ pub struct Cell {
     /// How much that is more than its share of the time.
     pub excess: f64,
     /// What the error follows best; `None` where it follows nothing.
-    pub clue: Option<Found>,
+    pub clue: Option<FoundClue>,
     /// All of this in one sentence.
     pub hint: String,
 }
 
 /// A clue that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct FoundClue {
     /// What the residual follows.
     pub clue: Clue,
     /// How closely: Pearson's correlation, with its sign.
     pub correlation: f64,
 }
 
-impl Cell {
+impl RegimeCell {
     /// Whether there is more than noise.
     pub(super) fn is_failure(&self) -> bool {
         self.chi > ABOVE_NOISE && (self.excess > 0.0 || self.regime == Regime::Throughout)
@@ -63,23 +63,23 @@ impl Cell {
 }
 
 /// All cells, joint by joint.
-pub(super) fn cells(tracks: &[Track], episodes: &[Episode]) -> Vec<Cell> {
-    let squares = |track: &Track| -> f64 {
+pub(super) fn cells(tracks: &[JointTrack], episodes: &[LogPair]) -> Vec<RegimeCell> {
+    let squares = |track: &JointTrack| -> f64 {
         track.error.iter().filter(|e| e.is_finite()).map(|e| (e / track.floor).powi(2)).sum()
     };
-    let samples = |track: &Track| track.error.iter().filter(|e| e.is_finite()).count() as f64;
+    let samples = |track: &JointTrack| track.error.iter().filter(|e| e.is_finite()).count() as f64;
     let whole = (tracks.iter().map(squares).sum(), tracks.iter().map(samples).sum());
-    let mut joints: IndexMap<&str, Vec<&Track>> = IndexMap::new();
+    let mut joints: IndexMap<&str, Vec<&JointTrack>> = IndexMap::new();
     tracks.iter().for_each(|track| joints.entry(&track.joint).or_default().push(track));
-    let of_joint = |tracks: &Vec<&Track>| -> Vec<Cell> {
+    let of_joint = |tracks: &Vec<&JointTrack>| -> Vec<RegimeCell> {
         Regime::ALL.into_iter().filter_map(|regime| cell(regime, tracks, whole, episodes)).collect()
     };
     joints.values().flat_map(of_joint).collect()
 }
 
 /// A joint's cell; `whole` is the squared error (in noise floors) and the number of samples of all joints.
-fn cell(regime: Regime, tracks: &[&Track], whole: (f64, f64), episodes: &[Episode]) -> Option<Cell> {
-    let parts: Vec<Part> = tracks.iter().filter_map(|track| Part::new(track, regime)).collect();
+fn cell(regime: Regime, tracks: &[&JointTrack], whole: (f64, f64), episodes: &[LogPair]) -> Option<RegimeCell> {
+    let parts: Vec<RegimePart> = tracks.iter().filter_map(|track| RegimePart::new(track, regime)).collect();
     let errors = || parts.iter().flat_map(|part| part.indices.iter().map(|i| (part.track.error[*i], part.track.floor)));
     let samples = errors().count();
     if samples < FEWEST {
@@ -92,7 +92,7 @@ fn cell(regime: Regime, tracks: &[&Track], whole: (f64, f64), episodes: &[Episod
     let worst = parts.iter().max_by(|a, b| a.squares().total_cmp(&b.squares()))?;
     let (t0_s, t1_s) = worst.window();
     let share = if whole.0 > 0.0 { in_floors / whole.0 } else { 0.0 };
-    let mut cell = Cell {
+    let mut cell = RegimeCell {
         joint: worst.track.joint.clone(),
         regime,
         log: episodes[worst.track.log].name.to_owned(),
@@ -113,16 +113,16 @@ fn cell(regime: Regime, tracks: &[&Track], whole: (f64, f64), episodes: &[Episod
 }
 
 /// A regime of a joint in one log.
-struct Part<'a> {
-    track: &'a Track,
+struct RegimePart<'a> {
+    track: &'a JointTrack,
     indices: Vec<usize>,
 }
 
-impl<'a> Part<'a> {
-    fn new(track: &'a Track, regime: Regime) -> Option<Self> {
+impl<'a> RegimePart<'a> {
+    fn new(track: &'a JointTrack, regime: Regime) -> Option<Self> {
         let (_, mask) = track.regimes.iter().find(|(of, _)| *of == regime)?;
         let indices = (0..mask.len()).filter(|i| mask[*i]).collect();
-        Some(Part { track, indices })
+        Some(RegimePart { track, indices })
     }
 
     fn square(&self, k: usize) -> f64 {
@@ -154,23 +154,23 @@ impl<'a> Part<'a> {
 }
 
 /// What the error of a cell follows best.
-fn clue(cell: &Cell, parts: &[Part]) -> Option<Found> {
+fn clue(cell: &RegimeCell, parts: &[RegimePart]) -> Option<FoundClue> {
     if cell.bias.powi(2) > OFFSET_SHARE * cell.rmse.powi(2) {
-        return Some(Found { clue: Clue::Constant, correlation: cell.bias.signum() });
+        return Some(FoundClue { clue: Clue::Constant, correlation: cell.bias.signum() });
     }
     let errors: Vec<f64> = gather(parts, |track| Some(&track.error));
     let clues = &parts.first()?.track.clues;
     let found = clues.iter().enumerate().filter_map(|(k, (clue, _))| {
         let series = gather(parts, |track| track.clues.get(k).filter(|(of, _)| of == clue).map(|(_, series)| series));
-        Some(Found { clue: *clue, correlation: correlation(&errors, &series)? })
+        Some(FoundClue { clue: *clue, correlation: correlation(&errors, &series)? })
     });
     let best = found.max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))?;
     (best.correlation.abs() >= FOLLOWS).then_some(best)
 }
 
 /// A series of every part, one after the other; NaN where a part does not have it.
-fn gather<'a>(parts: &'a [Part], series: impl Fn(&'a Track) -> Option<&'a Vec<f64>>) -> Vec<f64> {
-    let values = |part: &'a Part| {
+fn gather<'a>(parts: &'a [RegimePart], series: impl Fn(&'a JointTrack) -> Option<&'a Vec<f64>>) -> Vec<f64> {
+    let values = |part: &'a RegimePart| {
         let series = series(part.track);
         part.indices.iter().map(move |i| series.and_then(|s| s.get(*i)).copied().unwrap_or(f64::NAN))
     };
@@ -178,13 +178,13 @@ fn gather<'a>(parts: &'a [Part], series: impl Fn(&'a Track) -> Option<&'a Vec<f6
 }
 
 /// "knee, after reversals: 3.1 noise floors; the residual follows the sign of the velocity".
-fn hint(cell: &Cell) -> String {
+fn hint(cell: &RegimeCell) -> String {
     let told = match cell.clue {
         _ if cell.chi <= ABOVE_NOISE => "nothing but noise".to_owned(),
-        Some(Found { clue: Clue::Constant, .. }) => {
+        Some(FoundClue { clue: Clue::Constant, .. }) => {
             format!("the residual is an offset of {:+.2} noise floors", cell.chi * cell.bias / cell.rmse)
         }
-        Some(Found { clue, correlation }) => {
+        Some(FoundClue { clue, correlation }) => {
             format!("the residual follows {} (correlation {correlation:+.2})", clue.words())
         }
         None => "the residual follows no single quantity".to_owned(),

@@ -10,10 +10,10 @@ mod spectrum;
 mod track;
 
 pub use clue::Clue;
-pub use failure::{Cell, Found};
+pub use failure::{FoundClue, RegimeCell};
 pub use regime::Regime;
 pub use spectrum::spectrum;
-pub use track::Track;
+pub use track::JointTrack;
 
 use btr_core::log::{Log, Role, interpolate};
 use btr_core::signal::lag::lag;
@@ -29,7 +29,7 @@ const DEPENDENT: f64 = 4.0;
 
 /// A recorded log beside its simulation.
 #[derive(Clone, Copy, Debug)]
-pub struct Episode<'a> {
+pub struct LogPair<'a> {
     /// What the log is called.
     pub name: &'a str,
     /// What was measured.
@@ -44,11 +44,11 @@ pub struct Comparison {
     /// One per measured channel that is in the recorded and the simulated logs, in their order.
     pub channels: Vec<ChannelError>,
     /// Every joint in every regime that it was in.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<RegimeCell>,
     /// One per log and measured channel: what the numbers above are made of.
-    pub residuals: Vec<Residual>,
+    pub residuals: Vec<ChannelResidual>,
     /// One per log and joint: its motion beside its residual.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<JointTrack>,
 }
 
 /// How far a channel is off, over all logs.
@@ -80,7 +80,7 @@ pub struct ChannelError {
 
 /// The error of one channel in one log.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Residual {
+pub struct ChannelResidual {
     /// The log, counted from 0.
     pub log: usize,
     /// The channel.
@@ -97,7 +97,7 @@ pub struct Residual {
 
 /// Compares logs with their simulations. `floor` tells a channel's noise floor from its name and its readings; channels for
 /// which it tells none are left out.
-pub fn compare(episodes: &[Episode], floor: impl Fn(&str, &[f64]) -> Option<f64>) -> Comparison {
+pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64]) -> Option<f64>) -> Comparison {
     let mut residuals = Vec::new();
     for (log, episode) in episodes.iter().enumerate() {
         let channels = episode.real.channels().filter(|(_, channel)| channel.role == Role::Measured);
@@ -107,11 +107,11 @@ pub fn compare(episodes: &[Episode], floor: impl Fn(&str, &[f64]) -> Option<f64>
             let error: Vec<f64> = channel.values.iter().zip(&simulated).map(|(real, sim)| real - sim).collect();
             let there = error.iter().any(|e| e.is_finite());
             let (channel, unit) = (name.to_owned(), channel.unit.clone());
-            there.then_some(Residual { log, channel, unit, simulated, error, floor })
+            there.then_some(ChannelResidual { log, channel, unit, simulated, error, floor })
         }));
     }
-    let tracks: Vec<Track> = residuals.iter().filter_map(|r| Track::new(r, &episodes[r.log])).collect();
-    let mut by_channel: IndexMap<&str, Vec<&Residual>> = IndexMap::new();
+    let tracks: Vec<JointTrack> = residuals.iter().filter_map(|r| JointTrack::new(r, &episodes[r.log])).collect();
+    let mut by_channel: IndexMap<&str, Vec<&ChannelResidual>> = IndexMap::new();
     residuals.iter().for_each(|r| by_channel.entry(&r.channel).or_default().push(r));
     let channels = by_channel.values().map(|all| channel_error(all, episodes)).collect();
     let cells = failure::cells(&tracks, episodes);
@@ -131,8 +131,9 @@ fn on_clock(simulated: &Log, name: &str, clock_s: &[f64]) -> Option<Vec<f64>> {
 }
 
 /// A channel over all logs.
-fn channel_error(residuals: &[&Residual], episodes: &[Episode]) -> ChannelError {
-    let real = |r: &Residual| episodes[r.log].real.channel(&r.channel).map_or(&[][..], |channel| &channel.values);
+fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> ChannelError {
+    let real =
+        |r: &ChannelResidual| episodes[r.log].real.channel(&r.channel).map_or(&[][..], |channel| &channel.values);
     let (mut n, mut sum, mut squares, mut spread, mut floors) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for residual in residuals {
         let there = || real(residual).iter().zip(&residual.error).filter(|(_, e)| e.is_finite());
@@ -162,7 +163,7 @@ fn channel_error(residuals: &[&Residual], episodes: &[Episode]) -> ChannelError 
 }
 
 /// The lag that all logs tell, each by its certainty.
-fn common_lag<'a>(channels: impl Iterator<Item = (&'a Episode<'a>, &'a Residual, &'a [f64])>) -> Option<f64> {
+fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelResidual, &'a [f64])>) -> Option<f64> {
     let (mut weights, mut sum) = (0.0, 0.0);
     for (episode, residual, real) in channels {
         let found = lag(episode.real.clock_s(), &residual.simulated, real, MOST_LAG_S);
@@ -177,7 +178,7 @@ fn common_lag<'a>(channels: impl Iterator<Item = (&'a Episode<'a>, &'a Residual,
 }
 
 /// Whether a residual has nothing to do with the commands: that of its own joint, or else any.
-fn independent(residual: &Residual, real: &Log) -> bool {
+fn independent(residual: &ChannelResidual, real: &Log) -> bool {
     const LAGS: usize = 20;
     let joint = residual.channel.split_once('_').map_or("", |(_, joint)| joint);
     let own = real.channel(&format!("cmd_{joint}"));
@@ -189,8 +190,8 @@ fn independent(residual: &Residual, real: &Log) -> bool {
 impl Comparison {
     /// Where the model fails: cells whose error is above the noise, those first that hold most of the squared error beyond
     /// their share of the time.
-    pub fn failures(&self) -> Vec<&Cell> {
-        let mut failures: Vec<&Cell> = self.cells.iter().filter(|cell| cell.is_failure()).collect();
+    pub fn failures(&self) -> Vec<&RegimeCell> {
+        let mut failures: Vec<&RegimeCell> = self.cells.iter().filter(|cell| cell.is_failure()).collect();
         failures.sort_by(|a, b| b.excess.total_cmp(&a.excess));
         failures
     }

@@ -1,6 +1,6 @@
 //! Regimes: what a joint is doing while it errs. A sample may be in several.
 
-use super::Track;
+use super::JointTrack;
 use btr_core::signal::smooth::Motion;
 use serde::{Deserialize, Serialize};
 
@@ -119,7 +119,7 @@ pub(super) fn still(clock_s: &[f64], motion: &[Motion], floor: f64) -> f64 {
 
 /// The regimes that a joint was in at all, with where. Samples without an error are in none; those without torque only in
 /// those that do not depend on it.
-pub(super) fn regimes(track: &Track) -> Vec<(Regime, Vec<bool>)> {
+pub(super) fn regimes(track: &JointTrack) -> Vec<(Regime, Vec<bool>)> {
     let n = track.clock_s.len();
     let there: Vec<bool> = track.error.iter().map(|e| e.is_finite()).collect();
     let driven: Vec<bool> = (0..n).map(|i| track.command.get(i).is_none_or(|told| told.is_finite())).collect();
@@ -132,7 +132,7 @@ pub(super) fn regimes(track: &Track) -> Vec<(Regime, Vec<bool>)> {
     all.filter(|(_, mask)| mask.contains(&true)).collect()
 }
 
-fn mask(regime: Regime, track: &Track, driven: &[bool]) -> Vec<bool> {
+fn mask(regime: Regime, track: &JointTrack, driven: &[bool]) -> Vec<bool> {
     let speed = |chosen: &dyn Fn(f64) -> bool| track.motion.iter().map(|m| chosen(m.velocity)).collect::<Vec<_>>();
     let top = quantile(track.motion.iter().map(|m| m.velocity.abs()), 0.95).unwrap_or(0.0);
     let still = track.still;
@@ -171,7 +171,7 @@ fn steps(command: &[f64]) -> Vec<usize> {
 }
 
 /// The samples up to so long after one of the events.
-fn after(track: &Track, events: &[usize], long_s: f64) -> Vec<bool> {
+fn after(track: &JointTrack, events: &[usize], long_s: f64) -> Vec<bool> {
     let clock = &track.clock_s;
     let mut mask = vec![false; clock.len()];
     for &event in events {
@@ -199,7 +199,7 @@ fn saturated(load: &[f64]) -> Vec<bool> {
 }
 
 /// The lowest, middle or highest third of the positions.
-fn third(track: &Track, which: usize) -> Vec<bool> {
+fn third(track: &JointTrack, which: usize) -> Vec<bool> {
     let positions = || track.motion.iter().map(|m| m.value).filter(|q| q.is_finite());
     let (low, high) = positions().fold((f64::MAX, f64::MIN), |(low, high), q| (low.min(q), high.max(q)));
     let of = |q: f64| ((3.0 * (q - low) / (high - low)) as usize).min(2);

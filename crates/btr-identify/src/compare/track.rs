@@ -1,12 +1,12 @@
 //! A joint in one log: how it moved, what it was told, and its residual.
 
 use super::regime::{self, Regime};
-use super::{Clue, Episode, Residual, clue, on_clock};
+use super::{ChannelResidual, Clue, LogPair, clue, on_clock};
 use btr_core::signal::smooth::{Motion, smooth};
 
 /// One joint in one log, sample by sample on the log's clock.
 #[derive(Clone, Debug)]
-pub struct Track {
+pub struct JointTrack {
     /// The log, counted from 0.
     pub log: usize,
     /// The joint.
@@ -34,9 +34,9 @@ pub struct Track {
     pub clues: Vec<(Clue, Vec<f64>)>,
 }
 
-impl Track {
+impl JointTrack {
     /// The joint that a residual belongs to; `None` for residuals of anything but positions.
-    pub(super) fn new(residual: &Residual, episode: &Episode) -> Option<Self> {
+    pub(super) fn new(residual: &ChannelResidual, episode: &LogPair) -> Option<Self> {
         let joint = residual.channel.strip_prefix("q_")?.to_owned();
         let clock_s = episode.real.clock_s();
         let position = &episode.real.channel(&residual.channel)?.values;
@@ -53,7 +53,7 @@ impl Track {
             (None, None) => (ahead(), "command minus simulated position"),
         };
         let motion = smooth(clock_s, position);
-        let mut track = Track {
+        let mut track = JointTrack {
             log: residual.log,
             joint,
             clock_s: clock_s.to_vec(),

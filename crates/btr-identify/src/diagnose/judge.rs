@@ -1,26 +1,30 @@
 //! Whom to believe of those who were fitted.
 
 use super::race::Rival;
-use super::state::State;
+use super::state::DiagnosisState;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{Found, Ranked};
-use crate::fit::judge::{Measure, NOISE, chi, held_out_squares};
-use crate::fit::{Bench, Fit, Logs};
+use super::{MissingEffect, RankedCandidate};
+use crate::fit::judge::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use crate::fit::{FitPoint, LogSet, Objective};
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
 /// ones the first of the library, so that what is the same by mechanics is always called the same. None where others
 /// fit decisively better that do not pass: then the logs to judge on contradict those to learn from.
-pub(super) fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Rival>) -> Option<(Rival, Found)> {
-    let measure = Measure::of(bench, &rivals.first()?.fit);
+pub(super) fn judge_rivals(
+    bench: &Objective,
+    state: &mut DiagnosisState,
+    mut rivals: Vec<Rival>,
+) -> Option<(Rival, MissingEffect)> {
+    let measure = ComparisonMeasure::of(bench, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
     let candidates = bench.family.candidates();
     let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(bench, &r.fit.u));
     let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
-    let ranked = |(r, squares): (&Rival, &Option<f64>)| Ranked {
+    let ranked = |(r, squares): (&Rival, &Option<f64>)| RankedCandidate {
         name: candidates[r.candidate].name(),
-        train: chi(r.fit.squares(), bench.samples(Logs::Learn)),
-        held_out: squares.map(|squares| chi(squares, bench.samples(Logs::HeldOut))),
+        train: chi(r.fit.squares(), bench.samples(LogSet::Learn)),
+        held_out: squares.map(|squares| chi(squares, bench.samples(LogSet::HeldOut))),
         delta_bic: before - measure.criterion(&r.fit),
     };
     state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
@@ -52,7 +56,7 @@ pub(super) fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Riv
     if !alike.is_empty() {
         state.rivals = [&winner].iter().chain(&alike).map(|r| (r.candidate, r.fit.u.clone())).collect();
     }
-    let found = Found {
+    let found = MissingEffect {
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
@@ -66,8 +70,8 @@ pub(super) fn judge_rivals(bench: &Bench, state: &mut State, mut rivals: Vec<Riv
 
 /// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
 /// certain and makes next to none is more likely one between simulators than a law.
-pub(super) fn earns_its_numbers(bench: &Bench, larger: &Fit, inside: &Fit) -> bool {
-    if chi(inside.squares(), bench.samples(Logs::Learn)) > NOISE {
+pub(super) fn earns_its_numbers(bench: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
+    if chi(inside.squares(), bench.samples(LogSet::Learn)) > NOISE {
         return true;
     }
     let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
@@ -75,5 +79,5 @@ pub(super) fn earns_its_numbers(bench: &Bench, larger: &Fit, inside: &Fit) -> bo
         (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
         _ => true,
     };
-    falls(inside.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(Logs::HeldOut).is_empty() || on_held_out())
+    falls(inside.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(LogSet::HeldOut).is_empty() || on_held_out())
 }

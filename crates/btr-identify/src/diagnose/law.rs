@@ -8,9 +8,9 @@
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
 //! joints and four logs. There are at most two searches.
 
-use crate::fit::judge::{Measure, held_out_squares};
-use crate::fit::{Bench, Effort, Fit, Logs};
-use crate::residual_model::Feature;
+use crate::fit::judge::{ComparisonMeasure, held_out_squares};
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::residual_model::LawTerm;
 use btr_core::signal::fft::peak_rate;
 use btr_core::signal::stats::autocorrelation_time;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -25,7 +25,7 @@ const PROBE: f64 = 0.3;
 /// How many places are fitted in earnest.
 const FINALISTS: usize = 2;
 /// What a fit may spend.
-const EFFORT: Effort = Effort { jacobians: 2, steps: 12 };
+const EFFORT: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
 /// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are not.
 const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 /// A further term must lower what is left to this share of it.
@@ -46,7 +46,7 @@ pub struct ResidualLaw {
     /// Its terms, as indices of the family's features.
     pub terms: Vec<usize>,
     /// The base with it.
-    pub fit: Fit,
+    pub fit: FitPoint,
     /// Whether it stands beside the effects that were found, or replaces them.
     pub beside_effects: bool,
     /// The share of the squared error above the noise that it explains on held-out logs.
@@ -56,7 +56,7 @@ pub struct ResidualLaw {
 /// The law that explains most, if any explains enough: first in place of all effects; then beside those that were
 /// found, or, where none was, from where the parameters in doubt began: they may have gone astray to make up for the
 /// law.
-pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Option<ResidualLaw> {
+pub(super) fn residual_law(bench: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
     let first = law_on(bench, bare, bare);
     if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
         return first.map(|(_, law)| law);
@@ -65,7 +65,7 @@ pub(super) fn residual_law(bench: &Bench, bare: &Fit, found: Option<&Fit>) -> Op
         Some(found) => {
             law_on(bench, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
         }
-        None => Fit::at(bench, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
+        None => FitPoint::at(bench, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
             .and_then(|origin| law_on(bench, &origin, bare)),
     };
     preferred(first, second, found.and_then(|found| judged(bench, found)))
@@ -84,7 +84,7 @@ fn preferred(
 }
 
 /// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
-fn law_on(bench: &Bench, base: &Fit, from: &Fit) -> Option<(f64, ResidualLaw)> {
+fn law_on(bench: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
     let (terms, fit) = search(bench, base)?;
     let (before, left) = (judged(bench, from)?, judged(bench, &fit)?.max(0.0));
     let explains = if before > 0.0 { (1.0 - left / before).clamp(0.0, 1.0) } else { 0.0 };
@@ -92,33 +92,34 @@ fn law_on(bench: &Bench, base: &Fit, from: &Fit) -> Option<(f64, ResidualLaw)> {
 }
 
 /// The sum of squares above the noise on the logs to judge on.
-fn judged(bench: &Bench, fit: &Fit) -> Option<f64> {
-    match bench.samples(Logs::HeldOut) {
-        0 => Some(fit.squares() - bench.samples(Logs::Learn) as f64),
+fn judged(bench: &Objective, fit: &FitPoint) -> Option<f64> {
+    match bench.samples(LogSet::HeldOut) {
+        0 => Some(fit.squares() - bench.samples(LogSet::Learn) as f64),
         samples => held_out_squares(bench, &fit.u).map(|squares| squares - samples as f64),
     }
 }
 
 /// The terms of the best law on top of a base, and the fit with it.
-fn search(bench: &Bench, base: &Fit) -> Option<(Vec<usize>, Fit)> {
+fn search(bench: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoint)> {
     let mut base = base.clone();
     if !base.fresh {
         base.differentiate(bench);
     }
-    let picture = Picture::new(bench, &base)?;
+    let picture = LawPicture::new(bench, &base)?;
     let places = places(bench.family.features());
     let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| picture.draft(place)).collect();
     drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     drafts.truncate(FINALISTS);
-    let fits: Vec<(Vec<usize>, Fit)> = drafts.iter().filter_map(|draft| finish(bench, &base, draft)).collect();
-    let measure = Measure::of(bench, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
+    let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(bench, &base, draft)).collect();
+    let measure =
+        ComparisonMeasure::of(bench, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
     let least = fits.iter().map(|(_, fit)| measure.criterion(fit)).fold(f64::INFINITY, f64::min);
     let close = fits.into_iter().filter(|(_, fit)| measure.criterion(fit) <= least + CLOSE);
     close.min_by(|(a, _), (b, _)| a.cmp(b))
 }
 
 /// The features of each place; those of one place follow one another.
-fn places(features: &[Feature]) -> Vec<Range<usize>> {
+fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
     let mut places: Vec<Range<usize>> = Vec::new();
     for (i, feature) in features.iter().enumerate() {
         let same = i > 0 && features[i - 1].on == feature.on && features[i - 1].term.site == feature.term.site;
@@ -131,7 +132,7 @@ fn places(features: &[Feature]) -> Vec<Range<usize>> {
 }
 
 /// The fit with everything that is in doubt, from where the probes point.
-fn finish(bench: &Bench, base: &Fit, draft: &Draft) -> Option<(Vec<usize>, Fit)> {
+fn finish(bench: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
     let (features, knobs) = (bench.family.features(), bench.family.knobs());
     let mut active = base.active.clone();
     draft.terms.iter().for_each(|term| active.extend(features[term.feature].term.knobs()));
@@ -142,7 +143,7 @@ fn finish(bench: &Bench, base: &Fit, draft: &Draft) -> Option<(Vec<usize>, Fit)>
             candidate.shapes.iter().zip(&term.shapes).for_each(|(&k, &x)| u[k] = x);
             candidate.amplitudes.iter().zip(&term.amplitudes).for_each(|(&k, &x)| u[k] = knobs[k].clamp(share * x));
         }
-        Fit::at(bench, active.clone(), u, &base.step_error)
+        FitPoint::at(bench, active.clone(), u, &base.step_error)
     };
     let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     fit.solve(bench, EFFORT);
@@ -151,7 +152,7 @@ fn finish(bench: &Bench, base: &Fit, draft: &Draft) -> Option<(Vec<usize>, Fit)>
 }
 
 /// Drops the terms that the fit can do without: far from where they were probed, some turn out to do nothing.
-fn needed(bench: &Bench, mut terms: Vec<usize>, mut fit: Fit) -> (Vec<usize>, Fit) {
+fn needed(bench: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (Vec<usize>, FitPoint) {
     for term in terms.clone().into_iter().rev() {
         if terms.len() == 1 {
             break;
@@ -160,7 +161,7 @@ fn needed(bench: &Bench, mut terms: Vec<usize>, mut fit: Fit) -> (Vec<usize>, Fi
         let mut u = fit.u.clone();
         knobs.iter().for_each(|&knob| u[knob] = 0.0);
         let active = fit.active.iter().copied().filter(|knob| !knobs.contains(knob)).collect();
-        let without = Fit::at(bench, active, u, &fit.step_error);
+        let without = FitPoint::at(bench, active, u, &fit.step_error);
         if let Some(without) = without.filter(|without| without.squares() <= NEEDED * fit.squares()) {
             fit = without;
             terms.retain(|other| *other != term);
@@ -184,24 +185,24 @@ struct Drafted {
 }
 
 /// A feature with its shapes, and its columns among those of its place.
-struct Trial {
+struct TermTrial {
     feature: usize,
     shapes: Vec<f64>,
     columns: Range<usize>,
 }
 
 /// The logs with the largest errors, and what the base's own parameters can do about them.
-struct Picture<'a> {
-    bench: &'a Bench<'a>,
-    base: &'a Fit,
+struct LawPicture<'a> {
+    bench: &'a Objective<'a>,
+    base: &'a FitPoint,
     logs: Vec<(usize, Range<usize>)>,
     residual: DVector<f64>,
     jacobian: DMatrix<f64>,
     factors: Cholesky<f64, Dyn>,
 }
 
-impl<'a> Picture<'a> {
-    fn new(bench: &'a Bench<'a>, base: &'a Fit) -> Option<Self> {
+impl<'a> LawPicture<'a> {
+    fn new(bench: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
         let logs = bench.worst_logs(&base.residual, PROBED_LOGS);
         let rows: Vec<usize> = logs.iter().flat_map(|(_, rows)| rows.clone()).collect();
         let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&row| base.residual[row]));
@@ -210,7 +211,7 @@ impl<'a> Picture<'a> {
         for (k, &knob) in base.active.iter().enumerate() {
             normal[(k, k)] += bench.family.knobs()[knob].spread.powi(-2);
         }
-        Some(Picture { bench, base, logs, residual, jacobian, factors: normal.cholesky()? })
+        Some(LawPicture { bench, base, logs, residual, jacobian, factors: normal.cholesky()? })
     }
 
     /// What is left of columns when the base's parameters answer them.
@@ -243,7 +244,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Simulates features of given shapes, and notes the columns of those that do not blow up.
-    fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<Trial>, columns: &mut Vec<DVector<f64>>) {
+    fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
         let (features, knobs) = (self.bench.family.features(), self.bench.family.knobs());
         let mut points = Vec::new();
         for (i, shapes) in wanted {
@@ -262,7 +263,7 @@ impl<'a> Picture<'a> {
             if let Some(own) = own.into_iter().collect::<Option<Vec<_>>>() {
                 let start = columns.len();
                 columns.extend(own);
-                trials.push(Trial { feature: *feature, shapes: shapes.clone(), columns: start..columns.len() });
+                trials.push(TermTrial { feature: *feature, shapes: shapes.clone(), columns: start..columns.len() });
             }
         }
     }
@@ -303,18 +304,18 @@ impl<'a> Picture<'a> {
     }
 
     /// Orthogonal matching pursuit; as many terms as the criterion allows.
-    fn pursue(&self, trials: &[Trial], columns: &DMatrix<f64>) -> Option<Draft> {
+    fn pursue(&self, trials: &[TermTrial], columns: &DMatrix<f64>) -> Option<Draft> {
         let own = self.own(columns);
         let residual = self.own(&DMatrix::from_column_slice(self.residual.len(), 1, self.residual.as_slice()));
-        let normal = Normal {
+        let normal = NormalEquations {
             gram: columns.tr_mul(&own) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-3,
             pull: own.tr_mul(&self.residual),
             squares: self.residual.dot(&residual.column(0)),
         };
-        let mut drafts: Vec<(Vec<&Trial>, Solved)> = Vec::new();
+        let mut drafts: Vec<(Vec<&TermTrial>, Solved)> = Vec::new();
         while drafts.len() < MOST_TERMS {
             let chosen = drafts.last().map_or(Vec::new(), |(chosen, _)| chosen.clone());
-            let with = |trial| chosen.iter().copied().chain([trial]).collect::<Vec<&Trial>>();
+            let with = |trial| chosen.iter().copied().chain([trial]).collect::<Vec<&TermTrial>>();
             let new = trials.iter().filter(|trial| chosen.iter().all(|c| c.feature != trial.feature));
             let solved = new.filter_map(|trial| Some((with(trial), normal.solve(&with(trial))?)));
             let Some(best) = solved.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)) else { break };
@@ -330,14 +331,14 @@ impl<'a> Picture<'a> {
         let memory = autocorrelation_time(left.as_slice());
         let scale = memory * (last.cost / samples.max(1) as f64).max(1.0);
         let price = (samples as f64 / memory).ln().max(1.0);
-        let criterion = |chosen: &[&Trial], solved: &Solved| {
+        let criterion = |chosen: &[&TermTrial], solved: &Solved| {
             let shapes: usize = chosen.iter().map(|trial| trial.shapes.len()).sum();
             solved.cost / scale + price * (solved.columns.len() + shapes) as f64
         };
         let (chosen, solved) =
             drafts.into_iter().min_by(|a, b| criterion(&a.0, &a.1).total_cmp(&criterion(&b.0, &b.1)))?;
         let mut amplitudes = solved.amplitudes.into_iter();
-        let term = |trial: &Trial| Drafted {
+        let term = |trial: &TermTrial| Drafted {
             feature: trial.feature,
             shapes: trial.shapes.clone(),
             amplitudes: amplitudes.by_ref().take(trial.columns.len()).collect(),
@@ -347,7 +348,7 @@ impl<'a> Picture<'a> {
 }
 
 /// Normal equations of all columns of a place.
-struct Normal {
+struct NormalEquations {
     gram: DMatrix<f64>,
     pull: DVector<f64>,
     squares: f64,
@@ -360,8 +361,8 @@ struct Solved {
     cost: f64,
 }
 
-impl Normal {
-    fn solve(&self, chosen: &[&Trial]) -> Option<Solved> {
+impl NormalEquations {
+    fn solve(&self, chosen: &[&TermTrial]) -> Option<Solved> {
         let columns: Vec<usize> = chosen.iter().flat_map(|trial| trial.columns.clone()).collect();
         let pull = self.pull.select_rows(&columns);
         let gram = self.gram.select_rows(&columns).select_columns(&columns);
@@ -376,7 +377,7 @@ mod tests {
     use super::*;
 
     fn law(explains: f64, beside_effects: bool) -> ResidualLaw {
-        let fit = Fit {
+        let fit = FitPoint {
             active: Vec::new(),
             u: Vec::new(),
             residual: Vec::new(),

@@ -16,12 +16,12 @@ mod state;
 
 pub use law::ResidualLaw;
 
-use crate::fit::judge::{Measure, NOISE};
-use crate::fit::{Bench, Effort, Estimate, Fit, LOOKS, Logs, estimates};
+use crate::fit::judge::{ComparisonMeasure, NOISE};
+use crate::fit::{Estimate, FitPoint, LOOKS, LogSet, Objective, SearchBudget, estimates};
 use law::residual_law;
 use round::round;
 use serde::{Deserialize, Serialize};
-use state::State;
+use state::DiagnosisState;
 
 /// What decides. All errors are root mean squares in multiples of the noise floor.
 pub mod thresholds {
@@ -41,7 +41,7 @@ use thresholds::{EXPLAINED, LEARNT_FALL};
 
 /// How much is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Question {
+pub struct DiagnoseOptions {
     /// The most effects to add.
     pub max_effects: usize,
     /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked
@@ -49,9 +49,9 @@ pub struct Question {
     pub max_rollouts: usize,
 }
 
-impl Default for Question {
+impl Default for DiagnoseOptions {
     fn default() -> Self {
-        Question { max_effects: 3, max_rollouts: usize::MAX }
+        DiagnoseOptions { max_effects: 3, max_rollouts: usize::MAX }
     }
 }
 
@@ -69,7 +69,7 @@ pub enum Verdict {
 
 /// An effect that the model lacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub struct MissingEffect {
     /// Its name.
     pub effect: String,
     /// Where it sits.
@@ -101,7 +101,7 @@ pub struct Rung {
 
 /// A candidate that was fitted in a round.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Ranked {
+pub struct RankedCandidate {
     /// `effect@site`.
     pub name: String,
     /// Error on the logs to learn from, in multiples of the noise floor.
@@ -116,11 +116,11 @@ pub struct Ranked {
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// What was fitted in each round, best first.
-    pub rounds: Vec<Vec<Ranked>>,
+    pub rounds: Vec<Vec<RankedCandidate>>,
     /// The answer.
     pub verdict: Verdict,
     /// What is missing, or helps without explaining.
-    pub effects: Vec<Found>,
+    pub effects: Vec<MissingEffect>,
     /// How the error fell.
     pub ladder: Vec<Rung>,
     /// The share of the final squared error that is not noise.
@@ -131,7 +131,7 @@ pub struct Diagnosis {
     /// Doubtful parameters that ended at a bound.
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
-    pub fit: Fit,
+    pub fit: FitPoint,
     /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next
     /// experiment.
     pub rivals: Vec<(usize, Vec<f64>)>,
@@ -146,7 +146,7 @@ pub struct Diagnosis {
 /// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
 ///
 /// `None` where the model blows up as it stands.
-pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
+pub fn diagnose(bench: &Objective, question: DiagnoseOptions, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
     let state = begin(bench, tell)?;
     Some(match bench.family.has_contact() {
         true => go_on(bench, question, state, tell),
@@ -156,7 +156,13 @@ pub fn diagnose(bench: &Bench, question: Question, tell: &dyn Fn(&Rung)) -> Opti
 
 /// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
 /// believed if nothing else is left to explain: a model that lacks something sees such that make up for it.
-fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung), looks: usize) -> Diagnosis {
+fn go_on_looking(
+    bench: &Objective,
+    question: DiagnoseOptions,
+    mut state: DiagnosisState,
+    tell: &dyn Fn(&Rung),
+    looks: usize,
+) -> Diagnosis {
     let contact = bench.family.has_contact();
     let looks_again = leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench));
     if looks == 0 || !looks_again {
@@ -176,7 +182,7 @@ fn go_on_looking(bench: &Bench, question: Question, mut state: State, tell: &dyn
 }
 
 /// Round after round; once something is found, with starts as the model that has it sees them.
-fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Rung)) -> Diagnosis {
+fn go_on(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisState, tell: &dyn Fn(&Rung)) -> Diagnosis {
     let mut cut_short = false;
     while state.chosen.len() < question.max_effects && leaves_something(bench, &state, &state.fit) {
         cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
@@ -197,11 +203,11 @@ fn go_on(bench: &Bench, question: Question, mut state: State, tell: &dyn Fn(&Run
 }
 
 /// The model's own parameters at their best.
-fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
+fn begin(bench: &Objective, tell: &dyn Fn(&Rung)) -> Option<DiagnosisState> {
     let family = bench.family;
     let origin = vec![0.0; family.knobs().len()];
-    let mut fit = Fit::at(bench, family.doubtful().to_vec(), origin, &[])?;
-    let mut state = State {
+    let mut fit = FitPoint::at(bench, family.doubtful().to_vec(), origin, &[])?;
+    let mut state = DiagnosisState {
         held_out: None,
         fit: fit.clone(),
         bare: fit.clone(),
@@ -214,9 +220,9 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
     state.fit = fit;
     state.climb(bench, "model as it stands".to_owned(), tell);
     if !family.doubtful().is_empty() {
-        state.fit.solve(bench, Effort::FULL);
+        state.fit.solve(bench, SearchBudget::FULL);
         state.integrator = state.fit.renew_step_error(bench);
-        state.fit.solve(bench, Effort { jacobians: 1, steps: 6 });
+        state.fit.solve(bench, SearchBudget { jacobians: 1, steps: 6 });
         state.climb(bench, "its parameters fitted".to_owned(), tell);
     }
     state.bare = state.fit.clone();
@@ -224,8 +230,8 @@ fn begin(bench: &Bench, tell: &dyn Fn(&Rung)) -> Option<State> {
 }
 
 /// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
-fn leaves_something(bench: &Bench, state: &State, fit: &Fit) -> bool {
-    let squares = fit.squares() / bench.samples(Logs::Learn).max(1) as f64;
+fn leaves_something(bench: &Objective, state: &DiagnosisState, fit: &FitPoint) -> bool {
+    let squares = fit.squares() / bench.samples(LogSet::Learn).max(1) as f64;
     // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
     if bench.family.is_chaotic() {
         return squares > NOISE.powi(2);
@@ -233,7 +239,7 @@ fn leaves_something(bench: &Bench, state: &State, fit: &Fit) -> bool {
     squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
-fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
+fn conclude(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
     let integrator_error = state.fit.step_error_to_judge_on(bench).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
@@ -245,7 +251,7 @@ fn conclude(bench: &Bench, question: Question, mut state: State) -> Diagnosis {
     if trusted {
         state.settle(bench);
     }
-    let inflation = Measure::of(bench, &state.fit).inflation();
+    let inflation = ComparisonMeasure::of(bench, &state.fit).inflation();
     let all = estimates(bench, &state.fit, inflation, trusted);
     for found in &mut state.chosen {
         let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();

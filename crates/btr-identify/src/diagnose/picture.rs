@@ -1,9 +1,9 @@
 //! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its
 //! amplitude, and what the base's parameters can do as well is projected out.
 
-use super::screen::{Sizes, Start, has_two_sides, with};
-use crate::fit::{Bench, Fit, corrected, rows_near, shared};
-use crate::residual_model::Law;
+use super::screen::{ProbeSizes, StartPoint, has_two_sides, with};
+use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
+use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// An amplitude so many times the probe's is as far as the probe is believed.
@@ -16,17 +16,17 @@ const HELD: f64 = 1e9;
 const BATCH: usize = 48;
 
 /// The base around its optimum, as some of the logs show it: what its own parameters can do about any change of the residual.
-pub(super) struct Base<'a> {
+pub(super) struct BasePoint<'a> {
     index: usize,
     logs: Vec<usize>,
-    fit: &'a Fit,
+    fit: &'a FitPoint,
     jacobian: &'a DMatrix<f64>,
-    pictures: Vec<Picture>,
+    pictures: Vec<LinearPicture>,
 }
 
 /// The normal equations around a base. What stands at a bound may be held there by what is missing, or come off it once that is
 /// added: there is a picture of both.
-struct Picture {
+struct LinearPicture {
     factors: Cholesky<f64, Dyn>,
     gradient: DVector<f64>,
 }
@@ -41,26 +41,26 @@ struct Probe {
 }
 
 /// The mirror images of probes, where their amplitudes have another side.
-fn mirrored(bench: &Bench, probes: &[Probe]) -> Vec<Probe> {
+fn mirrored(bench: &Objective, probes: &[Probe]) -> Vec<Probe> {
     let two_sided = |probe: &Probe| bench.family.knobs()[probe.amplitude].bounds.0 < 0.0;
     let mirror =
         |probe: &Probe| Probe { size: if two_sided(probe) { -probe.size } else { probe.size }, ..probe.clone() };
     probes.iter().map(mirror).collect()
 }
 
-impl Picture {
+impl LinearPicture {
     fn new(normal: DMatrix<f64>, mut gradient: DVector<f64>, cost: f64) -> Option<Self> {
         let factors = normal.cholesky()?;
         // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
         if gradient.dot(&factors.solve(&gradient)) < AT_REST * cost {
             gradient.fill(0.0);
         }
-        Some(Picture { factors, gradient })
+        Some(LinearPicture { factors, gradient })
     }
 }
 
-impl<'a> Base<'a> {
-    pub(super) fn new(bench: &Bench, index: usize, fit: &'a Fit, logs: Vec<usize>) -> Option<Self> {
+impl<'a> BasePoint<'a> {
+    pub(super) fn new(bench: &Objective, index: usize, fit: &'a FitPoint, logs: Vec<usize>) -> Option<Self> {
         let jacobian = fit.jacobian.as_ref()?;
         let mut normal = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
@@ -74,20 +74,20 @@ impl<'a> Base<'a> {
                 held.push(k);
             }
         }
-        let mut pictures = vec![Picture::new(normal.clone(), gradient.clone(), fit.cost)?];
+        let mut pictures = vec![LinearPicture::new(normal.clone(), gradient.clone(), fit.cost)?];
         if !held.is_empty() {
             for k in held {
                 normal[(k, k)] += HELD * (1.0 + normal[(k, k)]);
                 gradient[k] = 0.0;
             }
-            pictures.push(Picture::new(normal, gradient, fit.cost)?);
+            pictures.push(LinearPicture::new(normal, gradient, fit.cost)?);
         }
-        Some(Base { index, logs, fit, jacobian, pictures })
+        Some(BasePoint { index, logs, fit, jacobian, pictures })
     }
 
     /// What a candidate promises with the shapes of an earlier promise, on the side to which that points: what slips or lifts
     /// answers differently on the other.
-    pub(super) fn promising(&self, bench: &Bench, start: &Start, sizes: &Sizes) -> Option<Start> {
+    pub(super) fn promising(&self, bench: &Objective, start: &StartPoint, sizes: &ProbeSizes) -> Option<StartPoint> {
         let mut probes = self.probes(bench, start.candidate, &[start.shapes(bench)], sizes);
         probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
         let columns = self.columns(bench, &probes);
@@ -98,10 +98,10 @@ impl<'a> Base<'a> {
     /// simulation.
     pub(super) fn promising_together(
         &self,
-        bench: &Bench,
+        bench: &Objective,
         offered: &[(usize, Vec<Vec<f64>>)],
-        sizes: &Sizes,
-    ) -> Vec<Start> {
+        sizes: &ProbeSizes,
+    ) -> Vec<StartPoint> {
         let candidates = bench.family.candidates();
         let mut promising = Vec::new();
         for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
@@ -124,7 +124,7 @@ impl<'a> Base<'a> {
     }
 
     /// The best point of a candidate, by its probes.
-    fn promise(&self, bench: &Bench, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<Start> {
+    fn promise(&self, bench: &Objective, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<StartPoint> {
         // Probes of one start and one size belong together: one column for each amplitude.
         let amplitudes = bench.family.candidates()[probes.first()?.candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
@@ -134,9 +134,9 @@ impl<'a> Base<'a> {
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn probes(&self, bench: &Bench, index: usize, starts: &[Vec<f64>], sizes: &Sizes) -> Vec<Probe> {
+    fn probes(&self, bench: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
         let candidate = &bench.family.candidates()[index];
-        let limit = candidate.amplitudes.iter().any(|&k| bench.family.knobs()[k].law == Law::Inverse);
+        let limit = candidate.amplitudes.iter().any(|&k| bench.family.knobs()[k].law == Parametrisation::Inverse);
         let sizes = if limit { sizes.limits } else { sizes.amplitudes };
         let mut probes = Vec::new();
         for shapes in starts {
@@ -149,7 +149,7 @@ impl<'a> Base<'a> {
         probes
     }
 
-    fn point(&self, bench: &Bench, probes: &[&Probe]) -> Vec<f64> {
+    fn point(&self, bench: &Objective, probes: &[&Probe]) -> Vec<f64> {
         let mut u = self.fit.u.clone();
         for probe in probes {
             for (&knob, &shape) in bench.family.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
@@ -161,7 +161,7 @@ impl<'a> Base<'a> {
     }
 
     /// What each probe changes of the residual, per unit of its amplitude; nothing where it blows up.
-    fn columns(&self, bench: &Bench, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
+    fn columns(&self, bench: &Objective, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {
             let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, &[probe])).collect();
@@ -175,7 +175,7 @@ impl<'a> Base<'a> {
     }
 
     /// The same, several in one simulation: each column as far as its candidate's own channels go.
-    fn columns_together(&self, bench: &Bench, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
+    fn columns_together(&self, bench: &Objective, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
         let near = |probe: &Probe| bench.family.near(probe.candidate);
         let shots = shared(probes.iter().map(|probe| near(probe)));
         let mut columns = vec![None; probes.len()];
@@ -205,7 +205,7 @@ impl<'a> Base<'a> {
     }
 
     /// A column without what is not of these channels.
-    fn only_near(&self, bench: &Bench, column: DVector<f64>, near: &[String]) -> DVector<f64> {
+    fn only_near(&self, bench: &Objective, column: DVector<f64>, near: &[String]) -> DVector<f64> {
         if near.is_empty() {
             return column;
         }
@@ -222,11 +222,11 @@ impl<'a> Base<'a> {
     /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
     fn best_of(
         &self,
-        bench: &Bench,
-        picture: &Picture,
+        bench: &Objective,
+        picture: &LinearPicture,
         probes: &[Probe],
         columns: &[Option<DVector<f64>>],
-    ) -> Option<Start> {
+    ) -> Option<StartPoint> {
         let knobs = bench.family.knobs();
         let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
         let k = columns.len();
@@ -244,7 +244,7 @@ impl<'a> Base<'a> {
         for (i, probe) in probes.iter().enumerate() {
             let knob = &knobs[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
-            let size = if knob.law == Law::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
+            let size = if knob.law == Parametrisation::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
             u[probe.amplitude] = knob.clamp(size);
             amplitudes[i] = u[probe.amplitude];
         }
@@ -261,6 +261,6 @@ impl<'a> Base<'a> {
         let promised = residual + change + self.jacobian * moved;
         let active = with(self.fit, &bench.family.candidates()[probes[0].candidate]);
         let cost = crate::fit::cost(knobs, &active, &u, promised.as_slice());
-        Some(Start { candidate: probes[0].candidate, base: self.index, u, cost })
+        Some(StartPoint { candidate: probes[0].candidate, base: self.index, u, cost })
     }
 }

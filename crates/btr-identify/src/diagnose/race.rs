@@ -1,8 +1,8 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
-use super::screen::{Start, best, has_two_sides, simulate, with};
+use super::screen::{StartPoint, best, has_two_sides, simulate, with};
 use crate::fit::judge::{NOISE, chi};
-use crate::fit::{Bench, Effort, Fit, Logs, columns};
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 
 /// How many start the race, and how many are fitted with all effort whatever their rank, unless the best explains
@@ -19,11 +19,11 @@ const TYPICAL: f64 = 0.5;
 const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
 const CHANCES: usize = 16;
 /// The effort for whoever leads the race, and for each of the others.
-const LEADER: Effort = Effort { jacobians: 3, steps: 16 };
-pub(super) const FOLLOWER: Effort = Effort { jacobians: 2, steps: 12 };
+const LEADER: SearchBudget = SearchBudget { jacobians: 3, steps: 16 };
+pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
 
 /// The effort for each shape that is tried once more.
-pub(super) const RESHAPED: Effort = Effort { jacobians: 1, steps: 6 };
+pub(super) const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
 #[derive(Clone, Debug)]
@@ -31,33 +31,43 @@ pub(super) struct Rival {
     /// Index of the candidate.
     pub candidate: usize,
     /// The base with it.
-    pub fit: Fit,
+    pub fit: FitPoint,
 }
 
 /// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of
 /// the starts run.
-pub(super) fn race(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
+pub(super) fn race(
+    bench: &Objective,
+    bases: &[FitPoint],
+    starts: &[StartPoint],
+    leader: Option<&FitPoint>,
+) -> Vec<Rival> {
     run(bench, bases, &starts[..starts.len().min(RUNNERS)], leader)
 }
 
 /// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have
 /// promised too little (a joint with much play does nothing that one with little does).
-pub(super) fn last_chance(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
+pub(super) fn last_chance(bench: &Objective, base: &FitPoint, others: &[usize], leader: &FitPoint) -> Vec<Rival> {
     let mut base = base.clone();
     base.differentiate(bench);
-    let starts: Vec<Start> = others.iter().map(|&candidate| of_size(bench, &base, candidate, TYPICAL)).collect();
+    let starts: Vec<StartPoint> = others.iter().map(|&candidate| of_size(bench, &base, candidate, TYPICAL)).collect();
     run(bench, &[base], &starts, Some(leader))
 }
 
 /// The same where simulating takes long: only those run who do best at one of a few sizes.
-pub(super) fn last_chance_of_the_best(bench: &Bench, base: &Fit, others: &[usize], leader: &Fit) -> Vec<Rival> {
+pub(super) fn last_chance_of_the_best(
+    bench: &Objective,
+    base: &FitPoint,
+    others: &[usize],
+    leader: &FitPoint,
+) -> Vec<Rival> {
     let signs = |candidate: usize| {
         let two = has_two_sides(bench, &bench.family.candidates()[candidate]);
         if two { [1.0, -1.0].iter() } else { [1.0].iter() }
     };
     let sizes = |candidate: usize| signs(candidate).flat_map(|sign| SIZES.map(|size| sign * size));
     let all = others.iter().flat_map(|&c| sizes(c).map(move |size| (c, size)));
-    let mut starts: Vec<Start> = all.map(|(candidate, size)| of_size(bench, base, candidate, size)).collect();
+    let mut starts: Vec<StartPoint> = all.map(|(candidate, size)| of_size(bench, base, candidate, size)).collect();
     simulate(bench, std::slice::from_ref(base), &mut starts);
     let starts = best(starts, CHANCES);
     let mut base = base.clone();
@@ -66,25 +76,25 @@ pub(super) fn last_chance_of_the_best(bench: &Bench, base: &Fit, others: &[usize
 }
 
 /// A candidate at so many typical sizes.
-fn of_size(bench: &Bench, base: &Fit, candidate: usize, size: f64) -> Start {
+fn of_size(bench: &Objective, base: &FitPoint, candidate: usize, size: f64) -> StartPoint {
     let own = &bench.family.candidates()[candidate];
     let mut u = base.u.clone();
     own.amplitudes.iter().for_each(|&knob| u[knob] = bench.family.knobs()[knob].clamp(size));
     own.shapes.iter().zip(&own.starts[0]).for_each(|(&knob, &shape)| u[knob] = shape);
-    Start { candidate, base: 0, u, cost: f64::INFINITY }
+    StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
 }
 
-fn run(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> Vec<Rival> {
+fn run(bench: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Option<&FitPoint>) -> Vec<Rival> {
     let begun = starts.iter().filter_map(|start| begin(bench, &bases[start.base], start));
     let mut rivals: Vec<Rival> = begun.collect();
     for rival in &mut rivals {
-        rival.fit.solve(bench, Effort::RACE);
+        rival.fit.solve(bench, SearchBudget::RACE);
     }
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
-        let best = polished.iter().map(|r| &r.fit).chain(leader).map(Fit::squares).fold(f64::INFINITY, f64::min);
-        let explains = chi(best, bench.samples(Logs::Learn)) <= NOISE;
+        let best = polished.iter().map(|r| &r.fit).chain(leader).map(FitPoint::squares).fold(f64::INFINITY, f64::min);
+        let explains = chi(best, bench.samples(LogSet::Learn)) <= NOISE;
         let most = match rival.fit.squares() / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
@@ -106,15 +116,15 @@ fn run(bench: &Bench, bases: &[Fit], starts: &[Start], leader: Option<&Fit>) -> 
 
 /// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's
 /// law): tries the other shapes that it could have from where it ended.
-fn reshape(bench: &Bench, rival: &mut Rival) {
+fn reshape(bench: &Objective, rival: &mut Rival) {
     let candidate = &bench.family.candidates()[rival.candidate];
-    if candidate.starts.len() < 2 || chi(rival.fit.squares(), bench.samples(Logs::Learn)) <= NOISE {
+    if candidate.starts.len() < 2 || chi(rival.fit.squares(), bench.samples(LogSet::Learn)) <= NOISE {
         return;
     }
     let reshaped = candidate.starts.iter().filter_map(|shapes| {
         let mut u = rival.fit.u.clone();
         candidate.shapes.iter().zip(shapes).for_each(|(&knob, &shape)| u[knob] = shape);
-        let mut fit = Fit::at(bench, rival.fit.active.clone(), u, &rival.fit.step_error)?;
+        let mut fit = FitPoint::at(bench, rival.fit.active.clone(), u, &rival.fit.step_error)?;
         fit.solve(bench, RESHAPED);
         Some(fit)
     });
@@ -129,9 +139,9 @@ fn sort(rivals: &mut [Rival]) {
 }
 
 /// A fit of base and candidate at the candidate's start: the base's Jacobian, with new columns for the candidate alone.
-fn begin(bench: &Bench, base: &Fit, start: &Start) -> Option<Rival> {
+fn begin(bench: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
     let candidate = &bench.family.candidates()[start.candidate];
-    let mut fit = Fit::at(bench, with(base, candidate), start.u.clone(), &base.step_error)?;
+    let mut fit = FitPoint::at(bench, with(base, candidate), start.u.clone(), &base.step_error)?;
     let own: Vec<usize> = candidate.knobs().collect();
     let added = columns(bench, &fit.u, &own, &fit.residual, &fit.step_error);
     let known = base.jacobian.as_ref()?;

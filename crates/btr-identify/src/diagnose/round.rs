@@ -3,11 +3,11 @@
 use super::beginning::from_beginnings;
 use super::judge::judge_rivals;
 use super::race::{Rival, last_chance, last_chance_of_the_best, race};
-use super::screen::{Start, screen};
-use super::state::State;
-use super::{Found, leaves_something};
+use super::screen::{StartPoint, screen};
+use super::state::DiagnosisState;
+use super::{MissingEffect, leaves_something};
 use crate::fit::judge::{NOISE, chi};
-use crate::fit::{Bench, Fit, Logs};
+use crate::fit::{FitPoint, LogSet, Objective};
 
 /// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
 const MODEST: f64 = 0.5;
@@ -16,7 +16,7 @@ const MODEST: f64 = 0.5;
 const ELSEWHERE: usize = 3;
 
 /// Screens, races and judges; the winner if it is to be believed.
-pub(super) fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> {
+pub(super) fn round(bench: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
     let (mut rivals, mut starts) = from_beginnings(bench, state, &offered);
@@ -55,7 +55,7 @@ pub(super) fn round(bench: &Bench, state: &mut State) -> Option<(Rival, Found)> 
 
 /// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and
 /// then what the best leave may be because they sit elsewhere.
-fn on_the_ground(bench: &Bench, state: &State, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
+fn on_the_ground(bench: &Objective, state: &DiagnosisState, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
     let candidates = bench.family.candidates();
     if let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) {
         let base = unbiased(bench, state);
@@ -74,10 +74,10 @@ fn on_the_ground(bench: &Bench, state: &State, mut rivals: Vec<Rival>, offered: 
 }
 
 /// The parameters in doubt as they were given, as long as nothing is found: what is missing may have led them astray.
-fn unbiased(bench: &Bench, state: &State) -> Fit {
+fn unbiased(bench: &Objective, state: &DiagnosisState) -> FitPoint {
     let origin = || vec![0.0; state.fit.u.len()];
     let given =
-        state.chosen.is_empty().then(|| Fit::at(bench, state.fit.active.clone(), origin(), &state.fit.step_error));
+        state.chosen.is_empty().then(|| FitPoint::at(bench, state.fit.active.clone(), origin(), &state.fit.step_error));
     given.flatten().unwrap_or_else(|| state.fit.clone())
 }
 
@@ -87,16 +87,16 @@ fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
 }
 
 /// Whether even the leader leaves more than noise.
-fn leaves_much(bench: &Bench, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(Logs::Learn)) > NOISE)
+fn leaves_much(bench: &Objective, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(LogSet::Learn)) > NOISE)
 }
 
 /// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
-fn from_the_whole(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival>, Vec<Start>) {
+fn from_the_whole(bench: &Objective, state: &DiagnosisState, offered: &[usize]) -> (Vec<Rival>, Vec<StartPoint>) {
     let mut bases = vec![state.fit.clone()];
     if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
         let origin = vec![0.0; state.fit.u.len()];
-        bases.extend(Fit::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+        bases.extend(FitPoint::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
     }
     let starts = screen(bench, &mut bases, offered);
     (race(bench, &bases, &starts, None), starts)
@@ -106,10 +106,10 @@ fn from_the_whole(bench: &Bench, state: &State, offered: &[usize]) -> (Vec<Rival
 /// that nothing is called certain which its like explains as well, and its kin that makes do with fewer numbers, which
 /// may only have failed to get there; and whoever was screened, if the leader leaves something to explain.
 fn worth_another_look(
-    bench: &Bench,
+    bench: &Objective,
     leader: &Rival,
     rivals: &[Rival],
-    starts: &[Start],
+    starts: &[StartPoint],
     offered: &[usize],
 ) -> Vec<usize> {
     let kin = |candidate: &usize| {
@@ -117,23 +117,23 @@ fn worth_another_look(
         let is_kin = bench.family.candidates()[leader.candidate].kin.contains(candidate);
         (is_kin && !fitted) || is_simpler_kin(bench, leader.candidate, *candidate)
     };
-    let explains = chi(leader.fit.squares(), bench.samples(Logs::Learn)) <= NOISE;
+    let explains = chi(leader.fit.squares(), bench.samples(LogSet::Learn)) <= NOISE;
     let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
     offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
 }
 
 /// Whether a candidate looks like another one and makes do with fewer numbers.
-fn is_simpler_kin(bench: &Bench, of: usize, candidate: usize) -> bool {
+fn is_simpler_kin(bench: &Objective, of: usize, candidate: usize) -> bool {
     let candidates = bench.family.candidates();
     candidates[of].kin.contains(&candidate) && candidates[candidate].knobs().count() < candidates[of].knobs().count()
 }
 
 /// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
 /// parameters in doubt have done to make up for it.
-fn beneath(bench: &Bench, leader: &Rival, state: &State) -> Option<Fit> {
+fn beneath(bench: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
     let mut u = leader.fit.u.clone();
     bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
-    Fit::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
+    FitPoint::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
 }
 
 /// The best fit of each candidate, best first.

@@ -4,12 +4,12 @@
 //! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
 //! largest error alone; what is promising there is probed on all of them.
 
-use super::picture::{Base, STRETCH};
-use crate::fit::{Bench, Fit, Logs, corrected, shared};
-use crate::residual_model::{Candidate, Law};
+use super::picture::{BasePoint, STRETCH};
+use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
+use crate::residual_model::{EffectCandidate, Parametrisation};
 
 /// How large probes are.
-pub(super) struct Sizes {
+pub(super) struct ProbeSizes {
     /// Amplitudes, in typical sizes.
     pub amplitudes: &'static [f64],
     /// Limits act from some threshold on and are probed around it; they are not scaled.
@@ -17,11 +17,11 @@ pub(super) struct Sizes {
 }
 
 /// For the first glance, and for a closer look.
-const GLANCE: Sizes = Sizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
-const LOOK: Sizes = Sizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
+const GLANCE: ProbeSizes = ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
+const LOOK: ProbeSizes = ProbeSizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
 /// For whoever would go further than the largest probe of the closer look is believed: a foot that lost the ground, a
 /// joint at its stop, leave no way back along a straight line.
-const FAR: Sizes = Sizes { amplitudes: &[6.0, 24.0], limits: &[] };
+const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[] };
 /// How many candidates survive the glance at one log.
 const GLANCED: usize = 16;
 /// How many candidates are simulated where their probes promise most.
@@ -35,7 +35,7 @@ const SHARES: [f64; 2] = [1.0, 0.3];
 
 /// A candidate at a promising point.
 #[derive(Clone, Debug)]
-pub(super) struct Start {
+pub(super) struct StartPoint {
     /// Index of the candidate.
     pub candidate: usize,
     /// Index of the base it goes on from.
@@ -47,10 +47,10 @@ pub(super) struct Start {
 }
 
 /// About how many logs a screening simulates.
-pub(super) fn rollouts(bench: &Bench) -> usize {
-    let (candidates, logs) = (bench.family.candidates(), bench.logs(Logs::Learn).len());
-    let sides = |candidate: &Candidate| if has_two_sides(bench, candidate) { 2 } else { 1 };
-    let probes = |candidate: &Candidate| {
+pub(super) fn rollouts(bench: &Objective) -> usize {
+    let (candidates, logs) = (bench.family.candidates(), bench.logs(LogSet::Learn).len());
+    let sides = |candidate: &EffectCandidate| if has_two_sides(bench, candidate) { 2 } else { 1 };
+    let probes = |candidate: &EffectCandidate| {
         sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len()
     };
     let all: Vec<usize> = (0..candidates.len()).collect();
@@ -63,7 +63,7 @@ pub(super) fn rollouts(bench: &Bench) -> usize {
 /// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is
 /// seen from all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make
 /// up for it.
-pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec<Start> {
+pub(super) fn screen(bench: &Objective, bases: &mut [FitPoint], offered: &[usize]) -> Vec<StartPoint> {
     for (index, base) in bases.iter_mut().enumerate() {
         if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
     }
@@ -72,24 +72,24 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
     };
     let all = |&candidate: &usize| (candidate, bench.family.candidates()[candidate].starts.clone());
     let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
-    let glance = |(index, base): (usize, &Fit)| {
+    let glance = |(index, base): (usize, &FitPoint)| {
         let there = base.in_rows(rows.clone());
-        let seen = Base::new(bench, index, &there, vec![log]);
+        let seen = BasePoint::new(bench, index, &there, vec![log]);
         seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
     };
     let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
     // Everyone is looked at from the first base, and from the one where it promised most.
-    let look = |(index, base): (usize, &Fit)| {
-        let Some(seen) = Base::new(bench, index, base, bench.logs(Logs::Learn).to_vec()) else {
+    let look = |(index, base): (usize, &FitPoint)| {
+        let Some(seen) = BasePoint::new(bench, index, base, bench.logs(LogSet::Learn).to_vec()) else {
             return (vec![], vec![]);
         };
         let own = glanced.iter().filter(|start| index == 0 || start.base == index);
-        let near: Vec<Start> = own.filter_map(|start| seen.promising(bench, start, &LOOK)).collect();
+        let near: Vec<StartPoint> = own.filter_map(|start| seen.promising(bench, start, &LOOK)).collect();
         let beyond = near.iter().filter(|start| goes_further(bench, start));
         let far = beyond.filter_map(|start| seen.promising(bench, start, &FAR)).collect();
         (near, far)
     };
-    let (near, far): (Vec<Vec<Start>>, Vec<Vec<Start>>) = bases.iter().enumerate().map(look).unzip();
+    let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(look).unzip();
     let mut promising = best(near.concat(), VERIFIED);
     promising.extend(best(far.concat(), STRIKING));
     promising.extend(glanced.iter().take(STRIKING).cloned());
@@ -97,19 +97,19 @@ pub(super) fn screen(bench: &Bench, bases: &mut [Fit], offered: &[usize]) -> Vec
 }
 
 /// Whether a promise stops where the probes of the closer look are no longer believed, with room beyond.
-fn goes_further(bench: &Bench, start: &Start) -> bool {
+fn goes_further(bench: &Objective, start: &StartPoint) -> bool {
     let believed = STRETCH * LOOK.amplitudes.iter().fold(0.0, |most: f64, size| most.max(*size));
     let mut amplitudes = bench.family.candidates()[start.candidate].amplitudes.iter();
     amplitudes.any(|&knob| {
         let (u, knob) = (start.u[knob], &bench.family.knobs()[knob]);
-        knob.law == Law::Linear && u.abs() > 0.999 * believed && knob.clamp(2.0 * u).abs() > u.abs()
+        knob.law == Parametrisation::Linear && u.abs() > 0.999 * believed && knob.clamp(2.0 * u).abs() > u.abs()
     })
 }
 
 /// The best of each candidate, best first, at most so many.
-pub(super) fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
+pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> {
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut kept: Vec<Start> = Vec::new();
+    let mut kept: Vec<StartPoint> = Vec::new();
     for start in starts {
         if kept.len() < most && kept.iter().all(|other| other.candidate != start.candidate) {
             kept.push(start);
@@ -118,31 +118,31 @@ pub(super) fn best(mut starts: Vec<Start>, most: usize) -> Vec<Start> {
     kept
 }
 
-impl Start {
+impl StartPoint {
     /// Part of the way from a base to here; shapes have nowhere to come from.
-    fn partly(&self, bench: &Bench, base: &Fit, share: f64) -> Vec<f64> {
+    fn partly(&self, bench: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
         let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
         bench.family.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
         u
     }
 
-    pub(super) fn shapes(&self, bench: &Bench) -> Vec<f64> {
+    pub(super) fn shapes(&self, bench: &Objective) -> Vec<f64> {
         bench.family.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
     }
 }
 
 /// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In
 /// the order of what came out, but those that promise most are not lost for it.
-fn verify(bench: &Bench, bases: &[Fit], promising: &[Start]) -> Vec<Start> {
-    let partly = |start: &Start| {
-        SHARES.map(|share| Start { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
+fn verify(bench: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -> Vec<StartPoint> {
+    let partly = |start: &StartPoint| {
+        SHARES.map(|share| StartPoint { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
     };
-    let mut tried: Vec<Start> = promising.iter().flat_map(partly).collect();
+    let mut tried: Vec<StartPoint> = promising.iter().flat_map(partly).collect();
     simulate(bench, bases, &mut tried);
     let shares = tried.chunks(SHARES.len());
-    let all: Vec<Start> = shares.filter_map(|shares| best(shares.to_vec(), 1).pop()).collect();
-    let beaten = |start: &&Start| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
-    let mut verified: Vec<Start> =
+    let all: Vec<StartPoint> = shares.filter_map(|shares| best(shares.to_vec(), 1).pop()).collect();
+    let beaten = |start: &&StartPoint| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
+    let mut verified: Vec<StartPoint> =
         all.iter().filter(|start| start.cost.is_finite() && !beaten(start)).cloned().collect();
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -150,9 +150,9 @@ fn verify(bench: &Bench, bases: &[Fit], promising: &[Start]) -> Vec<Start> {
 }
 
 /// What starts really cost; more than anything where one blows up.
-pub(super) fn simulate(bench: &Bench, bases: &[Fit], starts: &mut [Start]) {
+pub(super) fn simulate(bench: &Objective, bases: &[FitPoint], starts: &mut [StartPoint]) {
     let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
-    for (start, residual) in starts.iter_mut().zip(bench.residuals(&points, Logs::Learn)) {
+    for (start, residual) in starts.iter_mut().zip(bench.residuals(&points, LogSet::Learn)) {
         let base = &bases[start.base];
         let active = with(base, &bench.family.candidates()[start.candidate]);
         let cost = |residual| {
@@ -164,12 +164,12 @@ pub(super) fn simulate(bench: &Bench, bases: &[Fit], starts: &mut [Start]) {
 
 /// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
 /// where one that is lifted does not.
-pub(super) fn has_two_sides(bench: &Bench, candidate: &Candidate) -> bool {
+pub(super) fn has_two_sides(bench: &Objective, candidate: &EffectCandidate) -> bool {
     let knobs = bench.family.knobs();
     bench.family.has_contact() && candidate.amplitudes.iter().any(|&knob| knobs[knob].bounds.0 < 0.0)
 }
 
 /// The base's free knobs and a candidate's.
-pub(super) fn with(base: &Fit, candidate: &Candidate) -> Vec<usize> {
+pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
     base.active.iter().copied().chain(candidate.knobs()).collect()
 }

@@ -1,8 +1,8 @@
 //! Evaluating a family: many points and logs at once, counted.
 
 use super::nearest::{MOVED, nearest_starts};
-use super::start::Starts;
-use crate::residual_model::{Family, Recorded, Rollout, Step};
+use super::start::StartStates;
+use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use btr_core::parallel::side_by_side;
 use btr_core::world::WorldError;
 use rayon::prelude::*;
@@ -18,19 +18,19 @@ pub const FINE_ENOUGH: f64 = 0.2;
 pub const FINEST: u32 = 4;
 
 /// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
-pub struct Bench<'a> {
+pub struct Objective<'a> {
     /// The family.
-    pub family: &'a dyn Family,
+    pub family: &'a dyn ResidualModel,
     learn: Vec<usize>,
     held_out: Vec<usize>,
-    starts: Starts,
+    starts: StartStates,
     halvings: AtomicU8,
     rollouts: AtomicUsize,
 }
 
 /// Which logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Logs {
+pub enum LogSet {
     /// Those to learn from.
     Learn,
     /// Those to judge on.
@@ -38,37 +38,37 @@ pub enum Logs {
 }
 
 /// Residuals of all logs of a kind, one after the other. A missing sample counts as no error.
-pub type Residual = Vec<f64>;
+pub type ResidualVector = Vec<f64>;
 
-impl<'a> Bench<'a> {
+impl<'a> Objective<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
-    pub fn new(family: &'a dyn Family) -> Self {
+    pub fn new(family: &'a dyn ResidualModel) -> Self {
         Self::at(family, &vec![0.0; family.knobs().len()])
     }
 
     /// The same where what another start state does is answered by the model at a point.
-    pub fn at(family: &'a dyn Family, u: &[f64]) -> Self {
+    pub fn at(family: &'a dyn ResidualModel, u: &[f64]) -> Self {
         let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
-        let (starts, rollouts) = Starts::at(family, u);
-        Bench { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
+        let (starts, rollouts) = StartStates::at(family, u);
+        Objective { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
     }
 
     /// A bench for the same family as it is seen from a point: with this one's step, counting on.
-    pub(crate) fn going_on<'b>(&self, family: &'b dyn Family, u: &[f64]) -> Bench<'b> {
-        let other = Bench::at(family, u);
+    pub(crate) fn going_on<'b>(&self, family: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
+        let other = Objective::at(family, u);
         let rollouts = self.rollouts() + other.rollouts();
-        Bench { halvings: self.step().halvings().into(), rollouts: rollouts.into(), ..other }
+        Objective { halvings: self.step().halvings().into(), rollouts: rollouts.into(), ..other }
     }
 
-    /// The family as the model at a point has it; see [`Family::seen_from`]. `None` where that is no different.
-    pub(crate) fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+    /// The family as the model at a point has it; see [`ResidualModel::seen_from`]. `None` where that is no different.
+    pub(crate) fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         let (moved, rollouts) = nearest_starts(self.family, u, MOVED);
         self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
         if moved.is_empty() { self.family.seen_from(u) } else { self.family.begun(&moved) }
     }
 
     /// Takes over the count of a bench that went on from here.
-    pub(crate) fn count(&self, other: &Bench) {
+    pub(crate) fn count(&self, other: &Objective) {
         self.rollouts.store(other.rollouts(), Ordering::Relaxed);
     }
 
@@ -78,8 +78,8 @@ impl<'a> Bench<'a> {
     }
 
     /// The time step that everything is simulated with.
-    pub fn step(&self) -> Step {
-        Step::of_halvings(self.halvings.load(Ordering::Relaxed))
+    pub fn step(&self) -> TimeStep {
+        TimeStep::of_halvings(self.halvings.load(Ordering::Relaxed))
     }
 
     /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from
@@ -95,26 +95,26 @@ impl<'a> Bench<'a> {
     }
 
     /// The logs of a kind, as indices in the family.
-    pub fn logs(&self, logs: Logs) -> &[usize] {
+    pub fn logs(&self, logs: LogSet) -> &[usize] {
         match logs {
-            Logs::Learn => &self.learn,
-            Logs::HeldOut => &self.held_out,
+            LogSet::Learn => &self.learn,
+            LogSet::HeldOut => &self.held_out,
         }
     }
 
     /// Residuals at several points, in parallel; `None` where a simulation blew up.
-    pub fn residuals(&self, points: &[Vec<f64>], logs: Logs) -> Vec<Option<Residual>> {
+    pub fn residuals(&self, points: &[Vec<f64>], logs: LogSet) -> Vec<Option<ResidualVector>> {
         self.residuals_of(points, self.logs(logs))
     }
 
     /// The same for some logs.
-    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize]) -> Vec<Option<Residual>> {
+    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize]) -> Vec<Option<ResidualVector>> {
         self.in_steps(points, which, self.step())
     }
 
-    fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: Step) -> Vec<Option<Residual>> {
-        let of_log = |&log: &usize| points.iter().map(move |u| Rollout::of(u, log));
-        let rollouts: Vec<Rollout> = which.iter().flat_map(of_log).collect();
+    fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: TimeStep) -> Vec<Option<ResidualVector>> {
+        let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
+        let rollouts: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
         self.rollouts.fetch_add(rollouts.len(), Ordering::Relaxed);
         let parts = each(self.family, &rollouts, step, &|log, residual| self.known(log, residual));
         let joined = |point: usize| {
@@ -125,7 +125,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The residual of a log without what its start state could do; a missing sample is none.
-    fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Option<Residual> {
+    fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Option<ResidualVector> {
         let mut residual = residual.ok()?;
         residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
         self.starts.project(log, &mut residual);
@@ -133,7 +133,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Measured samples of the logs of a kind, without those that their start states take.
-    pub fn samples(&self, logs: Logs) -> usize {
+    pub fn samples(&self, logs: LogSet) -> usize {
         let count = |log: &usize| self.family.logs()[*log].present.saturating_sub(self.starts.rank(*log));
         self.logs(logs).iter().map(count).sum()
     }
@@ -152,22 +152,22 @@ impl<'a> Bench<'a> {
     }
 
     /// The residual at one point.
-    pub fn residual(&self, point: &[f64], logs: Logs) -> Option<Residual> {
+    pub fn residual(&self, point: &[f64], logs: LogSet) -> Option<ResidualVector> {
         self.residuals(&[point.to_vec()], logs).pop().flatten()
     }
 
     /// The residual at one point with half the step.
-    pub(super) fn halved(&self, point: &[f64], logs: Logs) -> Option<Residual> {
+    pub(super) fn halved(&self, point: &[f64], logs: LogSet) -> Option<ResidualVector> {
         self.in_steps(&[point.to_vec()], self.logs(logs), self.step().halved()).pop().flatten()
     }
 
     /// What the integrator's error adds to the residual at a point. Zero where half the step blows up.
-    pub fn step_error(&self, point: &[f64], usual: &[f64], logs: Logs) -> Residual {
+    pub fn step_error(&self, point: &[f64], usual: &[f64], logs: LogSet) -> ResidualVector {
         self.halved(point, logs).map_or_else(|| vec![0.0; usual.len()], |halved| self.beyond(usual, &halved))
     }
 
     /// The change that half the step makes, extrapolated to no step at all (Richardson).
-    pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> Residual {
+    pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
@@ -175,13 +175,13 @@ impl<'a> Bench<'a> {
 
 /// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
 pub(super) fn each<T: Send>(
-    family: &dyn Family,
-    rollouts: &[Rollout],
-    step: Step,
+    family: &dyn ResidualModel,
+    rollouts: &[ResidualRequest],
+    step: TimeStep,
     made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
 ) -> Vec<T> {
     let at_once = side_by_side(family.side_by_side(), rollouts.len());
-    let run = |few: &[Rollout]| {
+    let run = |few: &[ResidualRequest]| {
         let residuals = family.residuals(few, step);
         few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
     };
@@ -189,7 +189,7 @@ pub(super) fn each<T: Send>(
 }
 
 /// Adds a step error to a residual.
-pub fn corrected(mut residual: Residual, step_error: &[f64]) -> Residual {
+pub fn corrected(mut residual: ResidualVector, step_error: &[f64]) -> ResidualVector {
     residual.iter_mut().zip(step_error).for_each(|(r, e)| *r += e);
     residual
 }
@@ -200,7 +200,7 @@ pub fn squares(residual: &[f64]) -> f64 {
 }
 
 /// The rows of each channel of some logs in their residual.
-pub(super) fn channels<'a>(logs: impl Iterator<Item = &'a Recorded>) -> Vec<Range<usize>> {
+pub(super) fn channels<'a>(logs: impl Iterator<Item = &'a RecordedLog>) -> Vec<Range<usize>> {
     let (mut start, mut rows) = (0, Vec::new());
     for log in logs {
         rows.extend(log.channels.iter().map(|channel| start + channel.samples.start..start + channel.samples.end));

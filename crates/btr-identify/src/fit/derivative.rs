@@ -1,10 +1,10 @@
 //! How the residual changes with the free knobs: finite differences, cheap ones for the way and careful ones for what is said
 //! about the end of it.
 
-use super::bench::{Bench, Logs, Residual};
+use super::bench::{LogSet, Objective, ResidualVector};
 use super::estimate::told;
-use super::solve::Fit;
-use crate::residual_model::Knob;
+use super::solve::FitPoint;
+use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
 
 /// How much finer than the usual ones fine differences are.
@@ -28,7 +28,7 @@ const LESS: f64 = 0.5;
 const CRAMPED: f64 = 0.2;
 
 /// A direction to look along.
-struct Look {
+struct ProbeDirection {
     /// What a step is multiplied with to get how far it goes along the direction, ...
     along: DVector<f64>,
     /// ... which is this one.
@@ -38,10 +38,10 @@ struct Look {
 }
 
 /// What was seen along a direction.
-struct Seen {
-    /// As in [`Look`].
+struct ProbeResponse {
+    /// As in [`ProbeDirection`].
     along: DVector<f64>,
-    /// As in [`Look`].
+    /// As in [`ProbeDirection`].
     scaled: DVector<f64>,
     /// How the residual changes along it.
     change: DVector<f64>,
@@ -55,7 +55,7 @@ fn replace(jacobian: &mut DMatrix<f64>, along: &DVector<f64>, scaled: &DVector<f
 
 /// How the residual changes with a knob, and by how much it misses a straight line as a share of its change.
 struct Slope {
-    column: Residual,
+    column: ResidualVector,
     bend: f64,
 }
 
@@ -74,9 +74,9 @@ impl Slope {
     }
 }
 
-impl Fit {
+impl FitPoint {
     /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
-    pub fn differentiate(&mut self, bench: &Bench) {
+    pub fn differentiate(&mut self, bench: &Objective) {
         let columns = columns(bench, &self.u, &self.active, &self.residual, &self.step_error);
         let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
         for (k, column) in columns.iter().enumerate() {
@@ -88,7 +88,7 @@ impl Fit {
     /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
     /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again
     /// with shorter steps.
-    pub fn differentiate_finely(&mut self, bench: &Bench) {
+    pub fn differentiate_finely(&mut self, bench: &Objective) {
         let mut slopes = self.slopes(bench, &self.active, FINE);
         for finer in SHORTER {
             let bent: Vec<usize> = (0..slopes.len()).filter(|&k| slopes[k].bend > BENT).collect();
@@ -108,7 +108,7 @@ impl Fit {
     }
 
     /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
-    fn slopes(&self, bench: &Bench, active: &[usize], share: f64) -> Vec<Slope> {
+    fn slopes(&self, bench: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
         let knobs = bench.family.knobs();
         let stencils: Vec<[(f64, f64); 2]> =
             active.iter().map(|&k| stencil(&knobs[k], self.u[k], share * knobs[k].reach)).collect();
@@ -120,9 +120,9 @@ impl Fit {
             })
         };
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
-        let there = bench.residuals(&points, Logs::Learn);
+        let there = bench.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<Residual>])| match there {
+        let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<ResidualVector>])| match there {
             [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
@@ -133,7 +133,7 @@ impl Fit {
     /// which little is told once more, in steps of the deviation that is left of it. The errors of short steps (a servo that
     /// sticks a sample earlier, a solver's tolerance) would otherwise pass for something that the logs tell, and intervals
     /// would be too narrow just where they matter.
-    pub fn differentiate_widely(&mut self, bench: &Bench) {
+    pub fn differentiate_widely(&mut self, bench: &Objective) {
         self.differentiate_finely(bench);
         self.look_along_the_common_factor(bench);
         let mut steps = vec![SHORT; self.active.len()];
@@ -159,10 +159,12 @@ impl Fit {
     /// A change of the unit of mass moves nothing. Where nothing that is measured or fixed has to do with mass, logs do
     /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
     /// seem to tell. So it is looked along by itself, and believed where that shows less.
-    fn look_along_the_common_factor(&mut self, bench: &Bench) {
+    fn look_along_the_common_factor(&mut self, bench: &Objective) {
         let knobs = bench.family.knobs();
         let Some(along) = self.common_factor(knobs) else { return };
-        let Some(Seen { along, scaled, change }) = self.look(bench, vec![(along, COMMON)]).pop() else { return };
+        let Some(ProbeResponse { along, scaled, change }) = self.look(bench, vec![(along, COMMON)]).pop() else {
+            return;
+        };
         let Some(jacobian) = self.jacobian.as_mut() else { return };
         if change.norm() < LESS * (&*jacobian * &scaled).norm() {
             replace(jacobian, &along, &scaled, &change);
@@ -170,7 +172,7 @@ impl Fit {
     }
 
     /// The direction, in units of the priors, in which all that is measured in units of mass grows alike.
-    fn common_factor(&self, knobs: &[Knob]) -> Option<DVector<f64>> {
+    fn common_factor(&self, knobs: &[FitParameter]) -> Option<DVector<f64>> {
         let part = |&k: &usize| {
             let growth = knobs[k].growth(self.u[k]);
             let grows = knobs[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
@@ -181,40 +183,41 @@ impl Fit {
 
     /// Replaces what the Jacobian says along directions (in units of the priors) by what is seen along them in steps as
     /// given.
-    fn look_along(&mut self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) {
+    fn look_along(&mut self, bench: &Objective, directions: Vec<(DVector<f64>, f64)>) {
         let seen = self.look(bench, directions);
         let Some(jacobian) = self.jacobian.as_mut() else { return };
-        seen.iter().for_each(|Seen { along, scaled, change }| replace(jacobian, along, scaled, change));
+        seen.iter().for_each(|ProbeResponse { along, scaled, change }| replace(jacobian, along, scaled, change));
     }
 
     /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
     /// as the bounds allow. Directions that blow up or have no room on either side are left out.
-    fn look(&self, bench: &Bench, directions: Vec<(DVector<f64>, f64)>) -> Vec<Seen> {
+    fn look(&self, bench: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
         let knobs = bench.family.knobs();
         let spreads = DVector::from_fn(self.active.len(), |k, _| knobs[self.active[k]].spread);
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
             let stencil = self.stencil_along(knobs, &scaled, step)?;
-            Some(Look { along: along.component_div(&spreads), scaled, stencil })
+            Some(ProbeDirection { along: along.component_div(&spreads), scaled, stencil })
         };
-        let looks: Vec<Look> = directions.into_iter().filter_map(placed).collect();
-        let moved = |look: &Look| look.stencil.map(|(step, _)| self.point_along(knobs, &(&look.scaled * step)));
+        let looks: Vec<ProbeDirection> = directions.into_iter().filter_map(placed).collect();
+        let moved =
+            |look: &ProbeDirection| look.stencil.map(|(step, _)| self.point_along(knobs, &(&look.scaled * step)));
         let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
-        let there = bench.residuals(&points, Logs::Learn);
+        let there = bench.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let seen = |(look, there): (Look, &[Option<Residual>])| {
+        let seen = |(look, there): (ProbeDirection, &[Option<ResidualVector>])| {
             let ([Some(near), Some(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
                 return None;
             };
             let at = |row: usize| near_weight * (near[row] - here[row]) + far_weight * (far[row] - here[row]);
             let change = DVector::from_fn(here.len(), |row, _| at(row));
-            Some(Seen { along: look.along, scaled: look.scaled, change })
+            Some(ProbeResponse { along: look.along, scaled: look.scaled, change })
         };
         looks.into_iter().zip(there.chunks(2)).filter_map(seen).collect()
     }
 
     /// The point that a step of the free knobs leads to, in proportion.
-    pub(super) fn point_along(&self, knobs: &[Knob], step: &DVector<f64>) -> Vec<f64> {
+    pub(super) fn point_along(&self, knobs: &[FitParameter], step: &DVector<f64>) -> Vec<f64> {
         let mut point = self.u.clone();
         let moves = self.active.iter().zip(step.iter());
         moves.for_each(|(&k, by)| point[k] = knobs[k].in_proportion(point[k], *by));
@@ -222,7 +225,7 @@ impl Fit {
     }
 
     /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.
-    fn stencil_along(&self, knobs: &[Knob], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
+    fn stencil_along(&self, knobs: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
         let room = |side: f64| {
             let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
                 let bound = if side * x > 0.0 { knobs[k].bounds.1 } else { knobs[k].bounds.0 };
@@ -241,7 +244,7 @@ impl Fit {
 }
 
 /// Two offsets and the weights of what changes there, for a derivative of second order with steps of `h`.
-fn stencil(knob: &Knob, u: f64, h: f64) -> [(f64, f64); 2] {
+fn stencil(knob: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
     let (least, most) = knob.bounds;
     let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
     match () {
@@ -252,7 +255,7 @@ fn stencil(knob: &Knob, u: f64, h: f64) -> [(f64, f64); 2] {
 }
 
 /// d residual / d coordinate of each knob, by finite differences.
-pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
+pub fn columns(bench: &Objective, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
     let knobs = bench.family.knobs();
     let reach = |knob: usize| {
         let reach = knobs[knob].reach;
@@ -264,8 +267,8 @@ pub fn columns(bench: &Bench, u: &[f64], active: &[usize], residual: &[f64], ste
         point
     };
     let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let there = bench.residuals(&points, Logs::Learn);
-    let column = |(&knob, there): (&usize, Option<Residual>)| match there {
+    let there = bench.residuals(&points, LogSet::Learn);
+    let column = |(&knob, there): (&usize, Option<ResidualVector>)| match there {
         Some(there) => {
             let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
             there.iter().zip(bare).map(|(a, b)| (a - b) / reach(knob)).collect()

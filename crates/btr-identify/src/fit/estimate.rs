@@ -1,8 +1,8 @@
 //! What a fit says about each number: its value, how sure it is, and what nothing can be said about.
 
-use super::bench::{Bench, Logs, channels};
-use super::solve::Fit;
-use crate::residual_model::{Family, Knob};
+use super::bench::{LogSet, Objective, channels};
+use super::solve::FitPoint;
+use crate::residual_model::{FitParameter, ResidualModel};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub struct Estimate {
 /// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
 /// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
 /// too; with contact they are at least as wide as channels differ in what they say.
-pub fn estimates(bench: &Bench, fit: &Fit, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
+pub fn estimates(bench: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
     let (family, knobs) = (bench.family, bench.family.knobs());
     let deviations_within = deviations(knobs, fit, inflation, 1.0);
     let by_logs = deviations(knobs, fit, inflation, LOOSE);
@@ -65,7 +65,7 @@ pub fn estimates(bench: &Bench, fit: &Fit, inflation: f64, trusted: bool) -> Vec
 }
 
 /// JᵀJ in units of the priors, so that what the logs tell is comparable with what is believed anyway.
-pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
+pub(super) fn told(knobs: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let spread = |k: usize| knobs[fit.active[k]].spread;
     let information = jacobian.tr_mul(jacobian);
@@ -74,7 +74,7 @@ pub(super) fn told(knobs: &[Knob], fit: &Fit) -> Option<DMatrix<f64>> {
 
 /// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as
 /// wide as they are.
-fn information(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
+fn information(knobs: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
     for (k, &knob) in fit.active.iter().enumerate() {
@@ -84,7 +84,7 @@ fn information(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option
 }
 
 /// Standard deviation of each free coordinate.
-fn deviations(knobs: &[Knob], fit: &Fit, inflation: f64, looser: f64) -> Option<Vec<f64>> {
+fn deviations(knobs: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<Vec<f64>> {
     information(knobs, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
 }
 
@@ -95,7 +95,7 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
 /// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a
 /// channel is small and lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum
 /// of the squares of what each channel's residual says. None where channels are too few to tell.
-fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
+fn by_channels(family: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let channels = channels(family.logs().iter().filter(|log| !log.held_out));
     let numbers = fit.active.len();
@@ -115,9 +115,9 @@ fn by_channels(family: &dyn Family, fit: &Fit) -> Option<Vec<f64>> {
 }
 
 /// By how much the integrator's error moves each free coordinate; nothing is known of it where motion is chaotic.
-fn by_step(bench: &Bench, fit: &Fit) -> Option<Vec<f64>> {
+fn by_step(bench: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref().filter(|_| !bench.family.is_chaotic())?;
-    let error = bench.step_error(&fit.u, &fit.bare(), Logs::Learn);
+    let error = bench.step_error(&fit.u, &fit.bare(), LogSet::Learn);
     let says = jacobian.tr_mul(&DVector::from_vec(error));
     let moved = information(bench.family.knobs(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
     Some(moved.iter().map(|by| by.abs()).collect())
@@ -135,7 +135,7 @@ pub struct NullDirection {
 
 /// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say: first the knobs
 /// that are dead by themselves, then combinations of the others, each of as few as possible.
-pub fn null_directions(family: &dyn Family, fit: &Fit) -> Vec<NullDirection> {
+pub fn null_directions(family: &dyn ResidualModel, fit: &FitPoint) -> Vec<NullDirection> {
     let knobs = family.knobs();
     let Some(told) = told(knobs, fit) else { return Vec::new() };
     let (dead, alive): (Vec<usize>, Vec<usize>) = (0..told.nrows()).partition(|&k| is_dead(told[(k, k)]));
@@ -183,10 +183,10 @@ fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
 }
 
 /// A direction, given as positions among the free knobs with their shares.
-fn named(knobs: &[Knob], fit: &Fit, direction: &[(usize, f64)]) -> NullDirection {
+fn named(knobs: &[FitParameter], fit: &FitPoint, direction: &[(usize, f64)]) -> NullDirection {
     let largest = direction.iter().map(|(_, x)| *x).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
-    let part = |&(k, x): &(usize, f64)| Part::new(&knobs[fit.active[k]], fit.u[fit.active[k]], x / largest);
-    let parts: Vec<Part> = direction.iter().map(part).collect();
+    let part = |&(k, x): &(usize, f64)| DirectionPart::new(&knobs[fit.active[k]], fit.u[fit.active[k]], x / largest);
+    let parts: Vec<DirectionPart> = direction.iter().map(part).collect();
     let sentence = in_words(&parts);
     let mut shares: Vec<(String, f64)> =
         parts.iter().filter(|part| part.is_named()).map(|part| (part.knob.name.clone(), part.share)).collect();
@@ -195,17 +195,17 @@ fn named(knobs: &[Knob], fit: &Fit, direction: &[(usize, f64)]) -> NullDirection
 }
 
 /// A knob in a direction.
-struct Part<'a> {
-    knob: &'a Knob,
+struct DirectionPart<'a> {
+    knob: &'a FitParameter,
     /// How far it moves, in typical deviations; the largest is 1.
     share: f64,
     /// By which share of itself its value grows.
     growth: f64,
 }
 
-impl<'a> Part<'a> {
-    fn new(knob: &'a Knob, u: f64, share: f64) -> Self {
-        Part { knob, share, growth: share * knob.spread * knob.slope(u) / knob.value(u) }
+impl<'a> DirectionPart<'a> {
+    fn new(knob: &'a FitParameter, u: f64, share: f64) -> Self {
+        DirectionPart { knob, share, growth: share * knob.spread * knob.slope(u) / knob.value(u) }
     }
 
     fn is_named(&self) -> bool {
@@ -214,12 +214,12 @@ impl<'a> Part<'a> {
 }
 
 /// What a direction, in the model's order, means.
-fn in_words(parts: &[Part]) -> String {
-    let named: Vec<&Part> = parts.iter().filter(|part| part.is_named()).collect();
+fn in_words(parts: &[DirectionPart]) -> String {
+    let named: Vec<&DirectionPart> = parts.iter().filter(|part| part.is_named()).collect();
     let has_mass = named.iter().any(|part| part.knob.unit == "kg");
     if let Some(growth) = factor(&named) {
         // What may be of any size moves by a small share of what it may be, though it grows like the others.
-        let scaled: Vec<&Part> =
+        let scaled: Vec<&DirectionPart> =
             parts.iter().filter(|part| SAME <= part.growth / growth && part.growth / growth <= 1.0 / SAME).collect();
         let remedy = if has_mass { "weigh one link, say, or add a payload of known mass" } else { "fix one of them" };
         let all = list(&scaled);
@@ -238,7 +238,7 @@ fn in_words(parts: &[Part]) -> String {
 }
 
 /// "a, b and c".
-fn list(parts: &[&Part]) -> String {
+fn list(parts: &[&DirectionPart]) -> String {
     let names: Vec<&str> = parts.iter().map(|part| part.knob.name.as_str()).collect();
     match names.as_slice() {
         [several @ .., last] if !several.is_empty() => format!("{} and {last}", several.join(", ")),
@@ -247,7 +247,7 @@ fn list(parts: &[&Part]) -> String {
 }
 
 /// By which share of themselves the values of several parts grow, where that is about the same for all.
-fn factor(parts: &[&Part]) -> Option<f64> {
+fn factor(parts: &[&DirectionPart]) -> Option<f64> {
     let growth = parts.iter().map(|part| part.growth).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
     (parts.len() > 1 && parts.iter().all(|part| part.growth / growth >= SAME)).then_some(growth)
 }

@@ -1,10 +1,10 @@
 //! The whole way from a model as it stands to values with intervals.
 
-use super::bench::{Bench, Logs};
+use super::bench::{LogSet, Objective};
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
-use super::judge::{Measure, NOISE, chi, held_out_squares};
-use super::solve::{Effort, Ended, Fit};
-use crate::residual_model::Step;
+use super::judge::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use super::solve::{FitPoint, FitStop, SearchBudget};
+use crate::residual_model::TimeStep;
 
 /// Where amplitudes that are off are started from: at off, where some effects have no slope, and beside it.
 const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
@@ -12,16 +12,16 @@ const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
 /// far too low or too high has a valley of its own.
 const MAGNITUDES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
 /// What each start may spend before the best goes on.
-const TRIAL: Effort = Effort { jacobians: 1, steps: 6 };
+const TRIAL: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
 /// A search is at its end where settling lowers the cost by no more than this share.
 const CONVERGED: f64 = 1e-3;
 
 /// A finished fit.
 #[derive(Clone, Debug)]
-pub struct Fitted {
+pub struct FitResult {
     /// The point and what is known around it.
-    pub fit: Fit,
+    pub fit: FitPoint,
     /// Every free number.
     pub parameters: Vec<Estimate>,
     /// Error on the logs to learn from, in multiples of the noise floor.
@@ -33,14 +33,14 @@ pub struct Fitted {
     /// What was done, and the two errors after it.
     pub ladder: Vec<Rung>,
     /// Why it ended.
-    pub ended: Ended,
+    pub ended: FitStop,
     /// Why there are no intervals, where there are none.
     pub withheld: Option<String>,
     /// The integrator's own error in multiples of the noise floor: in the logs to learn from or in those to judge on,
     /// whichever is larger.
     pub integrator_error: f64,
     /// The time step that it holds for.
-    pub step: Step,
+    pub step: TimeStep,
     /// Simulated logs.
     pub rollouts: usize,
 }
@@ -49,16 +49,16 @@ pub struct Fitted {
 type Rung = (String, f64, Option<f64>);
 
 /// The steps so far, and who hears of them.
-struct Ladder<'a> {
+struct LadderRecorder<'a> {
     rungs: Vec<Rung>,
     tell: &'a dyn Fn(&str, f64, Option<f64>),
 }
 
-impl Ladder<'_> {
-    fn climb(&mut self, bench: &Bench, step: &str, fit: &Fit) {
-        let train = chi(fit.squares(), bench.samples(Logs::Learn));
-        let held_out = held_out_squares(bench, &fit.u).filter(|_| !bench.logs(Logs::HeldOut).is_empty());
-        let held_out = held_out.map(|squares| chi(squares, bench.samples(Logs::HeldOut)));
+impl LadderRecorder<'_> {
+    fn climb(&mut self, bench: &Objective, step: &str, fit: &FitPoint) {
+        let train = chi(fit.squares(), bench.samples(LogSet::Learn));
+        let held_out = held_out_squares(bench, &fit.u).filter(|_| !bench.logs(LogSet::HeldOut).is_empty());
+        let held_out = held_out.map(|squares| chi(squares, bench.samples(LogSet::HeldOut)));
         (self.tell)(step, train, held_out);
         self.rungs.push((step.to_owned(), train, held_out));
     }
@@ -70,7 +70,7 @@ impl Ladder<'_> {
 }
 
 /// A fit, why it ended, and the integrator's error.
-type Done = (Fit, Ended, f64);
+type FinishedSearch = (FitPoint, FitStop, f64);
 
 /// How often a motion without contact is looked at anew, ...
 pub(crate) const LOOKS: usize = 3;
@@ -81,8 +81,8 @@ const MOST: f64 = 0.5;
 /// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on
 /// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
 /// where the model blows up as it stands.
-pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fitted> {
-    let mut ladder = Ladder { rungs: Vec::new(), tell };
+pub fn fitted(bench: &Objective, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<FitResult> {
+    let mut ladder = LadderRecorder { rungs: Vec::new(), tell };
     let fit = begin(bench, &mut ladder)?;
     let done = finish(bench, fit, &mut ladder, "fitted");
     let looks = if bench.family.has_contact() { 1 } else { LOOKS };
@@ -91,7 +91,7 @@ pub fn fitted(bench: &Bench, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<Fi
 
 /// Goes on with starts as the fitted model sees them, so often at most. Where nothing is touched, that is tried in any case,
 /// and kept if it leaves less.
-fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option<Fitted> {
+fn looked(bench: &Objective, done: FinishedSearch, mut ladder: LadderRecorder, looks: usize) -> Option<FitResult> {
     let contact = bench.family.has_contact();
     if looks == 0 || (contact && ladder.error() <= NOISE) {
         return Some(conclude(bench, done, ladder));
@@ -101,7 +101,7 @@ fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option
         return Some(conclude(bench, done, ladder));
     }
     let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &done.0.u);
-    let mut fit = Fit::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
+    let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
     fit.renew_step_error(&again);
     if !contact {
         fit.solve(&again, TRIAL);
@@ -116,20 +116,21 @@ fn looked(bench: &Bench, done: Done, mut ladder: Ladder, looks: usize) -> Option
 
 /// Whether starts that were seen anew are to be believed: nothing is left to explain, and less than before; or they were so
 /// wrong that most is explained now. A model that lacks something sees starts that make up for a little of it.
-fn is_better(again: &Bench, fit: &Fit, bench: &Bench, before: &Fit) -> bool {
-    let squares = |bench: &Bench, fit: &Fit| (fit.squares(), held_out_squares(bench, &fit.u).unwrap_or(0.0));
+fn is_better(again: &Objective, fit: &FitPoint, bench: &Objective, before: &FitPoint) -> bool {
+    let squares = |bench: &Objective, fit: &FitPoint| (fit.squares(), held_out_squares(bench, &fit.u).unwrap_or(0.0));
     let ((learnt, judged), (learnt_before, judged_before)) = (squares(again, fit), squares(bench, before));
     let samples = |logs| again.samples(logs);
-    let explained = chi(learnt, samples(Logs::Learn)) <= NOISE && chi(judged, samples(Logs::HeldOut).max(1)) <= NOISE;
+    let explained =
+        chi(learnt, samples(LogSet::Learn)) <= NOISE && chi(judged, samples(LogSet::HeldOut).max(1)) <= NOISE;
     let share = if explained { LESS } else { MOST };
     learnt < share * learnt_before || judged < share * judged_before
 }
 
 /// The best of several starts.
-fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
+fn begin(bench: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint> {
     let knobs = bench.family.knobs();
     let doubtful = bench.family.doubtful().to_vec();
-    let mut fit = Fit::at(bench, doubtful.clone(), vec![0.0; knobs.len()], &[])?;
+    let mut fit = FitPoint::at(bench, doubtful.clone(), vec![0.0; knobs.len()], &[])?;
     fit.renew_step_error(bench);
     ladder.climb(bench, "model as it stands", &fit);
     let off: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].amplitude).collect();
@@ -141,7 +142,7 @@ fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
         let mut u = fit.u.clone();
         off.iter().for_each(|&k| u[k] = knobs[k].clamp(size));
         open.iter().for_each(|&k| u[k] = knobs[k].clamp(knobs[k].coordinate(factor * knobs[k].origin)));
-        let mut fit = Fit::at(bench, doubtful.clone(), u, &fit.step_error)?;
+        let mut fit = FitPoint::at(bench, doubtful.clone(), u, &fit.step_error)?;
         fit.solve(bench, TRIAL);
         Some(fit)
     };
@@ -151,7 +152,7 @@ fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
     };
     let (at_off, beside_it) = STARTS.split_at(1);
     let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0])?;
-    if !open.is_empty() && chi(best.squares(), bench.samples(Logs::Learn)) > NOISE {
+    if !open.is_empty() && chi(best.squares(), bench.samples(LogSet::Learn)) > NOISE {
         let other = best_of(if off.is_empty() { at_off } else { beside_it }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
@@ -160,30 +161,30 @@ fn begin(bench: &Bench, ladder: &mut Ladder) -> Option<Fit> {
 }
 
 /// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
-fn finish(bench: &Bench, mut fit: Fit, ladder: &mut Ladder, step: &str) -> Done {
+fn finish(bench: &Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
-    fit.solve(bench, Effort::FULL);
+    fit.solve(bench, SearchBudget::FULL);
     let integrator_error = fit.renew_step_error(bench);
-    let ended = fit.solve(bench, Effort { jacobians: 2, steps: 8 });
+    let ended = fit.solve(bench, SearchBudget { jacobians: 2, steps: 8 });
     let solved = fit.cost;
     fit.settle(bench);
     // Steps along slopes as wide as what is left in doubt lead nowhere either.
-    let ended = if solved - fit.cost <= CONVERGED * solved { Ended::Converged } else { ended };
+    let ended = if solved - fit.cost <= CONVERGED * solved { FitStop::Converged } else { ended };
     ladder.climb(bench, step, &fit);
     (fit, ended, integrator_error)
 }
 
-fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder) -> Fitted {
+fn conclude(bench: &Objective, (fit, ended, integrator_error): FinishedSearch, ladder: LadderRecorder) -> FitResult {
     let error = ladder.error();
     let withheld = (error > NOISE).then(|| {
         format!(
             "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
         )
     });
-    let inflation = Measure::of(bench, &fit).inflation();
+    let inflation = ComparisonMeasure::of(bench, &fit).inflation();
     let (train, held_out) =
         ladder.rungs.last().map_or((f64::INFINITY, None), |(_, train, held_out)| (*train, *held_out));
-    Fitted {
+    FitResult {
         parameters: estimates(bench, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(bench.family, &fit),
         integrator_error: integrator_error.max(fit.step_error_to_judge_on(bench)),
@@ -203,17 +204,21 @@ fn conclude(bench: &Bench, (fit, ended, integrator_error): Done, ladder: Ladder)
 mod tests {
     use super::*;
     use crate::fit::made::{Made, knob};
-    use crate::residual_model::{Knob, Law};
+    use crate::residual_model::{FitParameter, Parametrisation};
 
     #[test]
     fn what_may_be_of_any_magnitude_is_looked_for_at_several() {
         // A swing whose rate is known to an order of magnitude has a valley of its own at many rates.
-        let rate = Knob { spread: 3.0, reach: 0.01, ..knob(Law::Exponential, 1.0, std::f64::consts::LN_2) };
+        let rate = FitParameter {
+            spread: 3.0,
+            reach: 0.01,
+            ..knob(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
+        };
         let made = Made::new(vec![rate], 120, |values| {
             let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
             (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
         });
-        let found = fitted(&Bench::new(&made), &|_, _, _| {}).unwrap();
+        let found = fitted(&Objective::new(&made), &|_, _, _| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

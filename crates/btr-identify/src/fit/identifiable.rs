@@ -1,9 +1,9 @@
 //! What logs can tell about the numbers in doubt, before anything is fitted to them: G. H. Golub and C. F. Van Loan's singular
 //! values of the scaled Jacobian ("Matrix Computations", 1983), at the model as it stands.
 
-use super::bench::{Bench, Logs};
+use super::bench::{LogSet, Objective};
 use super::estimate::{NullDirection, is_dead, null_directions, told};
-use super::solve::Fit;
+use super::solve::FitPoint;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -40,16 +40,16 @@ pub struct Identifiable {
 
 /// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model
 /// blows up as it stands.
-pub fn identifiable(bench: &Bench) -> Option<Identifiable> {
+pub fn identifiable(bench: &Objective) -> Option<Identifiable> {
     let (family, knobs) = (bench.family, bench.family.knobs());
     if family.doubtful().is_empty() {
         return None;
     }
-    let mut fit = Fit::at(bench, family.doubtful().to_vec(), vec![0.0; knobs.len()], &[])?;
+    let mut fit = FitPoint::at(bench, family.doubtful().to_vec(), vec![0.0; knobs.len()], &[])?;
     fit.differentiate_widely(bench);
     let told = told(knobs, &fit)?;
     let left = (DMatrix::identity(told.nrows(), told.nrows()) + &told).cholesky()?.inverse();
-    let samples = bench.samples(Logs::Learn).max(1) as f64;
+    let samples = bench.samples(LogSet::Learn).max(1) as f64;
     let sensitivity = |(k, &index): (usize, &usize)| Sensitivity {
         name: knobs[index].name.clone(),
         unit: knobs[index].unit.clone(),

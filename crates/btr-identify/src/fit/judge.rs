@@ -1,8 +1,8 @@
 //! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
 //! leaves.
 
-use super::bench::{Bench, Logs, channels, corrected, squares};
-use super::solve::Fit;
+use super::bench::{LogSet, Objective, channels, corrected, squares};
+use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 
 /// Up to this error, in multiples of the noise floor, a residual passes for noise; above it, it has structure, and an interval
@@ -11,7 +11,7 @@ pub const NOISE: f64 = 1.15;
 
 /// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measure {
+pub struct ComparisonMeasure {
     /// Variance of the residual, in multiples of the noise's; at least 1.
     variance: f64,
     /// Samples that carry one independent piece of information.
@@ -20,15 +20,15 @@ pub struct Measure {
     samples: f64,
 }
 
-impl Measure {
+impl ComparisonMeasure {
     /// Taken from the best fit, or the last.
-    pub fn of(bench: &Bench, best: &Fit) -> Self {
-        let samples = bench.samples(Logs::Learn) as f64;
-        Measure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
+    pub fn of(bench: &Objective, best: &FitPoint) -> Self {
+        let samples = bench.samples(LogSet::Learn) as f64;
+        ComparisonMeasure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
     }
 
     /// B: the smaller, the better. Differences above ten are decisive.
-    pub fn criterion(&self, fit: &Fit) -> f64 {
+    pub fn criterion(&self, fit: &FitPoint) -> f64 {
         let scale = self.variance * self.memory;
         fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
     }
@@ -46,19 +46,19 @@ pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
 
 /// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
 /// blows up.
-pub(crate) fn held_out_squares(bench: &Bench, u: &[f64]) -> Option<f64> {
-    let residual = bench.residual(u, Logs::HeldOut)?;
+pub(crate) fn held_out_squares(bench: &Objective, u: &[f64]) -> Option<f64> {
+    let residual = bench.residual(u, LogSet::HeldOut)?;
     let as_simulated = squares(&residual);
     if bench.family.is_chaotic() {
         return Some(as_simulated);
     }
-    let error = bench.step_error(u, &residual, Logs::HeldOut);
+    let error = bench.step_error(u, &residual, LogSet::HeldOut);
     Some(squares(&corrected(residual, &error)).min(as_simulated))
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
-fn memory(bench: &Bench, fit: &Fit) -> f64 {
-    let logs = bench.logs(Logs::Learn).iter().map(|&log| &bench.family.logs()[log]);
+fn memory(bench: &Objective, fit: &FitPoint) -> f64 {
+    let logs = bench.logs(LogSet::Learn).iter().map(|&log| &bench.family.logs()[log]);
     let (mut weighted, mut weight) = (0.0, 0.0);
     for rows in channels(logs) {
         let series = &fit.residual[rows];

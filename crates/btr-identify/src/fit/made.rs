@@ -1,18 +1,21 @@
 //! Families that tests make up: one log of one channel, whose residual follows from the knobs' values.
 
-use crate::residual_model::{Candidate, Family, Knob, Law, Measured, Recorded, Rollout, Step};
+use crate::residual_model::{
+    EffectCandidate, FitParameter, MeasuredChannel, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
+    TimeStep,
+};
 use btr_core::world::WorldError;
 
 pub(crate) struct Made {
-    pub(crate) knobs: Vec<Knob>,
+    pub(crate) knobs: Vec<FitParameter>,
     doubtful: Vec<usize>,
-    logs: Vec<Recorded>,
+    logs: Vec<RecordedLog>,
     residual: fn(&[f64]) -> Vec<f64>,
 }
 
 /// A knob between -10 and 10, expected to be within 1.
-pub(crate) fn knob(law: Law, origin: f64, size: f64) -> Knob {
-    Knob {
+pub(crate) fn knob(law: Parametrisation, origin: f64, size: f64) -> FitParameter {
+    FitParameter {
         name: String::new(),
         unit: String::new(),
         origin,
@@ -27,15 +30,15 @@ pub(crate) fn knob(law: Law, origin: f64, size: f64) -> Knob {
 
 impl Made {
     /// All knobs are in doubt; `residual` is of so many rows.
-    pub(crate) fn new(knobs: Vec<Knob>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
-        let channel = Measured { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
-        let log = Recorded { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };
+    pub(crate) fn new(knobs: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
+        let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
+        let log = RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };
         Made { doubtful: (0..knobs.len()).collect(), knobs, logs: vec![log], residual }
     }
 }
 
-impl Family for Made {
-    fn knobs(&self) -> &[Knob] {
+impl ResidualModel for Made {
+    fn knobs(&self) -> &[FitParameter] {
         &self.knobs
     }
 
@@ -43,15 +46,15 @@ impl Family for Made {
         &self.doubtful
     }
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &[EffectCandidate] {
         &[]
     }
 
-    fn logs(&self) -> &[Recorded] {
+    fn logs(&self) -> &[RecordedLog] {
         &self.logs
     }
 
-    fn residual(&self, Rollout { u, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
+    fn residual(&self, ResidualRequest { u, .. }: ResidualRequest, _: TimeStep) -> Result<Vec<f64>, WorldError> {
         let values: Vec<f64> = self.knobs.iter().zip(u).map(|(knob, u)| knob.value(*u)).collect();
         Ok((self.residual)(&values))
     }

@@ -14,13 +14,13 @@ mod solve;
 mod start;
 mod together;
 
-pub use bench::{Bench, FINE_ENOUGH, FINEST, Logs, Residual, corrected, squares};
+pub use bench::{FINE_ENOUGH, FINEST, LogSet, Objective, ResidualVector, corrected, squares};
 pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub(crate) use fitted::LOOKS;
-pub use fitted::{Fitted, fitted};
+pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
-pub use judge::{Measure, NOISE};
+pub use judge::{ComparisonMeasure, NOISE};
 pub use nearest::nearest_starts;
-pub use solve::{Effort, Ended, Fit, cost};
+pub use solve::{FitPoint, FitStop, SearchBudget, cost};
 pub use together::{rows_near, shared};

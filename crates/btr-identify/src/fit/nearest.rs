@@ -2,7 +2,7 @@
 //! within a few samples, no curve through them is any good. A model that knows how the robot moves tells more.
 
 use super::bench::{each, squares};
-use crate::residual_model::{Family, Rollout, Step};
+use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -17,15 +17,15 @@ const HALVINGS: u32 = 3;
 pub(super) const MOVED: f64 = 3.0;
 
 /// Where the model at `u` leads nearest to each log, by Gauss and Newton from where the log seems to begin: the logs whose start
-/// that moves by more than `least`, with what it moves each number by, in units of a [`Rollout`]. And how many logs were
+/// that moves by more than `least`, with what it moves each number by, in units of a [`ResidualRequest`]. And how many logs were
 /// simulated for it.
 ///
 /// A model that lacks something sees starts that make up for a little of it: whether they are to be believed is to be asked of
 /// what they explain.
-pub fn nearest_starts(family: &dyn Family, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
+pub fn nearest_starts(family: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
     let logs: Vec<usize> = (0..family.logs().len()).filter(|&log| family.begins_with(log) == log).collect();
     let look = |log: usize| {
-        let start = Start { family, u, log, open: family.start_open(log), rollouts: Cell::new(0) };
+        let start = StartSearch { family, u, log, open: family.start_open(log), rollouts: Cell::new(0) };
         let moved = start.nearest().filter(|at| at.amax() > least).map(|at| (log, at.as_slice().to_vec()));
         (moved, start.rollouts.get())
     };
@@ -35,15 +35,15 @@ pub fn nearest_starts(family: &dyn Family, u: &[f64], least: f64) -> (Vec<(usize
 }
 
 /// The start of a log as it is now, to be moved.
-struct Start<'a> {
-    family: &'a dyn Family,
+struct StartSearch<'a> {
+    family: &'a dyn ResidualModel,
     u: &'a [f64],
     log: usize,
     open: Vec<f64>,
     rollouts: Cell<usize>,
 }
 
-impl Start<'_> {
+impl StartSearch<'_> {
     /// The best start; `None` where nobody looks for one, or the model blows up.
     fn nearest(&self) -> Option<DVector<f64>> {
         let mut at = DVector::zeros(self.open.len());
@@ -65,10 +65,11 @@ impl Start<'_> {
     fn residuals(&self, moved: &[DVector<f64>]) -> Vec<Option<DVector<f64>>> {
         self.rollouts.update(|rollouts| rollouts + moved.len());
         let (u, log) = (self.u, self.log);
-        let rollouts: Vec<Rollout> = moved.iter().map(|by| Rollout { u, log, moved: by.as_slice() }).collect();
+        let rollouts: Vec<ResidualRequest> =
+            moved.iter().map(|by| ResidualRequest { u, log, moved: by.as_slice() }).collect();
         let there = |r: &f64| if r.is_finite() { *r } else { 0.0 };
         let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(there));
-        each(self.family, &rollouts, Step::USUAL, &|_, residual| residual.ok().map(known))
+        each(self.family, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
     }
 
     fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {
@@ -117,28 +118,28 @@ impl Start<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual_model::{Candidate, Knob, Recorded};
+    use crate::residual_model::{EffectCandidate, FitParameter, RecordedLog};
     use btr_core::world::WorldError;
     use proptest::prelude::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Throws of a ball, measured without noise, that began other than they seem to; nothing looks for where the last did.
     struct Throws {
-        logs: Vec<Recorded>,
+        logs: Vec<RecordedLog>,
         began: Vec<[f64; 2]>,
         simulated: AtomicUsize,
     }
 
     impl Throws {
         fn that_began(began: &[[f64; 2]]) -> Self {
-            let log = Recorded { name: String::new(), held_out: false, channels: Vec::new(), present: 0 };
+            let log = RecordedLog { name: String::new(), held_out: false, channels: Vec::new(), present: 0 };
             let (logs, began) = (vec![log; began.len()], began.to_vec());
             Throws { logs, began, simulated: AtomicUsize::new(0) }
         }
     }
 
-    impl Family for Throws {
-        fn knobs(&self) -> &[Knob] {
+    impl ResidualModel for Throws {
+        fn knobs(&self) -> &[FitParameter] {
             &[]
         }
 
@@ -146,16 +147,20 @@ mod tests {
             &[]
         }
 
-        fn candidates(&self) -> &[Candidate] {
+        fn candidates(&self) -> &[EffectCandidate] {
             &[]
         }
 
-        fn logs(&self) -> &[Recorded] {
+        fn logs(&self) -> &[RecordedLog] {
             &self.logs
         }
 
         /// What drag does to a ball is not linear in its velocity.
-        fn residual(&self, Rollout { log, moved, .. }: Rollout, _: Step) -> Result<Vec<f64>, WorldError> {
+        fn residual(
+            &self,
+            ResidualRequest { log, moved, .. }: ResidualRequest,
+            _: TimeStep,
+        ) -> Result<Vec<f64>, WorldError> {
             self.simulated.fetch_add(1, Ordering::Relaxed);
             let height = |[q, dq]: [f64; 2], t: f64| q + 20.0 * (1.0 + (dq + 3.0) * t / 20.0).ln();
             let at = |k: usize| 0.01 * k as f64;

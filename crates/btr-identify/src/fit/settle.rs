@@ -1,8 +1,8 @@
 //! The last part of a fit: to the middle of what its logs leave open.
 
-use super::bench::{Bench, Logs, Residual, corrected};
-use super::solve::{Fit, cost};
-use crate::residual_model::Knob;
+use super::bench::{LogSet, Objective, ResidualVector, corrected};
+use super::solve::{FitPoint, cost};
+use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
 
 /// Steps to the middle of what is left open, as long as each lowers the cost by this much, and which shares of each are tried.
@@ -17,20 +17,20 @@ const KEPT: f64 = 0.5;
 /// ... but so often at most.
 const RENEWALS: usize = 2;
 
-impl Fit {
+impl FitPoint {
     /// To the middle of what the logs leave open, with slopes as wide as that: a search for a lower error stops
     /// anywhere along a direction that hardly matters to it, an estimate must not. The way there is curved (a common
     /// factor of masses, gains and friction), so steps go in proportion and follow what is left of the curve:
     /// M. K. Transtrum and J. P. Sethna, "Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
     /// minimization", arXiv:1201.5885.
-    pub fn settle(&mut self, bench: &Bench) {
+    pub fn settle(&mut self, bench: &Objective) {
         self.differentiate_widely(bench);
         let mut renewals = 0;
         for _ in 0..SETTLING {
             let (fall, promised) = match self.settling_step(bench) {
                 Some((to, promised)) => {
                     let (fall, jacobian) = (self.cost - to.cost, self.jacobian.take());
-                    *self = Fit { jacobian, ..to };
+                    *self = FitPoint { jacobian, ..to };
                     (fall, promised)
                 }
                 None if self.fresh => return,
@@ -48,7 +48,7 @@ impl Fit {
 
     /// The best point on the way to where the local model is least, if it is better than here, and by how much the cost
     /// should fall on the way.
-    fn settling_step(&self, bench: &Bench) -> Option<(Fit, f64)> {
+    fn settling_step(&self, bench: &Objective) -> Option<(FitPoint, f64)> {
         let (knobs, jacobian) = (bench.family.knobs(), self.jacobian.as_ref()?);
         let (straight, pinned) = self.bounded_step(knobs, jacobian)?;
         let promised = self.promised(knobs, jacobian, &straight);
@@ -61,19 +61,19 @@ impl Fit {
     }
 
     /// The same fit at other points, without slopes; those that blow up are left out.
-    fn elsewhere(&self, bench: &Bench, points: Vec<Vec<f64>>) -> Vec<Fit> {
-        let there = bench.residuals(&points, Logs::Learn);
-        let fit = |(u, residual): (Vec<f64>, Option<Residual>)| {
+    fn elsewhere(&self, bench: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
+        let there = bench.residuals(&points, LogSet::Learn);
+        let fit = |(u, residual): (Vec<f64>, Option<ResidualVector>)| {
             let residual = corrected(residual?, &self.step_error);
             let cost = cost(bench.family.knobs(), &self.active, &u, &residual);
             let (active, step_error) = (self.active.clone(), self.step_error.clone());
-            Some(Fit { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+            Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
         };
         points.into_iter().zip(there).filter_map(fit).collect()
     }
 
     /// By how much the local model's cost falls with a step.
-    fn promised(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, step: &DVector<f64>) -> f64 {
+    fn promised(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>, step: &DVector<f64>) -> f64 {
         let prior = |(&k, by): (&usize, &f64)| (2.0 * self.u[k] * by + by * by) / knobs[k].spread.powi(2);
         let change = jacobian * step;
         let priors: f64 = self.active.iter().zip(step.iter()).map(prior).sum();
@@ -82,7 +82,11 @@ impl Fit {
 
     /// Gauss and Newton's step where knobs that it would carry over a bound go as far as the bound, the one that would go
     /// farthest beyond first, and the others do what is best then; with those that do.
-    fn bounded_step(&self, knobs: &[Knob], jacobian: &DMatrix<f64>) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
+    fn bounded_step(
+        &self,
+        knobs: &[FitParameter],
+        jacobian: &DMatrix<f64>,
+    ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
         let gradient = self.gradient(knobs, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
@@ -105,13 +109,13 @@ impl Fit {
     /// where it bends too much to be followed.
     fn bend(
         &self,
-        bench: &Bench,
+        bench: &Objective,
         jacobian: &DMatrix<f64>,
         step: &DVector<f64>,
         pinned: &[Option<f64>],
     ) -> Option<DVector<f64>> {
         let knobs = bench.family.knobs();
-        let there = bench.residuals(&AHEAD.map(|share| self.point_along(knobs, &(step * share))), Logs::Learn);
+        let there = bench.residuals(&AHEAD.map(|share| self.point_along(knobs, &(step * share))), LogSet::Learn);
         let [Some(near), Some(far)] = &there[..] else { return None };
         let (near_weight, far_weight, here_weight) = second_difference(AHEAD);
         let here = self.bare();
@@ -134,8 +138,8 @@ fn second_difference([near, far]: [f64; 2]) -> (f64, f64, f64) {
 mod tests {
     use super::*;
     use crate::fit::made::{Made, knob};
-    use crate::fit::{Effort, estimates};
-    use crate::residual_model::Law;
+    use crate::fit::{SearchBudget, estimates};
+    use crate::residual_model::Parametrisation;
 
     const ROWS: usize = 200;
     /// What its mass, its gain and its friction are.
@@ -143,10 +147,10 @@ mod tests {
 
     /// A servo with friction: what is measured follows from gain over mass and from friction over mass alone.
     fn servo() -> Made {
-        let of = |unit: &str, knob: Knob| Knob { unit: unit.to_owned(), ..knob };
-        let factor = |origin| Knob { bounds: (-2.0, 2.0), ..knob(Law::Exponential, origin, 0.3) };
-        let friction = knob(Law::Linear, 0.0, 0.1);
-        let friction = Knob { bounds: (0.0, 30.0), spread: 33.0, amplitude: true, ..friction };
+        let of = |unit: &str, knob: FitParameter| FitParameter { unit: unit.to_owned(), ..knob };
+        let factor = |origin| FitParameter { bounds: (-2.0, 2.0), ..knob(Parametrisation::Exponential, origin, 0.3) };
+        let friction = knob(Parametrisation::Linear, 0.0, 0.1);
+        let friction = FitParameter { bounds: (0.0, 30.0), spread: 33.0, amplitude: true, ..friction };
         let knobs = vec![of("kg", factor(2.0)), of("N.m/rad", factor(30.0)), of("N.m", friction)];
         Made::new(knobs, ROWS, |values| {
             let noise = |row: usize| ((row * row) as f64 * 0.7).sin() * std::f64::consts::SQRT_2;
@@ -160,18 +164,18 @@ mod tests {
     }
 
     /// A fit that has gone downhill from somewhere along the factor.
-    fn downhill(bench: &Bench, factor: f64) -> Fit {
+    fn downhill(bench: &Objective, factor: f64) -> FitPoint {
         let knobs = bench.family.knobs();
         let u = knobs.iter().zip(TRUTH).map(|(knob, value)| knob.coordinate(factor * value)).collect();
-        let mut fit = Fit::at(bench, vec![0, 1, 2], u, &[]).unwrap();
-        fit.solve(bench, Effort::FULL);
+        let mut fit = FitPoint::at(bench, vec![0, 1, 2], u, &[]).unwrap();
+        fit.solve(bench, SearchBudget::FULL);
         fit
     }
 
     #[test]
     fn a_common_factor_that_is_not_told_is_found_in_its_middle() {
         let servo = servo();
-        let bench = Bench::new(&servo);
+        let bench = Objective::new(&servo);
         let mut ends = Vec::new();
         for factor in [0.8, 1.0, 1.3] {
             let mut fit = downhill(&bench, factor);
@@ -196,7 +200,7 @@ mod tests {
         let mut servo = servo();
         // The middle lies beyond this bound of the gain: mass and friction follow it there.
         servo.knobs[1].bounds.1 = servo.knobs[1].coordinate(31.0);
-        let bench = Bench::new(&servo);
+        let bench = Objective::new(&servo);
         let mut fit = downhill(&bench, 0.7);
         fit.settle(&bench);
         assert!((fit.u[1] - servo.knobs[1].bounds.1).abs() < 1e-9, "{:?}", fit.u);

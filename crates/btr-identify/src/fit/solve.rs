@@ -1,33 +1,33 @@
 //! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
 //! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
-use super::bench::{Bench, Logs, Residual, corrected, squares};
+use super::bench::{LogSet, Objective, ResidualVector, corrected, squares};
 use super::judge::chi;
-use crate::residual_model::Knob;
+use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::ops::Range;
 
 /// The most Jacobians and steps of one call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effort {
+pub struct SearchBudget {
     /// Jacobians by finite differences.
     pub jacobians: usize,
     /// Steps that are tried.
     pub steps: usize,
 }
 
-impl Effort {
+impl SearchBudget {
     /// Until nothing moves.
-    pub const FULL: Effort = Effort { jacobians: 5, steps: 20 };
+    pub const FULL: SearchBudget = SearchBudget { jacobians: 5, steps: 20 };
     /// What a race allows: no differences, a few steps.
-    pub const RACE: Effort = Effort { jacobians: 0, steps: 6 };
+    pub const RACE: SearchBudget = SearchBudget { jacobians: 0, steps: 6 };
 }
 
 /// Why a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ended {
+pub enum FitStop {
     /// Nothing moves any more.
     Converged,
     /// The effort is spent.
@@ -45,31 +45,31 @@ const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct FitPoint {
     /// The knobs that are free, as indices; all others stay where they are.
     pub active: Vec<usize>,
     /// One coordinate per knob of the family.
     pub u: Vec<f64>,
     /// On the logs to learn from, step error included.
-    pub residual: Residual,
+    pub residual: ResidualVector,
     /// Sum of squares of the residual and of the priors.
     pub cost: f64,
     /// What the integrator's error adds to every residual; fixed while fitting.
-    pub step_error: Residual,
+    pub step_error: ResidualVector,
     /// d residual / d coordinate of each active knob, where it is known.
     pub jacobian: Option<DMatrix<f64>>,
     /// Whether the Jacobian was taken here by differences, and not carried over.
     pub fresh: bool,
 }
 
-impl Fit {
+impl FitPoint {
     /// A fit at a point; `None` where the simulation blows up.
-    pub fn at(bench: &Bench, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<Fit> {
-        let residual = bench.residual(&u, Logs::Learn)?;
+    pub fn at(bench: &Objective, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<FitPoint> {
+        let residual = bench.residual(&u, LogSet::Learn)?;
         let step_error = if step_error.is_empty() { vec![0.0; residual.len()] } else { step_error.to_vec() };
         let residual = corrected(residual, &step_error);
         let cost = cost(bench.family.knobs(), &active, &u, &residual);
-        Some(Fit { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+        Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
     }
 
     /// Sum of squares of the residual alone.
@@ -78,23 +78,31 @@ impl Fit {
     }
 
     /// The same fit as some rows of the residual show it.
-    pub(crate) fn in_rows(&self, rows: Range<usize>) -> Fit {
+    pub(crate) fn in_rows(&self, rows: Range<usize>) -> FitPoint {
         let jacobian = self.jacobian.as_ref().map(|jacobian| jacobian.rows(rows.start, rows.len()).into_owned());
         let (residual, step_error) = (self.residual[rows.clone()].to_vec(), self.step_error[rows].to_vec());
         let cost = self.cost - self.squares() + squares(&residual);
-        Fit { active: self.active.clone(), u: self.u.clone(), residual, cost, step_error, jacobian, fresh: self.fresh }
+        FitPoint {
+            active: self.active.clone(),
+            u: self.u.clone(),
+            residual,
+            cost,
+            step_error,
+            jacobian,
+            fresh: self.fresh,
+        }
     }
 
     /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to
     /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
     /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
     /// square in the logs to learn from, in multiples of the noise floor.
-    pub fn renew_step_error(&mut self, bench: &Bench) -> f64 {
+    pub fn renew_step_error(&mut self, bench: &Objective) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
-            let halved = bench.halved(&self.u, Logs::Learn).unwrap_or_else(|| bare.clone());
+            let halved = bench.halved(&self.u, LogSet::Learn).unwrap_or_else(|| bare.clone());
             let error = bench.beyond(&bare, &halved);
-            let size = chi(squares(&error), bench.samples(Logs::Learn));
+            let size = chi(squares(&error), bench.samples(LogSet::Learn));
             if !bench.refine(size, || self.step_error_to_judge_on(bench)) {
                 break (error, size);
             }
@@ -111,19 +119,19 @@ impl Fit {
     }
 
     /// The integrator's error in the held-out logs; 0 without such, or where it blows up.
-    pub(crate) fn step_error_to_judge_on(&self, bench: &Bench) -> f64 {
-        let usual = bench.residual(&self.u, Logs::HeldOut).unwrap_or_default();
-        let error = bench.step_error(&self.u, &usual, Logs::HeldOut);
-        chi(squares(&error), bench.samples(Logs::HeldOut))
+    pub(crate) fn step_error_to_judge_on(&self, bench: &Objective) -> f64 {
+        let usual = bench.residual(&self.u, LogSet::HeldOut).unwrap_or_default();
+        let error = bench.step_error(&self.u, &usual, LogSet::HeldOut);
+        chi(squares(&error), bench.samples(LogSet::HeldOut))
     }
 
     /// The residual as simulated.
-    pub(super) fn bare(&self) -> Residual {
+    pub(super) fn bare(&self) -> ResidualVector {
         self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect()
     }
 
     /// Goes downhill as far as the effort allows.
-    pub fn solve(&mut self, bench: &Bench, effort: Effort) -> Ended {
+    pub fn solve(&mut self, bench: &Objective, effort: SearchBudget) -> FitStop {
         let (start, better, worse, hopeless) = DAMPING;
         let (mut damping, mut spent) = (start, 0);
         let mut cost_there = self.cost;
@@ -132,13 +140,13 @@ impl Fit {
             renewal |= !self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians;
             if renewal {
                 if spent == effort.jacobians {
-                    return Ended::Effort;
+                    return FitStop::Effort;
                 }
                 self.differentiate(bench);
                 (spent, cost_there, damping) = (spent + 1, self.cost, start);
             }
             let Some(next) = self.step(bench, damping) else {
-                return if self.fresh { Ended::Converged } else { Ended::Stuck };
+                return if self.fresh { FitStop::Converged } else { FitStop::Stuck };
             };
             let fall = self.cost - next.cost;
             let stalled = fall < STALL.0 * self.cost || fall < STALL.1;
@@ -151,22 +159,22 @@ impl Fit {
             // A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
             let exhausted = fall > 0.0 || damping > hopeless;
             if stalled && exhausted && (self.fresh || spent == effort.jacobians) {
-                return if spent == effort.jacobians && !self.fresh { Ended::Effort } else { Ended::Converged };
+                return if spent == effort.jacobians && !self.fresh { FitStop::Effort } else { FitStop::Converged };
             }
             renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
         }
-        Ended::Effort
+        FitStop::Effort
     }
 
     /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
-    pub fn polish(&mut self, bench: &Bench) {
+    pub fn polish(&mut self, bench: &Objective) {
         self.differentiate_widely(bench);
-        self.solve(bench, Effort { jacobians: 0, steps: 8 });
+        self.solve(bench, SearchBudget { jacobians: 0, steps: 8 });
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
     /// simulated.
-    fn step(&self, bench: &Bench, damping: f64) -> Option<Fit> {
+    fn step(&self, bench: &Objective, damping: f64) -> Option<FitPoint> {
         let knobs = bench.family.knobs();
         let jacobian = self.jacobian.as_ref()?;
         let step = self.direction(knobs, jacobian, damping)?;
@@ -178,13 +186,13 @@ impl Fit {
         if moved.norm_squared() < 1e-18 {
             return None;
         }
-        let Some(residual) = bench.residual(&u, Logs::Learn) else {
+        let Some(residual) = bench.residual(&u, LogSet::Learn) else {
             // A blow-up is infinitely bad: the caller damps.
-            return Some(Fit { cost: f64::INFINITY, ..self.clone() });
+            return Some(FitPoint { cost: f64::INFINITY, ..self.clone() });
         };
         let residual = corrected(residual, &self.step_error);
         let cost = cost(knobs, &self.active, &u, &residual);
-        let mut next = Fit { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
+        let mut next = FitPoint { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
         let change =
             DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
         let surprise = change - jacobian * &moved;
@@ -196,7 +204,7 @@ impl Fit {
 
     /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
     /// carry over it; a gradient alone does not tell, where knobs move together.
-    fn direction(&self, knobs: &[Knob], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
+    fn direction(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
         let gradient = self.gradient(knobs, jacobian);
         let mut held = vec![None; self.active.len()];
         loop {
@@ -214,7 +222,7 @@ impl Fit {
     }
 
     /// Half the cost's gradient.
-    pub(super) fn gradient(&self, knobs: &[Knob], jacobian: &DMatrix<f64>) -> DVector<f64> {
+    pub(super) fn gradient(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>) -> DVector<f64> {
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &knob) in self.active.iter().enumerate() {
             gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
@@ -226,7 +234,7 @@ impl Fit {
     /// much.
     pub(super) fn solved(
         &self,
-        knobs: &[Knob],
+        knobs: &[FitParameter],
         jacobian: &DMatrix<f64>,
         damping: f64,
         held: &[Option<f64>],
@@ -252,7 +260,7 @@ impl Fit {
 }
 
 /// Sum of squares of residual and priors.
-pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
+pub fn cost(knobs: &[FitParameter], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
     let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
     squares(residual) + prior
 }
@@ -261,16 +269,21 @@ pub fn cost(knobs: &[Knob], active: &[usize], u: &[f64], residual: &[f64]) -> f6
 mod tests {
     use super::*;
     use crate::fit::made::knob;
-    use crate::residual_model::Law;
+    use crate::residual_model::Parametrisation;
 
     #[test]
     fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
-        let knob = |most: f64| Knob { bounds: (-9.0, most), spread: 1e6, reach: 0.1, ..knob(Law::Linear, 0.0, 1.0) };
+        let knob = |most: f64| FitParameter {
+            bounds: (-9.0, most),
+            spread: 1e6,
+            reach: 0.1,
+            ..knob(Parametrisation::Linear, 0.0, 1.0)
+        };
         // Both would lower the error by growing, but together only as the first makes room for the second.
         let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
         let residual = vec![-0.1, -6.4];
         assert!(jacobian.tr_mul(&DVector::from_column_slice(&residual)).max() < 0.0);
-        let fit = Fit {
+        let fit = FitPoint {
             active: vec![0, 1],
             u: vec![1.0, 1.0],
             cost: squares(&residual),

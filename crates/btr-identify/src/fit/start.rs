@@ -5,7 +5,7 @@
 
 use super::bench::each;
 use super::together::{rows_near, shared};
-use crate::residual_model::{Family, Rollout, Step};
+use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 
 /// A direction shorter than this share of the longest one of its log is none.
@@ -14,41 +14,42 @@ const NEGLIGIBLE: f64 = 1e-3;
 const UNSEEN: f64 = 0.03;
 
 /// For each log, what its start states can do.
-pub(super) struct Starts(Vec<Vec<Window>>);
+pub(super) struct StartStates(Vec<Vec<StartWindow>>);
 
 /// The answers of some rows of a residual to their start state: orthonormal columns, and the share of each that is taken away.
-struct Window {
+struct StartWindow {
     rows: Vec<usize>,
     basis: DMatrix<f64>,
     shares: Vec<f64>,
 }
 
 /// A rollout in which some numbers of a log's start are nudged.
-struct Shot {
+struct NudgedRollout {
     log: usize,
     nudged: Vec<usize>,
     moved: Vec<f64>,
 }
 
-impl Shot {
-    fn of(family: &dyn Family, log: usize, nudged: Vec<usize>) -> Self {
+impl NudgedRollout {
+    fn of(family: &dyn ResidualModel, log: usize, nudged: Vec<usize>) -> Self {
         let mut moved = vec![0.0; family.starts(log)];
         nudged.iter().for_each(|&number| moved[number] = 1.0);
-        Shot { log, nudged, moved }
+        NudgedRollout { log, nudged, moved }
     }
 }
 
-impl Starts {
+impl StartStates {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
-    pub(super) fn at(family: &dyn Family, u: &[f64]) -> (Starts, usize) {
+    pub(super) fn at(family: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
         // The first of each log is moved nowhere.
         let nudged = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
-        let shots = |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| Shot::of(family, log, n));
+        let shots =
+            |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(family, log, n));
         let logs = (0..family.logs().len()).filter(|&log| family.starts(log) > 0);
-        let shots: Vec<Shot> = logs.flat_map(shots).collect();
-        let rollouts: Vec<Rollout> =
-            shots.iter().map(|shot| Rollout { u, log: shot.log, moved: &shot.moved }).collect();
-        let answers = each(family, &rollouts, Step::USUAL, &|_, residual| residual.ok());
+        let shots: Vec<NudgedRollout> = logs.flat_map(shots).collect();
+        let rollouts: Vec<ResidualRequest> =
+            shots.iter().map(|shot| ResidualRequest { u, log: shot.log, moved: &shot.moved }).collect();
+        let answers = each(family, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
         let windows = |log: usize| {
             let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
             let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
@@ -60,10 +61,10 @@ impl Starts {
             }
             changes.sort_by_key(|(number, _)| *number);
             let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
-            rows(family, log).into_iter().map(|rows| Window::new(rows, &changes, family.start_spread())).collect()
+            rows(family, log).into_iter().map(|rows| StartWindow::new(rows, &changes, family.start_spread())).collect()
         };
         let starts = (0..family.logs().len()).map(windows).collect();
-        (Starts(starts), shots.len())
+        (StartStates(starts), shots.len())
     }
 
     /// How many numbers the start of a log takes. What is known of a start takes none: the rest stays white.
@@ -80,7 +81,7 @@ impl Starts {
 }
 
 /// What one number of a start changes, where it is felt.
-fn change(family: &dyn Family, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+fn change(family: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
     let mut change = vec![0.0; usual.len()];
     for row in rows_near(&family.logs()[log], family.start_near(log, number)).into_iter().flatten() {
         let moved = there[row] - usual[row];
@@ -90,7 +91,7 @@ fn change(family: &dyn Family, log: usize, number: usize, usual: &[f64], there: 
 }
 
 /// The rows of each window of a log.
-fn rows(family: &dyn Family, log: usize) -> Vec<Vec<usize>> {
+fn rows(family: &dyn ResidualModel, log: usize) -> Vec<Vec<usize>> {
     let (recorded, windows) = (&family.logs()[log], family.windows(log));
     if windows.is_empty() {
         return vec![(0..recorded.rows()).collect()];
@@ -100,7 +101,7 @@ fn rows(family: &dyn Family, log: usize) -> Vec<Vec<usize>> {
     windows.iter().map(of).collect()
 }
 
-impl Window {
+impl StartWindow {
     fn new(rows: Vec<usize>, changes: &[Vec<f64>], spread: f64) -> Self {
         let own = |change: &Vec<f64>| DVector::from_iterator(rows.len(), rows.iter().map(|&row| change[row]));
         let columns: Vec<DVector<f64>> = changes.iter().map(own).collect();
@@ -111,7 +112,7 @@ impl Window {
             let shares = vec![1.0; basis.ncols()];
             (basis, shares)
         };
-        Window { rows, basis, shares }
+        StartWindow { rows, basis, shares }
     }
 
     fn project(&self, residual: &mut [f64]) {
@@ -160,10 +161,10 @@ mod tests {
         DVector::from_fn(50, |i, _| (-rate * i as f64).exp())
     }
 
-    fn starts(spread: f64) -> Starts {
+    fn starts(spread: f64) -> StartStates {
         let columns = [decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)];
         let columns: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().copied().collect()).collect();
-        Starts(vec![vec![Window::new((0..50).collect(), &columns, spread)]])
+        StartStates(vec![vec![StartWindow::new((0..50).collect(), &columns, spread)]])
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Trying several small changes in one simulation: where each is felt in channels of its own, their answers can be told apart.
 
-use crate::residual_model::Recorded;
+use crate::residual_model::RecordedLog;
 use std::ops::Range;
 
 /// Changes that share a simulation, by the channels in which each is felt: first come, first served. What is felt everywhere
@@ -23,7 +23,7 @@ pub fn shared<'a>(near: impl Iterator<Item = &'a [String]>) -> Vec<Vec<usize>> {
 }
 
 /// The rows of a log's residual in which a change is felt that is near these channels.
-pub fn rows_near(log: &Recorded, near: &[String]) -> Vec<Range<usize>> {
+pub fn rows_near(log: &RecordedLog, near: &[String]) -> Vec<Range<usize>> {
     if near.is_empty() {
         return std::iter::once(0..log.rows()).collect();
     }

@@ -20,7 +20,7 @@ const OTHER: f64 = 0.1;
 const ROUNDED: f64 = 1e-6;
 
 /// A command that was asked for, and what the log has of it.
-struct Both<'a> {
+struct CommandPair<'a> {
     name: &'a str,
     asked: &'a [f64],
     told: &'a [f64],
@@ -29,7 +29,7 @@ struct Both<'a> {
 
 /// How references become commands between their ticks.
 #[derive(Clone, Copy)]
-enum Between {
+enum Interpolation {
     Held,
     Led,
 }
@@ -37,7 +37,8 @@ enum Between {
 /// What is to be said of a log's commands beside those that were `asked` for, both on the test's clock: that they come sooner
 /// or later, or are others. Nothing where they are the same, and where the log has none that change.
 pub fn asked(asked: &Log, log: &Log) -> Option<Finding> {
-    let both: Vec<Both> = asked.channels().filter_map(|(name, channel)| both(name, &channel.values, log)).collect();
+    let both: Vec<CommandPair> =
+        asked.channels().filter_map(|(name, channel)| both(name, &channel.values, log)).collect();
     let of_asked_s = asked.usual_step_s()?;
     let step_s = log.usual_step_s()?.clamp(FINEST * of_asked_s, of_asked_s);
     if both.is_empty() {
@@ -49,8 +50,8 @@ pub fn asked(asked: &Log, log: &Log) -> Option<Finding> {
     let shifts = |parity: i32| (0..=most).filter(move |k| k % 2 == parity).flat_map(|k| [-k, k]);
     // Whole steps first, as they are what gets lost.
     let shifts = || shifts(0).chain(shifts(1)).map(|k| 0.5 * step_s * f64::from(k));
-    let mut best: Option<(f64, f64, Between)> = None;
-    for between in [Between::Held, Between::Led] {
+    let mut best: Option<(f64, f64, Interpolation)> = None;
+    for between in [Interpolation::Held, Interpolation::Led] {
         for shift_s in shifts() {
             let error = error(&both, asked, log, shift_s, between);
             // The smallest shift of those that are as good.
@@ -68,29 +69,29 @@ pub fn asked(asked: &Log, log: &Log) -> Option<Finding> {
     (left > OTHER).then(|| others(&both, asked, log))
 }
 
-fn both<'a>(name: &'a str, asked: &'a [f64], log: &'a Log) -> Option<Both<'a>> {
+fn both<'a>(name: &'a str, asked: &'a [f64], log: &'a Log) -> Option<CommandPair<'a>> {
     let told = &log.channel(name).filter(|channel| channel.role == Role::Command)?.values;
     let spread = std(asked);
-    (spread > 0.0 && told.iter().any(|x| x.is_finite())).then_some(Both { name, asked, told, spread })
+    (spread > 0.0 && told.iter().any(|x| x.is_finite())).then_some(CommandPair { name, asked, told, spread })
 }
 
 /// Root mean square difference from what was asked `shift_s` before, as a share of its spread; infinite where nothing is left
 /// to compare.
-fn error(both: &[Both], asked: &Log, log: &Log, shift_s: f64, between: Between) -> f64 {
+fn error(both: &[CommandPair], asked: &Log, log: &Log, shift_s: f64, between: Interpolation) -> f64 {
     let squares: Vec<f64> = both.iter().filter_map(|one| one.square(asked, log, shift_s, between)).collect();
     if squares.is_empty() { f64::INFINITY } else { (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
 }
 
-impl Both<'_> {
+impl CommandPair<'_> {
     /// The mean square of the difference, in squares of the spread.
-    fn square(&self, asked: &Log, log: &Log, shift_s: f64, between: Between) -> Option<f64> {
+    fn square(&self, asked: &Log, log: &Log, shift_s: f64, between: Interpolation) -> Option<f64> {
         // Stamps may be rounded.
         let slack_s = 1e-6 * asked.usual_step_s().unwrap_or(0.0);
         let every = log.len().div_ceil(MOST_ROWS).max(1);
         let at: Vec<f64> = log.clock_s().iter().step_by(every).map(|t| t - shift_s + slack_s).collect();
         let wanted = match between {
-            Between::Held => hold(asked.clock_s(), self.asked, &at),
-            Between::Led => interpolate(asked.clock_s(), self.asked, &at),
+            Interpolation::Held => hold(asked.clock_s(), self.asked, &at),
+            Interpolation::Led => interpolate(asked.clock_s(), self.asked, &at),
         };
         let (first, last) = (asked.clock_s().first()?, asked.clock_s().last()?);
         let within = at.iter().map(|t| (first..=last).contains(&t));
@@ -121,10 +122,10 @@ fn shifted(shift_s: f64, step_s: f64) -> Finding {
     Finding::new(Topic::CommandLag, severity, "", sentence)
 }
 
-fn others(both: &[Both], asked: &Log, log: &Log) -> Finding {
-    let off = |one: &Both| {
+fn others(both: &[CommandPair], asked: &Log, log: &Log) -> Finding {
+    let off = |one: &CommandPair| {
         let square = |between| one.square(asked, log, 0.0, between).unwrap_or(0.0);
-        square(Between::Held).min(square(Between::Led)).sqrt()
+        square(Interpolation::Held).min(square(Interpolation::Led)).sqrt()
     };
     let worst = both.iter().map(|one| (one.name, off(one))).max_by(|a, b| a.1.total_cmp(&b.1));
     let (name, off) = worst.unwrap_or_default();

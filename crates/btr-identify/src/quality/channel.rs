@@ -1,9 +1,9 @@
 //! A channel on its own: what is missing, dead, saturated, rough or in another unit.
 
-use super::{Finding, Sensor, Severity, Topic};
+use super::{Finding, SensorReport, Severity, Topic};
 use btr_core::log::{Channel, Log, Role};
-use btr_core::signal::noise::Noise;
-use btr_core::signal::silence::{Spell, spells};
+use btr_core::signal::noise::NoiseEstimate;
+use btr_core::signal::silence::{Gap, spells};
 
 /// Spells of torque off that are told one by one.
 const TOLD: usize = 3;
@@ -11,12 +11,12 @@ const TOLD: usize = 3;
 const SPARSE: usize = 10;
 
 /// A channel in numbers.
-pub(super) fn sensor(name: &str, channel: &Channel) -> Sensor {
+pub(super) fn sensor(name: &str, channel: &Channel) -> SensorReport {
     let there: Vec<f64> = channel.values.iter().copied().filter(|x| x.is_finite()).collect();
     let (min, max) = there.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let at_end = |x: &&f64| **x <= min || **x >= max;
-    let noise = Noise::of(&channel.values).filter(|_| channel.role == Role::Measured);
-    Sensor {
+    let noise = NoiseEstimate::of(&channel.values).filter(|_| channel.role == Role::Measured);
+    SensorReport {
         name: name.to_owned(),
         unit: channel.unit.clone(),
         missing: 1.0 - there.len() as f64 / channel.values.len().max(1) as f64,
@@ -29,9 +29,9 @@ pub(super) fn sensor(name: &str, channel: &Channel) -> Sensor {
 }
 
 /// What is to be said about a channel.
-pub(super) fn findings(sensor: &Sensor, channel: &Channel) -> Vec<Finding> {
+pub(super) fn findings(sensor: &SensorReport, channel: &Channel) -> Vec<Finding> {
     let mut found = Vec::new();
-    let Sensor { name, unit, missing, min, max, .. } = sensor;
+    let SensorReport { name, unit, missing, min, max, .. } = sensor;
     let mut say = |topic, severity, sentence| found.push(Finding::new(topic, severity, name, sentence));
     // Commands that are missing in parts are told about spell by spell.
     if *missing > 0.01 && (channel.role != Role::Command || *missing >= 1.0) {
@@ -66,12 +66,12 @@ pub(super) fn findings(sensor: &Sensor, channel: &Channel) -> Vec<Finding> {
 
 /// Where commands are missing: lost for a moment, or torque off.
 pub(super) fn silences(log: &Log, name: &str, values: &[f64]) -> Vec<Finding> {
-    let (lost, off): (Vec<Spell>, Vec<Spell>) = spells(log, values).into_iter().partition(|spell| spell.lost);
+    let (lost, off): (Vec<Gap>, Vec<Gap>) = spells(log, values).into_iter().partition(|spell| spell.lost);
     let (lost, off) = (held(name, &lost), torque_off(name, &off, values));
     lost.into_iter().chain(off).collect()
 }
 
-fn held(name: &str, lost: &[Spell]) -> Option<Finding> {
+fn held(name: &str, lost: &[Gap]) -> Option<Finding> {
     let longest_s = lost.iter().map(|spell| spell.end_s - spell.start_s).reduce(f64::max)?;
     let samples: usize = lost.iter().map(|spell| spell.samples.len()).sum();
     let times = if samples == 1 { "once".to_owned() } else { format!("{samples} times") };
@@ -79,7 +79,7 @@ fn held(name: &str, lost: &[Spell]) -> Option<Finding> {
     Some(Finding::new(Topic::Missing, Severity::Fine, name, sentence))
 }
 
-fn torque_off(name: &str, off: &[Spell], values: &[f64]) -> Option<Finding> {
+fn torque_off(name: &str, off: &[Gap], values: &[f64]) -> Option<Finding> {
     let samples: usize = off.iter().map(|spell| spell.samples.len()).sum();
     if off.is_empty() || samples == values.len() {
         return None;

@@ -1,15 +1,15 @@
 //! The clock of a log: rate, jitter, gaps.
 
-use super::{Clock, Finding, Severity, Topic};
+use super::{ClockReport, Finding, Severity, Topic};
 use btr_core::log::Log;
 use btr_core::signal::silence;
 
-pub(super) fn of(log: &Log) -> Clock {
+pub(super) fn of(log: &Log) -> ClockReport {
     let usual_s = log.usual_step_s().unwrap_or(0.0);
     let steps = || log.clock_s().windows(2).map(|pair| (pair[0], pair[1] - pair[0]));
     let usual: Vec<f64> = steps().map(|(_, step)| step).filter(|step| *step <= 1.5 * usual_s).collect();
     let variance = usual.iter().map(|step| (step - usual_s).powi(2)).sum::<f64>() / usual.len().max(1) as f64;
-    Clock {
+    ClockReport {
         samples: log.len(),
         duration_s: log.duration_s(),
         rate_hz: if usual_s > 0.0 { usual_s.recip() } else { 0.0 },
@@ -23,7 +23,7 @@ pub(super) fn of(log: &Log) -> Clock {
 pub const FEWEST_SAMPLES: usize = 20;
 
 /// What is to be said about a clock.
-pub(super) fn findings(clock: &Clock, log: &Log) -> Vec<Finding> {
+pub(super) fn findings(clock: &ClockReport, log: &Log) -> Vec<Finding> {
     let mut found = Vec::new();
     let jitter = clock.jitter_s * clock.rate_hz;
     let severity = match () {
@@ -31,7 +31,7 @@ pub(super) fn findings(clock: &Clock, log: &Log) -> Vec<Finding> {
         () if jitter > 0.2 || clock.rate_hz < 20.0 => Severity::Doubtful,
         () => Severity::Fine,
     };
-    let Clock { samples, duration_s, rate_hz, jitter_s, .. } = clock;
+    let ClockReport { samples, duration_s, rate_hz, jitter_s, .. } = clock;
     let sentence =
         format!("{samples} samples in {duration_s:.2} s, {rate_hz:.1} per second, jitter {:.2} ms", 1e3 * jitter_s);
     found.push(Finding::new(Topic::Clock, severity, "", sentence));
@@ -44,7 +44,7 @@ pub(super) fn findings(clock: &Clock, log: &Log) -> Vec<Finding> {
 }
 
 /// Where samples are missing, and what becomes of it.
-fn gaps(clock: &Clock, log: &Log) -> Option<Finding> {
+fn gaps(clock: &ClockReport, log: &Log) -> Option<Finding> {
     let longest = clock.gaps.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let (at_s, long_s) = longest;
     let what = match clock.gaps.len() {

@@ -2,7 +2,7 @@
 
 use super::{Finding, Severity, Topic};
 use btr_core::log::{Channel, Log};
-use btr_core::signal::noise::Noise;
+use btr_core::signal::noise::NoiseEstimate;
 use std::ops::Range;
 
 /// What lasts shorter than this, in s, or has fewer samples, is no standstill.
@@ -29,7 +29,7 @@ pub(super) fn frozen(log: &Log, joint: &str, command: &Channel, position: &Chann
         );
         return if asked > LEAST { say(Severity::Bad, sentence) } else { None };
     }
-    let noise = Noise::of(&position.values)?;
+    let noise = NoiseEstimate::of(&position.values)?;
     // Where a live sensor's readings would tremble, a standstill is none of the joint's.
     let trembles = !noise.is_negligible() && noise.white > 0.3 * noise.quantum;
     let meanwhile = |run: &Range<usize>| {

@@ -2,10 +2,10 @@
 
 use super::frozen::frozen;
 use super::pull::pull;
-use super::{Finding, Follows, Severity, Topic};
+use super::{CommandResponse, Finding, Severity, Topic};
 use btr_core::log::{Channel, Log, interpolate};
 use btr_core::signal::lag::{Lag, lag};
-use btr_core::signal::noise::Noise;
+use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth::smooth;
 
 /// How late a joint is looked for, in s.
@@ -40,7 +40,7 @@ const NEAR: f64 = 0.15;
 const NEARLY: f64 = 0.4;
 
 /// Whether a joint follows its command, and how late; nothing without a command or a reading.
-pub(super) fn follows(log: &Log, joint: &str) -> Option<(Follows, Vec<Finding>)> {
+pub(super) fn follows(log: &Log, joint: &str) -> Option<(CommandResponse, Vec<Finding>)> {
     let there = |channel: &&Channel| channel.values.iter().any(|x| x.is_finite());
     let position = log.channel(&format!("q_{joint}")).filter(there)?;
     let command = log.channel(&format!("cmd_{joint}")).filter(there)?;
@@ -49,13 +49,13 @@ pub(super) fn follows(log: &Log, joint: &str) -> Option<(Follows, Vec<Finding>)>
     found.extend(in_degrees(joint, command, position, lag));
     if let Some(frozen) = frozen(log, joint, command, position) {
         found.push(frozen);
-        return Some((Follows { joint: joint.to_owned(), lag }, found));
+        return Some((CommandResponse { joint: joint.to_owned(), lag }, found));
     }
     found.push(match reversed(log, joint, command, position, lag) {
         Some(reversed) => reversed,
         None => late(log, joint, command, position, lag),
     });
-    Some((Follows { joint: joint.to_owned(), lag }, found))
+    Some((CommandResponse { joint: joint.to_owned(), lag }, found))
 }
 
 /// A joint that stands at its very end while its command asks for more.
@@ -104,7 +104,7 @@ fn range(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Whether a joint is told and moves enough to tell anything.
 fn is_moved(command: &Channel, position: &Channel) -> bool {
-    let noise = Noise::of(&position.values).map_or(0.0, |noise| noise.sigma());
+    let noise = NoiseEstimate::of(&position.values).map_or(0.0, |noise| noise.sigma());
     let there = |channel: &'_ Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
     there(command) > 0.0 && there(position) >= 20.0 * noise
 }
@@ -237,7 +237,7 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
     let pairs = slopes.iter().zip(&said).map(|(q, dq)| (q.velocity, dq.value)).filter(|(a, b)| (a * b).is_finite());
     let (aa, bb, ab) = pairs.fold((0.0, 0.0, 0.0), |(aa, bb, ab), (a, b)| (aa + a * a, bb + b * b, ab + a * b));
     let (ratio, likeness) = (ab / aa, ab / (aa * bb).sqrt());
-    let moves = Noise::of(&position.values).is_some_and(|noise| {
+    let moves = NoiseEstimate::of(&position.values).is_some_and(|noise| {
         let usual_s = log.usual_step_s().unwrap_or(1.0);
         // The slope of smoothed noise is below this.
         (aa / slopes.len() as f64).sqrt() > 0.3 * noise.sigma() / usual_s

@@ -82,7 +82,7 @@ impl Finding {
 
 /// The clock of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Clock {
+pub struct ClockReport {
     /// Samples.
     pub samples: usize,
     /// From the first to the last, in s.
@@ -99,7 +99,7 @@ pub struct Clock {
 
 /// A channel of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Sensor {
+pub struct SensorReport {
     /// Its name.
     pub name: String,
     /// SI unit as text.
@@ -120,7 +120,7 @@ pub struct Sensor {
 
 /// How a joint follows its command.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Follows {
+pub struct CommandResponse {
     /// The joint.
     pub joint: String,
     /// How late; `None` where it does not follow at all.
@@ -131,11 +131,11 @@ pub struct Follows {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quality {
     /// The clock.
-    pub clock: Clock,
+    pub clock: ClockReport,
     /// Commands and sensors.
-    pub sensors: Vec<Sensor>,
+    pub sensors: Vec<SensorReport>,
     /// Joints with a command and a position.
-    pub joints: Vec<Follows>,
+    pub joints: Vec<CommandResponse>,
     /// What is to be said about all of them, worst first.
     pub findings: Vec<Finding>,
 }

@@ -14,7 +14,7 @@ const LEAST_LEFT: f64 = 1e-6;
 
 /// A command's part in its joint's acceleration, once position and velocity are accounted for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pull {
+pub(super) struct CommandInfluence {
     /// How alike the two are, from -1 to 1; positive where the command pulls the joint towards itself.
     pub likeness: f64,
     /// How many standard deviations that is from nothing.
@@ -22,7 +22,7 @@ pub(super) struct Pull {
 }
 
 /// How a command pulls its joint. `None` where that cannot be told: too few samples, or a command that position and velocity foretell.
-pub(super) fn pull(clock_s: &[f64], command: &[f64], position: &[f64]) -> Option<Pull> {
+pub(super) fn pull(clock_s: &[f64], command: &[f64], position: &[f64]) -> Option<CommandInfluence> {
     // All are smoothed alike, which leaves every linear relation as it was.
     let (told, moved) = (smooth(clock_s, command), smooth(clock_s, position));
     let rows: Vec<(Vector3<f64>, f64, f64)> = told.iter().zip(&moved).filter_map(row).collect();
@@ -53,7 +53,10 @@ pub(super) fn pull(clock_s: &[f64], command: &[f64], position: &[f64]) -> Option
     let likeness = ca / (cc * aa).sqrt();
     // Samples that were smoothed together are one observation.
     let observations = (n / together(clock_s)).max(4.0);
-    Some(Pull { likeness, telling: likeness * (observations / (1.0 - likeness * likeness).max(1e-9)).sqrt() })
+    Some(CommandInfluence {
+        likeness,
+        telling: likeness * (observations / (1.0 - likeness * likeness).max(1e-9)).sqrt(),
+    })
 }
 
 /// Position and velocity beside a constant, the command, and the acceleration.

@@ -18,7 +18,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
-use table::Table;
+use table::FrameTable;
 
 /// One episode of a data set.
 pub(crate) struct Episode {
@@ -88,7 +88,7 @@ impl Episode {
     fn columns(&self, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>, IoError> {
         let files = self.files()?;
         for file in &files {
-            if let Some(columns) = Table::open(file)?.episode(self.index, wanted)? {
+            if let Some(columns) = FrameTable::open(file)?.episode(self.index, wanted)? {
                 return Ok(columns);
             }
         }

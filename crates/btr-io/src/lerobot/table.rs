@@ -14,18 +14,18 @@ use std::path::{Path, PathBuf};
 const EPISODE: &str = "episode_index";
 
 /// A file of frames.
-pub(super) struct Table {
+pub(super) struct FrameTable {
     path: PathBuf,
     reader: SerializedFileReader<File>,
 }
 
-impl Table {
+impl FrameTable {
     /// # Errors
     /// A file that is not there, or that is no Parquet file.
     pub(super) fn open(path: &Path) -> Result<Self, IoError> {
         let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
         let reader = SerializedFileReader::new(file).map_err(|e| odd(path, e.to_string()))?;
-        Ok(Table { path: path.to_owned(), reader })
+        Ok(FrameTable { path: path.to_owned(), reader })
     }
 
     /// The columns of some names in an episode, each as a series per number that a frame has; `None` where the file has

@@ -1,6 +1,6 @@
 //! Samples of several topics on the joint states' clock: commands held, the rest interpolated.
 
-use super::other::{Kind, Names, Sample};
+use super::other::{Names, Sample, TopicKind};
 use crate::error::Warning;
 use btr_core::log::{hold, interpolate};
 
@@ -24,13 +24,13 @@ enum Onto {
     Between,
 }
 
-struct Track {
+struct MergedTrack {
     onto: Onto,
     points: Vec<(u64, f64)>,
 }
 
 /// Merges samples in the order in which they were recorded; `None` when there are no joint states among them.
-pub(crate) fn merge(samples: Vec<(Kind, Sample)>, names: &Names) -> Option<Merged> {
+pub(crate) fn merge(samples: Vec<(TopicKind, Sample)>, names: &Names) -> Option<Merged> {
     // Stamps are when things happened, but only if everybody stamps; two clocks must not be mixed.
     let stamped = samples.iter().all(|(_, s)| s.stamp_ns > 0);
     let time = |s: &Sample| if stamped { s.stamp_ns } else { s.log_ns };
@@ -63,14 +63,14 @@ pub(crate) fn merge(samples: Vec<(Kind, Sample)>, names: &Names) -> Option<Merge
 }
 
 /// Whether a sample says where joints are.
-fn is_state(kind: Kind, sample: &Sample, names: &Names) -> bool {
+fn is_state(kind: TopicKind, sample: &Sample, names: &Names) -> bool {
     let position = |(number, _): &(usize, f64)| names.of(*number).starts_with("q_");
-    kind == Kind::States || (kind == Kind::Array && sample.values.iter().any(position))
+    kind == TopicKind::States || (kind == TopicKind::Array && sample.values.iter().any(position))
 }
 
 /// The samples by the channels' numbers.
-fn tracks(samples: Vec<(Kind, Sample)>, names: &Names, time: impl Fn(&Sample) -> u64) -> Vec<Option<Track>> {
-    let mut tracks: Vec<Option<Track>> = names.iter().map(|_| None).collect();
+fn tracks(samples: Vec<(TopicKind, Sample)>, names: &Names, time: impl Fn(&Sample) -> u64) -> Vec<Option<MergedTrack>> {
+    let mut tracks: Vec<Option<MergedTrack>> = names.iter().map(|_| None).collect();
     for (kind, sample) in samples {
         let ns = time(&sample);
         let state = is_state(kind, &sample, names);
@@ -78,11 +78,11 @@ fn tracks(samples: Vec<(Kind, Sample)>, names: &Names, time: impl Fn(&Sample) ->
             let track = tracks[number].get_or_insert_with(|| {
                 let onto = match kind {
                     _ if state => Onto::Exactly,
-                    Kind::Trajectory => Onto::Planned,
+                    TopicKind::Trajectory => Onto::Planned,
                     _ if names.of(number).starts_with("cmd_") => Onto::Held,
                     _ => Onto::Between,
                 };
-                Track { onto, points: Vec::new() }
+                MergedTrack { onto, points: Vec::new() }
             });
             if let Some(after_start_ns) = sample.after_start_ns {
                 track.points.retain(|(planned, _)| *planned < ns.saturating_sub(after_start_ns));
@@ -93,7 +93,7 @@ fn tracks(samples: Vec<(Kind, Sample)>, names: &Names, time: impl Fn(&Sample) ->
     tracks
 }
 
-impl Track {
+impl MergedTrack {
     fn onto(&self, clock_s: &[f64], seconds: impl Fn(u64) -> f64) -> Vec<f64> {
         let x: Vec<f64> = self.points.iter().map(|(ns, _)| seconds(*ns)).collect();
         let y: Vec<f64> = self.points.iter().map(|(_, value)| *value).collect();

@@ -75,7 +75,7 @@ pub(crate) struct Sample {
 
 /// What a topic carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum TopicKind {
     States,
     Commands,
     Trajectory,
@@ -84,14 +84,14 @@ pub(crate) enum Kind {
 }
 
 /// What the topic carries, or why it cannot be read; `None` for topics nobody asks for.
-pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -> Option<Result<Kind, String>> {
+pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -> Option<Result<TopicKind, String>> {
     let name = schema.rsplit(['/', '.']).next().unwrap_or_default();
     let kind = match name {
-        "JointState" if topic == topics.states => Kind::States,
-        "JointState" if topic == topics.commands => Kind::Commands,
-        "JointTrajectory" if topic == topics.commands => Kind::Trajectory,
-        "Imu" if topic == topics.imu => Kind::Imu,
-        "Float64MultiArray" if topics.arrays.contains_key(topic) => Kind::Array,
+        "JointState" if topic == topics.states => TopicKind::States,
+        "JointState" if topic == topics.commands => TopicKind::Commands,
+        "JointTrajectory" if topic == topics.commands => TopicKind::Trajectory,
+        "Imu" if topic == topics.imu => TopicKind::Imu,
+        "Float64MultiArray" if topics.arrays.contains_key(topic) => TopicKind::Array,
         _ => {
             let asked = [&topics.states, &topics.commands, &topics.imu].into_iter().chain(topics.arrays.keys());
             let wanted = asked.into_iter().any(|t| t == topic);
@@ -106,7 +106,7 @@ pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -
 
 /// Decodes a message into samples; `elements` are those of an array of bare numbers. The text says why not.
 pub(crate) fn samples(
-    kind: Kind,
+    kind: TopicKind,
     elements: &[String],
     json: bool,
     data: &[u8],
@@ -117,23 +117,23 @@ pub(crate) fn samples(
     let value = value.as_ref();
     let one = |stamp: Time, values| Ok(vec![Sample { stamp_ns: stamp.ns(), log_ns, values, after_start_ns: None }]);
     match kind {
-        Kind::States => {
+        TopicKind::States => {
             let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
             one(m.header.stamp, states(&m, names)?)
         }
-        Kind::Commands => {
+        TopicKind::Commands => {
             let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
             one(m.header.stamp, commands(&m, names)?)
         }
-        Kind::Trajectory => {
+        TopicKind::Trajectory => {
             let m = value.map_or_else(|| decode::<JointTrajectory>(data), |v| Ok(json_trajectory(v)))?;
             trajectory(&m, log_ns, names)
         }
-        Kind::Imu => {
+        TopicKind::Imu => {
             let m = value.map_or_else(|| decode::<Imu>(data), |v| Ok(json_imu(v)))?;
             one(m.header.stamp, imu(&m, names))
         }
-        Kind::Array => {
+        TopicKind::Array => {
             let data =
                 value.map_or_else(|| decode::<Float64MultiArray>(data).map(|m| m.data), |v| Ok(numbers(&v["data"])))?;
             one(Time::default(), named("", elements, &data, names)?)

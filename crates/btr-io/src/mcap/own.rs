@@ -71,19 +71,19 @@ pub(crate) fn encode(time_s: f64, values: impl Iterator<Item = f64>, message: &m
 }
 
 /// The log as its rows come in.
-pub(crate) struct Rows {
+pub(crate) struct LogRows {
     columns: Vec<Column>,
     clock_s: Vec<f64>,
     values: Vec<Vec<f64>>,
 }
 
-impl Rows {
+impl LogRows {
     /// No rows yet; the text says what is wrong with the metadata.
     pub(crate) fn new(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let json = metadata.get(KEY).ok_or("its metadata does not name the channels")?;
         let columns: Vec<Column> = serde_json::from_str(json).map_err(|e| e.to_string())?;
         let values = vec![Vec::new(); columns.len()];
-        Ok(Rows { columns, clock_s: Vec::new(), values })
+        Ok(LogRows { columns, clock_s: Vec::new(), values })
     }
 
     /// Takes in a message.

@@ -1,6 +1,6 @@
 //! A recording of ROS 2 messages on their way to a log.
 
-use super::other::{Kind, Names, Sample, kind, samples};
+use super::other::{Names, Sample, TopicKind, kind, samples};
 use super::{merge, own};
 use crate::error::{IoError, Warning};
 use crate::mapping::Mapping;
@@ -10,25 +10,25 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What to do with a topic's messages.
-enum Plan {
+enum TopicPlan {
     Own,
-    Read { kind: Kind, json: bool },
+    Read { kind: TopicKind, json: bool },
     Skip,
 }
 
-struct Topic {
+struct McapTopic {
     name: String,
-    plan: Plan,
+    plan: TopicPlan,
 }
 
 /// A recording as its messages come in, one after the other.
 pub struct Recording<'a> {
     mapping: &'a Mapping,
-    topics: BTreeMap<u16, Topic>,
+    topics: BTreeMap<u16, McapTopic>,
     /// Topics with their types, for the message when nothing useful is found.
     types: BTreeMap<String, String>,
-    own: Option<own::Rows>,
-    samples: Vec<(Kind, Sample)>,
+    own: Option<own::LogRows>,
+    samples: Vec<(TopicKind, Sample)>,
     names: Names,
     messages: usize,
     /// Per topic: how many messages could not be decoded, and why the first could not.
@@ -61,9 +61,9 @@ impl<'a> Recording<'a> {
         self.types.insert(name.to_owned(), schema.to_owned());
         let plan = self.plan(name, schema, encoding, metadata).unwrap_or_else(|why| {
             self.warnings.push(Warning::TopicSkipped { topic: name.to_owned(), why });
-            Plan::Skip
+            TopicPlan::Skip
         });
-        self.topics.insert(id, Topic { name: name.to_owned(), plan });
+        self.topics.insert(id, McapTopic { name: name.to_owned(), plan });
     }
 
     fn plan(
@@ -72,13 +72,13 @@ impl<'a> Recording<'a> {
         schema: &str,
         encoding: &str,
         metadata: &BTreeMap<String, String>,
-    ) -> Result<Plan, String> {
+    ) -> Result<TopicPlan, String> {
         if name == own::TOPIC && schema == own::TYPE {
-            self.own = Some(own::Rows::new(metadata)?);
-            return Ok(Plan::Own);
+            self.own = Some(own::LogRows::new(metadata)?);
+            return Ok(TopicPlan::Own);
         }
         let kind = kind(&self.mapping.topics, name, schema, encoding).transpose()?;
-        Ok(kind.map_or(Plan::Skip, |kind| Plan::Read { kind, json: encoding == "json" }))
+        Ok(kind.map_or(TopicPlan::Skip, |kind| TopicPlan::Read { kind, json: encoding == "json" }))
     }
 
     /// Takes in a message of a topic, recorded at `log_ns`.
@@ -86,16 +86,16 @@ impl<'a> Recording<'a> {
         self.messages += 1;
         let Some(topic) = self.topics.get(&id) else { return };
         let taken = match (&topic.plan, &mut self.own) {
-            (Plan::Own, Some(rows)) => rows.push(data),
+            (TopicPlan::Own, Some(rows)) => rows.push(data),
             // The log itself is there: nobody will ask for its views.
-            (Plan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
-            (&Plan::Read { kind, json }, _) => {
+            (TopicPlan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
+            (&TopicPlan::Read { kind, json }, _) => {
                 let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
                 samples(kind, elements, json, data, log_ns, &mut self.names).map(|samples| {
                     self.samples.extend(samples.into_iter().map(|sample| (kind, sample)));
                 })
             }
-            (Plan::Skip | Plan::Own, _) => Ok(()),
+            (TopicPlan::Skip | TopicPlan::Own, _) => Ok(()),
         };
         if let Err(why) = taken {
             self.undecodable.entry(topic.name.clone()).or_insert((0, why)).0 += 1;

@@ -33,9 +33,9 @@ pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Resul
         .library(concat!("btr ", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(256 * 1024))
         .compression_threads(0);
-    let mut recorder = Recorder { writer: options.create(out).map_err(io::Error::other)?, message: Vec::new() };
+    let mut recorder = McapWriter { writer: options.create(out).map_err(io::Error::other)?, message: Vec::new() };
     recorder.describe(meta)?;
-    let topics = Topics::new(log, meta, &mut recorder)?;
+    let topics = TopicNumbers::new(log, meta, &mut recorder)?;
     let start_ns = ns_after(log, 0);
     if let (Some(channel), Some(urdf)) = (topics.description, &meta.urdf) {
         recorder.send(channel, start_ns, &Text { data: urdf.clone() })?;
@@ -64,12 +64,12 @@ fn ns_after(log: &Log, tick: usize) -> u64 {
 }
 
 /// An MCAP writer that speaks CDR.
-struct Recorder<W: Write + Seek> {
+struct McapWriter<W: Write + Seek> {
     writer: Writer<W>,
     message: Vec<u8>,
 }
 
-impl<W: Write + Seek> Recorder<W> {
+impl<W: Write + Seek> McapWriter<W> {
     fn describe(&mut self, meta: &Meta) -> io::Result<()> {
         let mut notes = meta.notes.clone();
         notes.insert("version".into(), env!("CARGO_PKG_VERSION").into());
@@ -122,7 +122,7 @@ impl<W: Write + Seek> Recorder<W> {
 }
 
 /// The topics of a log, with the number under which MCAP knows each.
-struct Topics<'a> {
+struct TopicNumbers<'a> {
     own: u16,
     description: Option<u16>,
     joints: Vec<(u16, Joints<'a>)>,
@@ -130,15 +130,15 @@ struct Topics<'a> {
     base: Option<(u16, BaseView<'a>)>,
 }
 
-impl<'a> Topics<'a> {
-    fn new<W: Write + Seek>(log: &'a Log, meta: &'a Meta, recorder: &mut Recorder<W>) -> io::Result<Self> {
+impl<'a> TopicNumbers<'a> {
+    fn new<W: Write + Seek>(log: &'a Log, meta: &'a Meta, recorder: &mut McapWriter<W>) -> io::Result<Self> {
         let metadata = own::metadata(log).map_err(io::Error::other)?;
         let own = recorder.raw_topic(own::TOPIC, own::TYPE, &own::definition(log), &metadata)?;
         let base_link = meta.base_link.as_deref().unwrap_or("base_link");
         let description = recorder.topic::<Text, _>("/robot_description", meta.urdf.as_ref())?;
         let states = recorder.topic::<JointState, _>("/joint_states", Joints::states(log))?;
         let commands = recorder.topic::<JointState, _>("/joint_commands", Joints::commands(log))?;
-        Ok(Topics {
+        Ok(TopicNumbers {
             own,
             description: description.map(|(channel, _)| channel),
             joints: states.into_iter().chain(commands).collect(),
@@ -147,7 +147,7 @@ impl<'a> Topics<'a> {
         })
     }
 
-    fn send_views<W: Write + Seek>(&self, tick: usize, ns: u64, recorder: &mut Recorder<W>) -> io::Result<()> {
+    fn send_views<W: Write + Seek>(&self, tick: usize, ns: u64, recorder: &mut McapWriter<W>) -> io::Result<()> {
         for (channel, joints) in &self.joints {
             recorder.send(*channel, ns, &joints.message(tick, ns))?;
         }

@@ -1,87 +1,103 @@
 //! A family whose residuals are worked out elsewhere, or here, as long as nobody stops it.
 
 use super::folder::Folder;
-use super::message::{Asked, Batch, Content, Derived, Parcel, Residuals, Rollouts, Sparse, proof_of};
-use super::{MOST_AT_ONCE, Way};
+use super::message::{
+    Batch, Derivation, Payload, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, proof_of,
+};
+use super::{ExecutionContext, MOST_AT_ONCE};
 use crate::experiment;
 use crate::experiment::LogSource;
-use crate::verbs::Problem;
+use crate::verbs::VerbInput;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
+use btr_identify::residual_model::{
+    EffectCandidate, FitParameter, LawTerm, RecordedLog, ResidualModel, ResidualRequest, TimeStep,
+};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// The family of a problem, served.
-pub struct Served {
-    local: Arc<dyn Family>,
+pub struct RemoteModel {
+    local: Arc<dyn ResidualModel>,
     /// The family that the parcel holds, and what was made of it one after the other to get this one.
-    base: Arc<dyn Family>,
-    derived: Vec<Derived>,
-    way: Arc<Way>,
-    parcel: Option<Arc<Parcel>>,
+    base: Arc<dyn ResidualModel>,
+    derived: Vec<Derivation>,
+    way: Arc<ExecutionContext>,
+    parcel: Option<Arc<Payload>>,
     proof: Arc<OnceLock<u64>>,
 }
 
-impl Served {
+impl RemoteModel {
     /// The family of a problem, which was made of these logs.
     ///
     /// # Errors
     /// A file that the model names and that cannot be read any more.
-    pub fn new(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], way: Arc<Way>) -> Result<Self, String> {
-        let local: Arc<dyn Family> = Arc::new(problem.beside.clone());
+    pub fn new(
+        problem: &VerbInput,
+        learn: &[LogSource],
+        held_out: &[LogSource],
+        way: Arc<ExecutionContext>,
+    ) -> Result<Self, String> {
+        let local: Arc<dyn ResidualModel> = Arc::new(problem.beside.clone());
         let parcel = way.executor.as_ref().map(|e| parcel(problem, learn, held_out, e.functions())).transpose()?;
-        Ok(Served { parcel: parcel.map(Arc::new), ..Served::here(local, way) })
+        Ok(RemoteModel { parcel: parcel.map(Arc::new), ..RemoteModel::here(local, way) })
     }
 
     /// A family that nobody works on but this process, as long as nobody stops it.
-    pub fn here(local: Arc<dyn Family>, way: Arc<Way>) -> Self {
-        Served { base: local.clone(), local, derived: Vec::new(), way, parcel: None, proof: Arc::default() }
+    pub fn here(local: Arc<dyn ResidualModel>, way: Arc<ExecutionContext>) -> Self {
+        RemoteModel { base: local.clone(), local, derived: Vec::new(), way, parcel: None, proof: Arc::default() }
     }
 
-    fn derived(&self, local: Box<dyn Family>, how: Derived) -> Box<dyn Family> {
+    fn derived(&self, local: Box<dyn ResidualModel>, how: Derivation) -> Box<dyn ResidualModel> {
         let (way, parcel, proof) = (self.way.clone(), self.parcel.clone(), self.proof.clone());
         let (base, derived) = (self.base.clone(), self.derived.iter().cloned().chain([how]).collect());
-        Box::new(Served { local: Arc::from(local), base, derived, way, parcel, proof })
+        Box::new(RemoteModel { local: Arc::from(local), base, derived, way, parcel, proof })
     }
 
     /// What workers make of some rollouts; `None` where there is nobody to ask.
-    fn ask(&self, rollouts: &[Rollout], step: Step) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
+    fn ask(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
         let parcel = self.parcel.as_ref()?;
-        let asked = |one: &Rollout| Asked { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
+        let asked =
+            |one: &ResidualRequest| RolloutMessage { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
         let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
         let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
         let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
-        let residuals: Vec<Residuals> = self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;
+        let residuals: Vec<ResidualMessage> =
+            self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;
         Some(residuals.into_iter().map(|r| r.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
 
 /// What a family computes for the model as it stands.
-pub(super) fn proof(family: &dyn Family) -> u64 {
+pub(super) fn proof(family: &dyn ResidualModel) -> u64 {
     let origin = vec![0.0; family.knobs().len()];
-    let of_log = |log: usize| family.residual(Rollout::of(&origin, log), Step::USUAL).unwrap_or_default();
+    let of_log = |log: usize| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL).unwrap_or_default();
     let residuals: Vec<Vec<f64>> = (0..family.logs().len()).map(of_log).collect();
     let sizes: Vec<f64> = family.knobs().iter().flat_map(|knob| [knob.origin, knob.size, knob.reach]).collect();
     proof_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
 }
 
-fn parcel(problem: &Problem, learn: &[LogSource], held_out: &[LogSource], functions: &[u8]) -> Result<Parcel, String> {
+fn parcel(
+    problem: &VerbInput,
+    learn: &[LogSource],
+    held_out: &[LogSource],
+    functions: &[u8],
+) -> Result<Payload, String> {
     let read = |log: &LogSource| -> Result<(PathBuf, Log), String> {
         let path = std::path::absolute(log.path()).map_err(|e| e.to_string())?;
         Ok((path, experiment::recorded(&problem.source, log).map_err(|e| e.to_string())?))
     };
     let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
-    Parcel::of(&Content::Problem {
+    Payload::of(&PayloadContent::Problem {
         model: Folder::pack(&problem.source, false, functions)?,
         learn: read(learn)?,
         held_out: read(held_out)?,
     })
 }
 
-impl Family for Served {
-    fn knobs(&self) -> &[Knob] {
+impl ResidualModel for RemoteModel {
+    fn knobs(&self) -> &[FitParameter] {
         self.local.knobs()
     }
 
@@ -89,11 +105,11 @@ impl Family for Served {
         self.local.doubtful()
     }
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &[EffectCandidate] {
         self.local.candidates()
     }
 
-    fn features(&self) -> &[Feature] {
+    fn features(&self) -> &[LawTerm] {
         self.local.features()
     }
 
@@ -101,11 +117,11 @@ impl Family for Served {
         self.local.clock_s(log)
     }
 
-    fn logs(&self) -> &[Recorded] {
+    fn logs(&self) -> &[RecordedLog] {
         self.local.logs()
     }
 
-    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+    fn residual(&self, rollout: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
         self.residuals(&[rollout], step).pop().unwrap_or_else(|| self.local.residual(rollout, step))
     }
 
@@ -113,7 +129,7 @@ impl Family for Served {
         if self.parcel.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
     }
 
-    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
+    fn residuals(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
         self.way.heed();
         self.ask(rollouts, step).unwrap_or_else(|| self.local.residuals(rollouts, step))
     }
@@ -138,17 +154,17 @@ impl Family for Served {
         self.local.is_chaotic()
     }
 
-    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         self.way.heed();
-        Some(self.derived(self.local.seen_from(u)?, Derived::SeenFrom(u.to_vec())))
+        Some(self.derived(self.local.seen_from(u)?, Derivation::SeenFrom(u.to_vec())))
     }
 
-    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
-        Some(self.derived(self.local.begun(moved)?, Derived::Begun(moved.to_vec())))
+    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
+        Some(self.derived(self.local.begun(moved)?, Derivation::Begun(moved.to_vec())))
     }
 
-    fn beginnings(&self) -> Option<Box<dyn Family>> {
-        Some(self.derived(self.local.beginnings()?, Derived::Beginnings))
+    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
+        Some(self.derived(self.local.beginnings()?, Derivation::Beginnings))
     }
 
     fn start_near(&self, log: usize, number: usize) -> &[String] {

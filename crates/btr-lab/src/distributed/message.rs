@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use btr_core::log::Log;
-use btr_core::world::{Behaviour, Made};
+use btr_core::world::{Behaviour, Output};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::hash::{DefaultHasher, Hasher};
@@ -13,20 +13,20 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// What a worker is told once, with a name under which it may keep what it made of it.
 #[derive(Debug)]
-pub struct Parcel {
+pub struct Payload {
     /// The same for the same content.
     pub key: u64,
     /// The content.
     pub bytes: Vec<u8>,
 }
 
-impl Parcel {
-    pub(super) fn of(content: &Content) -> Result<Self, String> {
+impl Payload {
+    pub(super) fn of(content: &PayloadContent) -> Result<Self, String> {
         let bytes = postcard::to_allocvec(&(VERSION, content)).map_err(|e| e.to_string())?;
-        Ok(Parcel { key: name_of(&bytes), bytes })
+        Ok(Payload { key: name_of(&bytes), bytes })
     }
 
-    pub(super) fn content(bytes: &[u8]) -> Result<Content, String> {
+    pub(super) fn content(bytes: &[u8]) -> Result<PayloadContent, String> {
         let of_another =
             |theirs: &str| format!("btr {VERSION} cannot work for btr {theirs}: install the same version everywhere");
         let (theirs, rest): (String, &[u8]) =
@@ -40,7 +40,7 @@ impl Parcel {
 
 /// What may be in a parcel.
 #[derive(Serialize, Deserialize)]
-pub(super) enum Content {
+pub(super) enum PayloadContent {
     /// A model beside its logs.
     Problem { model: Folder, learn: Vec<(PathBuf, Log)>, held_out: Vec<(PathBuf, Log)> },
     /// An experiment's simulations, by what they are compared with real tests (as JSON, which tells names from tables), and
@@ -52,7 +52,7 @@ pub(super) enum Content {
 
 /// How a family was made of another one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) enum Derived {
+pub(super) enum Derivation {
     /// Where only the beginnings of logs count.
     Beginnings,
     /// As it is seen from a point.
@@ -87,7 +87,7 @@ impl Sparse {
 
 /// A rollout of a family.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Asked {
+pub(super) struct RolloutMessage {
     pub(super) u: Sparse,
     pub(super) log: usize,
     pub(super) moved: Sparse,
@@ -96,13 +96,13 @@ pub(super) struct Asked {
 /// Rollouts of a family.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Rollouts {
-    pub(super) derived: Vec<Derived>,
+    pub(super) derived: Vec<Derivation>,
     pub(super) halvings: u8,
-    pub(super) asked: Vec<Asked>,
+    pub(super) asked: Vec<RolloutMessage>,
 }
 
 /// Residuals, or why there are none.
-pub(super) type Residuals = Result<Vec<f64>, String>;
+pub(super) type ResidualMessage = Result<Vec<f64>, String>;
 
 /// A candidate of a population.
 #[derive(Serialize, Deserialize)]
@@ -110,12 +110,12 @@ pub(super) struct Candidate {
     pub(super) s: Vec<f64>,
     pub(super) c: Vec<f64>,
     pub(super) scenario: usize,
-    pub(super) wanted: Order,
+    pub(super) wanted: OutputOrder,
 }
 
 /// What is wanted of a candidate.
 #[derive(Serialize, Deserialize)]
-pub(super) enum Order {
+pub(super) enum OutputOrder {
     Behaviour,
     Fitness,
     /// The place of the test among the parcels, and whether residuals are wanted.
@@ -126,7 +126,7 @@ pub(super) enum Order {
 }
 
 /// What was made of a candidate, or why nothing was.
-pub(super) type Rated = Result<Made, String>;
+pub(super) type CandidateResult = Result<Output, String>;
 
 /// A batch of either kind.
 #[derive(Serialize, Deserialize)]

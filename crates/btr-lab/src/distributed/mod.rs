@@ -1,6 +1,6 @@
 //! Simulations that somebody else works out: other threads, processes or machines, behind whatever hands out calls there.
 //!
-//! A worker is told once what it works on (a [`Parcel`]: the model with its files, the logs) and then gets batches: points of
+//! A worker is told once what it works on (a [`Payload`]: the model with its files, the logs) and then gets batches: points of
 //! a family, or candidates of a population. It answers with numbers. No random number is drawn there, so that an answer is
 //! the same whoever gives it, and however often it is asked for again because a machine was lost. Every answer carries the
 //! worker's proof: what it computes at the model's own values, which must be what is computed here, bit by bit.
@@ -12,10 +12,10 @@ mod message;
 mod serve;
 mod simulator;
 
-pub use family::Served;
-pub use message::Parcel;
+pub use family::RemoteModel;
+pub use message::Payload;
 pub use serve::serve;
-pub use simulator::{Parcels, ServedModel};
+pub use simulator::{RemoteSimulator, RunPayloads};
 
 use message::{Answer, Batch};
 use serde::de::DeserializeOwned;
@@ -39,12 +39,12 @@ pub trait Executor: Send + Sync {
     ///
     /// # Errors
     /// Whatever keeps the answer from coming: all work ends with it.
-    fn work(&self, parcels: &[Arc<Parcel>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
+    fn work(&self, parcels: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
 }
 
 /// How long work is done, and by whom: it can be stopped, and it can be handed out.
 #[derive(Default)]
-pub struct Way {
+pub struct ExecutionContext {
     threads: Option<usize>,
     executor: Option<Box<dyn Executor>>,
     stopped: AtomicBool,
@@ -54,15 +54,15 @@ pub struct Way {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stopped;
 
-impl Way {
+impl ExecutionContext {
     /// Work for somebody else.
     pub fn elsewhere(executor: Box<dyn Executor>) -> Self {
-        Way { threads: Some(executor.workers()), executor: Some(executor), ..Way::default() }
+        ExecutionContext { threads: Some(executor.workers()), executor: Some(executor), ..ExecutionContext::default() }
     }
 
     /// Work here, on so many threads.
     pub fn here(threads: usize) -> Self {
-        Way { threads: Some(threads), ..Way::default() }
+        ExecutionContext { threads: Some(threads), ..ExecutionContext::default() }
     }
 
     /// Ends the work soon: it unwinds with [`Stopped`], and nothing comes of it.
@@ -95,7 +95,7 @@ impl Way {
     /// The answer to a batch for so many, from a worker that has proved itself; `None` where there is nobody to ask.
     fn ask<T: DeserializeOwned>(
         &self,
-        parcels: &[Arc<Parcel>],
+        parcels: &[Arc<Payload>],
         batch: &Batch,
         many: usize,
         proof: impl FnOnce() -> u64,

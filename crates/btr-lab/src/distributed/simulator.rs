@@ -1,33 +1,33 @@
 //! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
 
 use super::folder::Folder;
-use super::message::{Batch, Candidate, Content, Order, Parcel, Rated, proof_of};
-use super::{Executor, MOST_AT_ONCE, Way};
+use super::message::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, proof_of};
+use super::{ExecutionContext, Executor, MOST_AT_ONCE};
 use crate::experiment::Source;
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Space;
-use btr_core::world::{Behaviour, Job, Made, Measure, Simulator, Wanted, WorldError};
+use btr_core::world::{Behaviour, Job, Measure, Output, OutputRequest, Simulator, WorldError};
 use btr_physics::model::Model;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What goes to the workers of a run: its experiment, and each real test once somebody is compared with it.
 #[derive(Default)]
-pub struct Parcels {
-    experiment: Mutex<Option<(String, Arc<Parcel>, u64)>>,
-    tests: Mutex<BTreeMap<usize, Arc<Parcel>>>,
+pub struct RunPayloads {
+    experiment: Mutex<Option<(String, Arc<Payload>, u64)>>,
+    tests: Mutex<BTreeMap<usize, Arc<Payload>>>,
 }
 
 /// A model whose runs are served.
-pub struct ServedModel<'a> {
+pub struct RemoteSimulator<'a> {
     local: &'a Model,
-    way: &'a Way,
-    parcels: &'a Parcels,
+    way: &'a ExecutionContext,
+    parcels: &'a RunPayloads,
     /// The experiment's parcel, and what workers must prove; none where there are no workers.
-    experiment: Option<(Arc<Parcel>, u64)>,
+    experiment: Option<(Arc<Payload>, u64)>,
 }
 
-impl<'a> ServedModel<'a> {
+impl<'a> RemoteSimulator<'a> {
     /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands
     /// for what the text says of reality.
     ///
@@ -37,42 +37,42 @@ impl<'a> ServedModel<'a> {
         local: &'a Model,
         source: &Source,
         (distance, robot): (&DistanceSpec, bool),
-        way: &'a Way,
-        parcels: &'a Parcels,
+        way: &'a ExecutionContext,
+        parcels: &'a RunPayloads,
     ) -> Result<Self, String> {
         let parcel =
             |executor: &dyn Executor| parcels.experiment(local, source, (distance, robot), executor.functions());
         let experiment = way.executor.as_deref().map(parcel).transpose()?;
-        Ok(ServedModel { local, way, parcels, experiment })
+        Ok(RemoteSimulator { local, way, parcels, experiment })
     }
 }
 
-impl Parcels {
+impl RunPayloads {
     fn experiment(
         &self,
         model: &Model,
         source: &Source,
         (distance, robot): (&DistanceSpec, bool),
         functions: &[u8],
-    ) -> Result<(Arc<Parcel>, u64), String> {
+    ) -> Result<(Arc<Payload>, u64), String> {
         let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, parcel, proof)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
             return Ok((parcel.clone(), *proof));
         }
         let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
         let experiment = Folder::pack(source, !robot, functions)?;
-        let parcel = Parcel::of(&Content::Experiment { experiment, distance, robot })?;
+        let parcel = Payload::of(&PayloadContent::Experiment { experiment, distance, robot })?;
         let (parcel, proof) = (Arc::new(parcel), proof(model));
         *known = Some((source.text.clone(), parcel.clone(), proof));
         Ok((parcel, proof))
     }
 
-    fn test(&self, number: usize, behaviour: &Behaviour) -> Option<Arc<Parcel>> {
+    fn test(&self, number: usize, behaviour: &Behaviour) -> Option<Arc<Payload>> {
         let mut tests = self.tests.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = tests.get(&number) {
             return Some(known.clone());
         }
-        let parcel = Arc::new(Parcel::of(&Content::Test(behaviour.clone())).ok()?);
+        let parcel = Arc::new(Payload::of(&PayloadContent::Test(behaviour.clone())).ok()?);
         tests.insert(number, parcel.clone());
         Some(parcel)
     }
@@ -85,15 +85,15 @@ pub(super) fn proof(model: &Model) -> u64 {
     proof_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
 }
 
-impl ServedModel<'_> {
-    fn ask(&self, jobs: &[Job], wanted: &[Wanted]) -> Option<Vec<Result<Made, WorldError>>> {
+impl RemoteSimulator<'_> {
+    fn ask(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Option<Vec<Result<Output, WorldError>>> {
         let (experiment, proof) = self.experiment.as_ref()?;
         let (mut parcels, mut numbers) = (vec![experiment.clone()], Vec::new());
-        let mut asked = |wanted: &Wanted| {
+        let mut asked = |wanted: &OutputRequest| {
             Some(match wanted {
-                Wanted::Behaviour => Order::Behaviour,
-                Wanted::Fitness => Order::Fitness,
-                Wanted::Distance(against) => {
+                OutputRequest::Behaviour => OutputOrder::Behaviour,
+                OutputRequest::Fitness => OutputOrder::Fitness,
+                OutputRequest::Distance(against) => {
                     let test = match numbers.iter().position(|number| *number == against.test) {
                         Some(known) => known,
                         None => {
@@ -102,21 +102,22 @@ impl ServedModel<'_> {
                             numbers.len() - 1
                         }
                     };
-                    Order::Distance { test, squares: against.squares }
+                    OutputOrder::Distance { test, squares: against.squares }
                 }
             })
         };
-        let candidate = |(job, wanted): (&Job, &Wanted)| {
+        let candidate = |(job, wanted): (&Job, &OutputRequest)| {
             let (s, c, scenario) = (job.s.to_vec(), job.c.to_vec(), job.scenario);
             Some(Candidate { s, c, scenario, wanted: asked(wanted)? })
         };
         let candidates: Option<Vec<Candidate>> = jobs.iter().zip(wanted).map(candidate).collect();
-        let made: Vec<Rated> = self.way.ask(&parcels, &Batch::Population(candidates?), jobs.len(), || *proof)?;
+        let made: Vec<CandidateResult> =
+            self.way.ask(&parcels, &Batch::Population(candidates?), jobs.len(), || *proof)?;
         Some(made.into_iter().map(|made| made.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
 
-impl Simulator for ServedModel<'_> {
+impl Simulator for RemoteSimulator<'_> {
     fn simulations(&self) -> &Space {
         self.local.simulations()
     }
@@ -145,8 +146,8 @@ impl Simulator for ServedModel<'_> {
         self.local.run_all(jobs)
     }
 
-    fn make_all(&self, jobs: &[Job], wanted: &[Wanted]) -> Vec<Result<Made, WorldError>> {
+    fn evaluate_all(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
         self.way.heed();
-        self.ask(jobs, wanted).unwrap_or_else(|| self.local.make_all(jobs, wanted))
+        self.ask(jobs, wanted).unwrap_or_else(|| self.local.evaluate_all(jobs, wanted))
     }
 }

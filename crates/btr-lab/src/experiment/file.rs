@@ -5,7 +5,7 @@ use btr_core::coevolve::Plan;
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Scale;
 use btr_io::Mapping;
-use btr_physics::effects::On;
+use btr_physics::effects::FormulaTarget;
 use btr_physics::robot::Base;
 use btr_physics::setup::EngineName;
 use indexmap::IndexMap;
@@ -278,7 +278,7 @@ pub struct EffectSection {
     pub site: String,
     /// Formula: what the law gives.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub on: Option<On>,
+    pub on: Option<FormulaTarget>,
     /// Formula: an expression over `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function
     /// that the program brings along (`python:slip`).
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -9,11 +9,11 @@ mod parse;
 mod plan_error;
 
 pub(crate) use build::told;
-pub use build::{Experiment, Robotic, simulations};
+pub use build::{Experiment, RobotFunction, simulations};
 pub use enlarged::enlarges;
 pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
 pub(crate) use logs::pieces::timely;
-pub use logs::replays::{Checked, Replays, replays};
+pub use logs::replays::{CheckedLog, Replays, replays};
 pub use logs::single::{model, model_driven_by, model_replaying, recorded};
 pub use logs::source::LogSource;
 pub use logs::start::starts;

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 const EASE_S: f64 = 1.0;
 
 /// A kind of motion.
-struct Kind {
+struct MotionKind {
     name: &'static str,
     /// What it does, for a sentence.
     told: &'static str,
@@ -18,25 +18,30 @@ struct Kind {
     wave: fn(f64, f64) -> f64,
 }
 
-const KINDS: [Kind; 8] = [
-    Kind { name: "creep", told: "ramps that creep through zero velocity", share: 0.06, wave: |t, _| ramp(t / 4.0) },
-    Kind {
+const KINDS: [MotionKind; 8] = [
+    MotionKind {
+        name: "creep",
+        told: "ramps that creep through zero velocity",
+        share: 0.06,
+        wave: |t, _| ramp(t / 4.0),
+    },
+    MotionKind {
         name: "slow_ramps",
         told: "slow ramps to and fro through zero velocity",
         share: 0.15,
         wave: |t, _| ramp(t / 3.0),
     },
-    Kind { name: "ramps", told: "ramps to and fro", share: 0.7, wave: |t, _| ramp(t / 2.5) },
-    Kind { name: "steps", told: "steps", share: 0.8, wave: |t, _| LEVELS[(t / 0.8) as usize % LEVELS.len()] },
-    Kind { name: "multisine", told: "a sum of sines", share: 0.8, wave: |t, _| multisine(t) },
-    Kind { name: "chirp", told: "a sine that grows faster", share: 0.3, wave: |t, share| chirp(t, share) },
-    Kind {
+    MotionKind { name: "ramps", told: "ramps to and fro", share: 0.7, wave: |t, _| ramp(t / 2.5) },
+    MotionKind { name: "steps", told: "steps", share: 0.8, wave: |t, _| LEVELS[(t / 0.8) as usize % LEVELS.len()] },
+    MotionKind { name: "multisine", told: "a sum of sines", share: 0.8, wave: |t, _| multisine(t) },
+    MotionKind { name: "chirp", told: "a sine that grows faster", share: 0.3, wave: |t, share| chirp(t, share) },
+    MotionKind {
         name: "poses",
         told: "poses held across the range",
         share: 1.0,
         wave: |_, share| POSES[(share * 5.0) as usize % 5],
     },
-    Kind {
+    MotionKind {
         name: "free_swing",
         told: "torque off from a held pose, and a free swing",
         share: 0.7,
@@ -67,18 +72,18 @@ fn free(share: f64) -> f64 {
 
 /// What a joint was told in the logs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Told {
+pub(crate) struct CommandRange {
     /// Least and greatest command.
     range: (f64, f64),
     /// The fastest that it changed, per s.
     rate: f64,
 }
 
-impl Told {
+impl CommandRange {
     /// `None` where the joint was never told two different things.
-    pub(crate) fn of(joint: &str, logs: &[Log]) -> Option<Told> {
+    pub(crate) fn of(joint: &str, logs: &[Log]) -> Option<CommandRange> {
         let name = format!("cmd_{joint}");
-        let mut told = Told { range: (f64::INFINITY, f64::NEG_INFINITY), rate: 0.0 };
+        let mut told = CommandRange { range: (f64::INFINITY, f64::NEG_INFINITY), rate: 0.0 };
         for log in logs {
             let Some(channel) = log.channel(&name) else { continue };
             let samples: Vec<(f64, f64)> = log
@@ -118,8 +123,8 @@ pub(crate) fn excitations(
     tick_s: f64,
     duration_s: f64,
 ) -> Result<Vec<Excitation>, LogError> {
-    let joints: Vec<(&Joint, Option<Told>)> =
-        robot.movable().map(|(_, link)| (&link.joint, Told::of(&link.joint.name, logs))).collect();
+    let joints: Vec<(&Joint, Option<CommandRange>)> =
+        robot.movable().map(|(_, link)| (&link.joint, CommandRange::of(&link.joint.name, logs))).collect();
     let moving: Vec<usize> = (0..joints.len()).filter(|&i| joints[i].1.is_some()).collect();
     let mut groups: Vec<Vec<usize>> = moving.iter().map(|&i| vec![i]).collect();
     if moving.len() > 1 {
@@ -147,12 +152,12 @@ pub(crate) fn excitations(
 }
 
 /// The commands of a joint: to the middle of its range, then the motion, never faster than the logs were.
-fn row(clock: &[f64], joint: &Joint, told: Option<Told>, kind: Option<&Kind>) -> Vec<f64> {
+fn row(clock: &[f64], joint: &Joint, told: Option<CommandRange>, kind: Option<&MotionKind>) -> Vec<f64> {
     let rest = match joint.actuator {
         Actuator::Torque { .. } | Actuator::Voltage { servo: None, .. } => 0.0,
         _ => joint.start,
     };
-    let Some(Told { range: (low, high), rate }) = told else { return vec![rest; clock.len()] };
+    let Some(CommandRange { range: (low, high), rate }) = told else { return vec![rest; clock.len()] };
     let (middle, reach) = (0.5 * (low + high), 0.5 * (high - low));
     let last_s = clock.last().copied().unwrap_or(0.0);
     let mut before: Option<(f64, f64)> = None;

@@ -1,14 +1,16 @@
 //! What is simulated beside what was measured, at any point of the family and from any start.
 
-use super::Beside;
+use super::IdentificationProblem;
 use super::noise_floor;
 use super::starts::OPEN;
 use super::windows;
 use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
-use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Recorded, Rollout, Step};
-use btr_physics::effects::Placed;
-use btr_physics::model::{Point, Scenario};
+use btr_identify::residual_model::{
+    EffectCandidate, FitParameter, LawTerm, RecordedLog, ResidualModel, ResidualRequest, TimeStep,
+};
+use btr_physics::effects::PlacedEffect;
+use btr_physics::model::{ModelPoint, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -16,8 +18,8 @@ use std::ops::Range;
 /// What counts as the beginning of a log, as a share of it.
 const BEGINNING: f64 = 0.3;
 
-impl Family for Beside {
-    fn knobs(&self) -> &[Knob] {
+impl ResidualModel for IdentificationProblem {
+    fn knobs(&self) -> &[FitParameter] {
         &self.knobs
     }
 
@@ -25,11 +27,11 @@ impl Family for Beside {
         &self.doubtful
     }
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &[EffectCandidate] {
         &self.candidates
     }
 
-    fn features(&self) -> &[Feature] {
+    fn features(&self) -> &[LawTerm] {
         &self.features
     }
 
@@ -37,11 +39,11 @@ impl Family for Beside {
         &self.clocks_s[self.parts[log].scenario]
     }
 
-    fn logs(&self) -> &[Recorded] {
+    fn logs(&self) -> &[RecordedLog] {
         &self.logs
     }
 
-    fn residual(&self, rollout: Rollout, step: Step) -> Result<Vec<f64>, WorldError> {
+    fn residual(&self, rollout: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
         self.residuals(&[rollout], step).remove(0)
     }
 
@@ -49,10 +51,11 @@ impl Family for Beside {
         self.model.side_by_side()
     }
 
-    fn residuals(&self, rollouts: &[Rollout], step: Step) -> Vec<Result<Vec<f64>, WorldError>> {
-        let point = |of: &Rollout| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
-        let points: Vec<(Vec<f64>, Vec<Placed>, Cow<Scenario>)> = rollouts.iter().map(point).collect();
-        let points: Vec<Point> = points.iter().map(|(s, further, situation)| Point { s, further, situation }).collect();
+    fn residuals(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+        let point = |of: &ResidualRequest| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
+        let points: Vec<(Vec<f64>, Vec<PlacedEffect>, Cow<Scenario>)> = rollouts.iter().map(point).collect();
+        let points: Vec<ModelPoint> =
+            points.iter().map(|(s, further, situation)| ModelPoint { s, further, situation }).collect();
         let simulated = self.model.rollouts_in(&points, step);
         rollouts.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
     }
@@ -88,7 +91,7 @@ impl Family for Beside {
         self.parts.iter().any(|part| !part.windows.is_empty())
     }
 
-    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn Family>> {
+    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         if self.model.robot.base == Base::Fixed {
             return None;
         }
@@ -99,14 +102,14 @@ impl Family for Beside {
         } else {
             other.rest_otherwise(u).unwrap_or(false)
         };
-        differs.then(|| Box::new(other) as Box<dyn Family>)
+        differs.then(|| Box::new(other) as Box<dyn ResidualModel>)
     }
 
-    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn Family>> {
+    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
         Some(Box::new(self.begun_elsewhere(moved)))
     }
 
-    fn beginnings(&self) -> Option<Box<dyn Family>> {
+    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
         if !self.has_contact() || self.is_chaotic() {
             return None;
         }
@@ -138,7 +141,7 @@ impl Family for Beside {
     }
 }
 
-impl Beside {
+impl IdentificationProblem {
     /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
     pub(super) fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();

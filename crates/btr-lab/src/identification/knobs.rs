@@ -1,8 +1,8 @@
 //! Numbers of a model, and of effects that it lacks, as knobs: their laws, sizes, bounds and priors.
 
-use super::scales::Scales;
+use super::scales::RobotScales;
 use btr_core::space::{Dim, Scale};
-use btr_identify::residual_model::{Knob, Law};
+use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::Param;
 use btr_physics::setup::Setup;
 
@@ -14,7 +14,7 @@ const SHAPE: f64 = 3.0;
 const REACH: (f64, f64) = (0.05, 0.1);
 
 /// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
-pub(super) fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
+pub(super) fn in_doubt(dim: &Dim, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
     let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
@@ -24,15 +24,15 @@ pub(super) fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
     let (law, size, spread) = match effect {
         // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
         Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
-            (Law::Exponential, std::f64::consts::LN_2, SHAPE)
+            (Parametrisation::Exponential, std::f64::consts::LN_2, SHAPE)
         }
         Some((param, site)) if dim.scale == Scale::Linear && !param.shape => {
-            (Law::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
+            (Parametrisation::Linear, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
         }
-        _ if dim.min > 0.0 && nominal > 0.0 => (Law::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
-        _ => (Law::Linear, (dim.max - dim.min) / 4.0, 1.0),
+        _ if dim.min > 0.0 && nominal > 0.0 => (Parametrisation::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
+        _ => (Parametrisation::Linear, (dim.max - dim.min) / 4.0, 1.0),
     };
-    let mut knob = Knob {
+    let mut knob = FitParameter {
         name: dim.name.clone(),
         unit: dim.unit.clone(),
         origin: nominal,
@@ -41,21 +41,21 @@ pub(super) fn in_doubt(dim: &Dim, scales: &Scales) -> Knob {
         bounds: (0.0, 0.0),
         spread,
         reach: if effect.is_some() { REACH.1 } else { REACH.0 },
-        amplitude: law == Law::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
+        amplitude: law == Parametrisation::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
     };
     knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
     knob
 }
 
 /// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
-pub(super) fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
+pub(super) fn knob(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
     let size = param.hint.abs() * scale;
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let (law, origin, size, bounds, spread) = match param {
         p if p.shape && p.bounds.0 > 0.0 => {
             let size = std::f64::consts::LN_2;
             (
-                Law::Exponential,
+                Parametrisation::Exponential,
                 p.hint * scale,
                 size,
                 ((p.bounds.0 / p.hint).ln() / size, (p.bounds.1 / p.hint).ln() / size),
@@ -64,14 +64,20 @@ pub(super) fn knob(name: String, param: &Param, scale: f64, own: f64) -> Knob {
         }
         p if p.shape => {
             let size = (most - least) / 8.0;
-            (Law::Linear, p.hint * scale, size, ((least - p.hint * scale) / size, (most - p.hint * scale) / size), 4.0)
+            (
+                Parametrisation::Linear,
+                p.hint * scale,
+                size,
+                ((least - p.hint * scale) / size, (most - p.hint * scale) / size),
+                4.0,
+            )
         }
-        p if p.off.is_infinite() => (Law::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
-        p if p.off.is_nan() => (Law::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
-        p => (Law::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
+        p if p.off.is_infinite() => (Parametrisation::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
+        p if p.off.is_nan() => (Parametrisation::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
+        p => (Parametrisation::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
     };
     let unit = param.unit.to_owned();
-    Knob { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
+    FitParameter { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
 }
 
 fn same(a: f64, b: f64) -> bool {

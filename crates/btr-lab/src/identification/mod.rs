@@ -1,4 +1,4 @@
-//! A model beside recorded logs, as the core's [`Family`]: what is in doubt, and every effect of the library at every site
+//! A model beside recorded logs, as the core's [`ResidualModel`]: what is in doubt, and every effect of the library at every site
 //! where it could sit.
 
 pub(crate) mod excitation;
@@ -18,24 +18,26 @@ pub(crate) mod windows;
 use btr_core::log::{Channel, Log, Role};
 use btr_core::world::WorldError;
 use btr_identify::diagnose::ResidualLaw;
-use btr_identify::residual_model::{Candidate, Family, Feature, Knob, Measured, Recorded, Step};
-use btr_physics::effects::{Effect, On, Param, Placed};
+use btr_identify::residual_model::{
+    EffectCandidate, FitParameter, LawTerm, MeasuredChannel, RecordedLog, ResidualModel, TimeStep,
+};
+use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
 use knobs::in_doubt;
-use parts::{Part, parts, whole};
-use scales::Scales;
+use parts::{LogPart, parts, whole};
+use scales::RobotScales;
 use sites::limbs;
 pub(crate) use sites::sites;
 pub(crate) use starts::seen_starts;
 use std::ops::Range;
 use std::sync::Arc;
-use term::Term;
+use term::TermDefinition;
 use windows::Windows;
 
 /// A model, the logs it is compared with, and all that may be varied.
 #[derive(Clone)]
-pub struct Beside {
+pub struct IdentificationProblem {
     model: Arc<Model>,
     recorded: Vec<Log>,
     /// The model's scenarios, with the restarts that the logs call for.
@@ -44,24 +46,24 @@ pub struct Beside {
     rests: bool,
     /// The logs' clocks, as laws count time.
     clocks_s: Vec<Vec<f64>>,
-    parts: Vec<Part>,
-    knobs: Vec<Knob>,
+    parts: Vec<LogPart>,
+    knobs: Vec<FitParameter>,
     doubtful: Vec<usize>,
-    candidates: Vec<Candidate>,
-    logs: Vec<Recorded>,
-    scales: Scales,
+    candidates: Vec<EffectCandidate>,
+    logs: Vec<RecordedLog>,
+    scales: RobotScales,
     /// With windows: for each joint, the channels of the joints of its limb.
     limbs: Vec<Vec<String>>,
     /// The channels in which each candidate is felt first; none where it is felt everywhere.
     near: Vec<Vec<String>>,
     /// What stands behind each candidate.
     effects: Vec<&'static dyn Effect>,
-    features: Vec<Feature>,
+    features: Vec<LawTerm>,
     /// What stands behind each feature.
-    terms: Vec<(Term, &'static dyn Effect)>,
+    terms: Vec<(TermDefinition, &'static dyn Effect)>,
 }
 
-impl Beside {
+impl IdentificationProblem {
     /// Puts a model beside its logs: `recorded` in the order of the model's scenarios. `without` names effects that are not to
     /// be considered.
     ///
@@ -88,13 +90,14 @@ impl Beside {
         let other = Self::without_effects(model, recorded, parts)?;
         let (knobs, candidates, features) = (self.knobs.clone(), self.candidates.clone(), self.features.clone());
         let (effects, terms) = (self.effects.clone(), self.terms.clone());
-        let mut other = Beside { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other };
+        let mut other =
+            IdentificationProblem { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other };
         other.begin(u)?;
         Ok(other)
     }
 
     /// The logs' channels, to change their floors.
-    pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut Recorded> {
+    pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut RecordedLog> {
         self.logs.iter_mut()
     }
 
@@ -103,7 +106,12 @@ impl Beside {
         self.parts[log].scenario
     }
 
-    fn in_parts(model: Arc<Model>, recorded: Vec<Log>, without: &[&str], parts: Vec<Part>) -> Result<Self, WorldError> {
+    fn in_parts(
+        model: Arc<Model>,
+        recorded: Vec<Log>,
+        without: &[&str],
+        parts: Vec<LogPart>,
+    ) -> Result<Self, WorldError> {
         let mut beside = Self::without_effects(model, recorded, parts)?;
         let origin = vec![0.0; beside.knobs.len()];
         beside.begin(&origin)?;
@@ -118,9 +126,9 @@ impl Beside {
         Ok(beside)
     }
 
-    fn without_effects(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<Part>) -> Result<Self, WorldError> {
-        let scales = Scales::of(&model, &recorded)?;
-        Ok(Beside {
+    fn without_effects(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<LogPart>) -> Result<Self, WorldError> {
+        let scales = RobotScales::of(&model, &recorded)?;
+        Ok(IdentificationProblem {
             knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
             doubtful: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
@@ -211,7 +219,7 @@ impl Beside {
     }
 
     /// What is large and what is small for this robot.
-    pub(crate) fn scales(&self) -> &Scales {
+    pub(crate) fn scales(&self) -> &RobotScales {
         &self.scales
     }
 
@@ -219,7 +227,7 @@ impl Beside {
     ///
     /// # Errors
     /// A simulation that blew up.
-    pub fn simulate(&self, u: &[f64], scenario: usize, step: Step) -> Result<Log, WorldError> {
+    pub fn simulate(&self, u: &[f64], scenario: usize, step: TimeStep) -> Result<Log, WorldError> {
         self.simulate_in(u, &self.situations[scenario], step)
     }
 
@@ -227,7 +235,7 @@ impl Beside {
     ///
     /// # Errors
     /// A simulation that blew up.
-    pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: Step) -> Result<Log, WorldError> {
+    pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: TimeStep) -> Result<Log, WorldError> {
         self.model.rollout_in(&self.inner(u), scenario, &self.placed(u), step)
     }
 
@@ -253,32 +261,32 @@ impl Beside {
     }
 
     /// The effects that are switched on at a point.
-    pub fn placed(&self, u: &[f64]) -> Vec<Placed> {
-        let on = |candidate: &&Candidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
+    pub fn placed(&self, u: &[f64]) -> Vec<PlacedEffect> {
+        let on = |candidate: &&EffectCandidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
         let pairs = self.candidates.iter().zip(&self.effects);
         let effects =
             pairs.filter(|(candidate, _)| on(candidate)).map(|(candidate, effect)| self.place(candidate, *effect, u));
         let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| on(&&feature.term));
         let terms = terms.map(|(feature, (_, effect))| {
             let values = feature.term.knobs().map(|k| self.knobs[k].value(u[k])).collect();
-            Placed { effect: *effect, site: feature.term.site.clone(), values }
+            PlacedEffect { effect: *effect, site: feature.term.site.clone(), values }
         });
         effects.chain(terms).collect()
     }
 
     /// Where a law sits, what it is on, and its text.
-    pub fn law(&self, law: &ResidualLaw) -> Option<(String, On, String)> {
+    pub fn law(&self, law: &ResidualLaw) -> Option<(String, FormulaTarget, String)> {
         let first = *law.terms.first()?;
         let values = |&i: &usize| {
             let knobs = self.features[i].term.knobs();
             (&self.terms[i].0, knobs.map(|k| self.knobs[k].value(law.fit.u[k])).collect())
         };
         let on = self.terms[first].0.on;
-        let terms: Vec<(&Term, Vec<f64>)> = law.terms.iter().map(values).collect();
+        let terms: Vec<(&TermDefinition, Vec<f64>)> = law.terms.iter().map(values).collect();
         Some((self.features[first].term.site.clone(), on, term::law(on, &terms)))
     }
 
-    fn place(&self, candidate: &Candidate, effect: &'static dyn Effect, u: &[f64]) -> Placed {
+    fn place(&self, candidate: &EffectCandidate, effect: &'static dyn Effect, u: &[f64]) -> PlacedEffect {
         let (mut amplitudes, mut shapes) = (candidate.amplitudes.iter(), candidate.shapes.iter());
         let knob = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
         let knobs: Vec<Option<&usize>> = effect.card().params.iter().map(knob).collect();
@@ -288,7 +296,7 @@ impl Beside {
             knob.map_or(param.off, |&k| self.knobs[k].value(u[k]).max(least(param)))
         };
         let values = knobs.into_iter().zip(effect.card().params).map(value).collect();
-        Placed { effect, site: candidate.site.clone(), values }
+        PlacedEffect { effect, site: candidate.site.clone(), values }
     }
 
     /// Rounding must not carry a value across its bound.
@@ -299,7 +307,7 @@ impl Beside {
 
     /// The channels of a log that are compared: positions, torques of joints whose motion is prescribed, and how a
     /// floating base turns.
-    fn measured(&self, part: &Part) -> Result<Recorded, WorldError> {
+    fn measured(&self, part: &LogPart) -> Result<RecordedLog, WorldError> {
         let recorded = &self.recorded[part.scenario];
         let (mut channels, mut present) = (Vec::new(), 0);
         let mut start = 0;
@@ -310,7 +318,7 @@ impl Beside {
             let samples = start..start + recorded.len();
             start = samples.end;
             present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
-            channels.push(Measured { name, unit: channel.unit.clone(), sigma, samples });
+            channels.push(MeasuredChannel { name, unit: channel.unit.clone(), sigma, samples });
         }
         if channels.is_empty() {
             let what =
@@ -318,7 +326,7 @@ impl Beside {
             return Err(WorldError::Setup { what });
         }
         let name = self.model.scenarios[part.scenario].name.clone();
-        Ok(Recorded { name, held_out: part.held_out, channels, present })
+        Ok(RecordedLog { name, held_out: part.held_out, channels, present })
     }
 
     /// Least and greatest position of a joint in all logs.

@@ -4,13 +4,13 @@
 //! plausible as those, is measured with noise, and is compared at its true numbers as a robot's log would be. What
 //! remains is the floor.
 
-use super::Beside;
+use super::IdentificationProblem;
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
 use btr_core::world::WorldError;
-use btr_identify::fit::{Bench, squares};
-use btr_identify::residual_model::Family;
-use btr_physics::sensor::Noise;
+use btr_identify::fit::{Objective, squares};
+use btr_identify::residual_model::ResidualModel;
+use btr_physics::sensor::SensorNoise;
 use indexmap::IndexMap;
 use rand::RngExt;
 use std::sync::Arc;
@@ -24,11 +24,11 @@ const OFF: f64 = 0.7;
 
 /// Sums of squares, and how many samples they are of.
 #[derive(Clone, Copy, Default)]
-struct Left(f64, usize);
+struct RemainingSquares(f64, usize);
 
-impl Left {
+impl RemainingSquares {
     fn add(&mut self, squares: f64, samples: usize) {
-        *self = Left(self.0 + squares, self.1 + samples);
+        *self = RemainingSquares(self.0 + squares, self.1 + samples);
     }
 
     fn rms(self) -> f64 {
@@ -37,24 +37,24 @@ impl Left {
 }
 
 /// What remains of every channel, by scenario.
-type Leftovers = Vec<(usize, IndexMap<String, Left>)>;
+type RemainingErrors = Vec<(usize, IndexMap<String, RemainingSquares>)>;
 
 /// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the
 /// sensors' noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a
 /// short log says too little.
-pub(crate) fn raise(beside: &mut Beside, u: &[f64]) -> Result<(), WorldError> {
-    let mut left: Vec<Leftovers> = Vec::new();
+pub(crate) fn raise(beside: &mut IdentificationProblem, u: &[f64]) -> Result<(), WorldError> {
+    let mut left: Vec<RemainingErrors> = Vec::new();
     for draw in 0..DRAWS {
         left.push(of_logs(beside, u, &plausible(beside, u, draw), draw)?);
     }
     let all = || left.iter().flatten();
-    let mut channels: IndexMap<String, Left> = IndexMap::new();
+    let mut channels: IndexMap<String, RemainingSquares> = IndexMap::new();
     for (name, own) in all().flat_map(|(_, log)| log) {
         channels.entry(name.clone()).or_default().add(own.0, own.1);
     }
     let excess: IndexMap<String, f64> = channels.into_iter().map(|(name, left)| (name, left.rms().max(1.0))).collect();
     let of_scenario = |scenario: usize| {
-        let mut share = Left::default();
+        let mut share = RemainingSquares::default();
         for (name, own) in all().filter(|(of, _)| *of == scenario).flat_map(|(_, log)| log) {
             share.add(own.0 / excess[name].powi(2), own.1);
         }
@@ -70,13 +70,13 @@ pub(crate) fn raise(beside: &mut Beside, u: &[f64]) -> Result<(), WorldError> {
 }
 
 /// The noise floor of a channel as its sensor has it.
-fn noise_of(beside: &Beside, scenario: usize, name: &str) -> f64 {
+fn noise_of(beside: &IdentificationProblem, scenario: usize, name: &str) -> f64 {
     let values = beside.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
     beside.model().setup.noise.floor(name, values).unwrap_or(1.0)
 }
 
 /// The point with numbers in doubt that could be true as well.
-fn plausible(beside: &Beside, u: &[f64], draw: u64) -> Vec<f64> {
+fn plausible(beside: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> {
     let mut truth = u.to_vec();
     let mut rng = stream(SEED, &[draw]);
     for &k in beside.doubtful() {
@@ -88,7 +88,7 @@ fn plausible(beside: &Beside, u: &[f64], draw: u64) -> Vec<f64> {
 
 /// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts
 /// are seen by the model at `u`.
-fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Leftovers, WorldError> {
+fn of_logs(beside: &IdentificationProblem, u: &[f64], truth: &[f64], draw: u64) -> Result<RemainingErrors, WorldError> {
     let mut model = beside.model().in_situations(beside.model().scenarios.clone());
     model.setup.noise = noise(beside);
     let (values, effects) = (beside.inner(truth), beside.placed(truth));
@@ -99,14 +99,14 @@ fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Lefto
     };
     let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
     let twin = beside.beside_others(Arc::new(model), logs, u)?;
-    let bench = Bench::at(&twin, truth);
+    let bench = Objective::at(&twin, truth);
     let mut left = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
         let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
-        let own = |channel: &btr_identify::residual_model::Measured| {
-            (channel.name.clone(), Left(squares(&residual[channel.samples.clone()]), samples))
+        let own = |channel: &btr_identify::residual_model::MeasuredChannel| {
+            (channel.name.clone(), RemainingSquares(squares(&residual[channel.samples.clone()]), samples))
         };
         left.push((twin.scenario(index), log.channels.iter().map(own).collect()));
     }
@@ -114,7 +114,7 @@ fn of_logs(beside: &Beside, u: &[f64], truth: &[f64], draw: u64) -> Result<Lefto
 }
 
 /// Sensors as noisy as those of the logs.
-fn noise(beside: &Beside) -> Noise {
+fn noise(beside: &IdentificationProblem) -> SensorNoise {
     let largest = |begin: &str| {
         let channels =
             beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
@@ -124,7 +124,7 @@ fn noise(beside: &Beside) -> Noise {
     let noise = beside.model().setup.noise;
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
     let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
-    Noise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }
+    SensorNoise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }
 }
 
 /// The channels of a simulation that a recording has as well.

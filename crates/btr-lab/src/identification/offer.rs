@@ -1,16 +1,16 @@
 //! What may be missing: every effect at every site, and what laws are made of.
 
-use super::Beside;
+use super::IdentificationProblem;
 use super::knobs::{knob, own};
 use super::sites::sites;
 use super::term;
-use super::term::{Extent, Term};
+use super::term::{TermContext, TermDefinition};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{Candidate, Feature};
+use btr_identify::residual_model::{EffectCandidate, LawTerm};
 use btr_physics::effects::{EFFECTS, Effect};
 use btr_physics::robot::Actuator;
 
-impl Beside {
+impl IdentificationProblem {
     /// Adds every effect at every site to what may be missing, but those named in `without`.
     pub(super) fn offer_effects(&mut self, without: &[&str]) {
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
@@ -40,7 +40,7 @@ impl Beside {
         self.near.push(self.limb_of(&site));
         let effect_name = card.name.to_owned();
         let (kin, contains) = (Vec::new(), Vec::new());
-        self.candidates.push(Candidate { effect: effect_name, site, amplitudes, shapes, starts, kin, contains });
+        self.candidates.push(EffectCandidate { effect: effect_name, site, amplitudes, shapes, starts, kin, contains });
         self.effects.push(effect);
     }
 
@@ -82,7 +82,7 @@ impl Beside {
                 Actuator::Voltage { servo, .. } => servo.is_some(),
                 Actuator::Passive | Actuator::Torque { .. } | Actuator::Prescribed => false,
             };
-            let extent = Extent { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
+            let extent = TermContext { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
             let first = self.features.len();
             for term in term::terms(&joint.name, &self.scales, &extent) {
                 self.offer_term(term, &joint.name, &extent, first)?;
@@ -91,7 +91,13 @@ impl Beside {
         Ok(())
     }
 
-    fn offer_term(&mut self, term: Term, joint: &str, extent: &Extent, first: usize) -> Result<(), WorldError> {
+    fn offer_term(
+        &mut self,
+        term: TermDefinition,
+        joint: &str,
+        extent: &TermContext,
+        first: usize,
+    ) -> Result<(), WorldError> {
         let effect = term.formula().map_err(|e| WorldError::Setup { what: e.to_string() })?;
         let knobs = term.knobs(joint, &self.scales, extent);
         let start = |values: Vec<f64>| knobs.iter().skip(term.amplitudes()).zip(values).map(|(k, v)| k.coordinate(v));
@@ -101,9 +107,9 @@ impl Beside {
         self.knobs.extend(knobs);
         let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
         let (kin, contains) = (Vec::new(), Vec::new());
-        let candidate = Candidate { effect: name, site, amplitudes, shapes, starts, kin, contains };
+        let candidate = EffectCandidate { effect: name, site, amplitudes, shapes, starts, kin, contains };
         let swings = term.swings.map(|i| first + i);
-        self.features.push(Feature { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
+        self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));
         Ok(())
     }

@@ -9,7 +9,7 @@ const JUDGED_TAIL: f64 = 0.3;
 
 /// Some samples of a log that are learnt from or judged on together.
 #[derive(Clone)]
-pub(super) struct Part {
+pub(super) struct LogPart {
     pub scenario: usize,
     pub samples: Range<usize>,
     pub held_out: bool,
@@ -19,9 +19,9 @@ pub(super) struct Part {
     pub noise: Vec<f64>,
 }
 
-impl Part {
+impl LogPart {
     pub(super) fn new(scenario: usize, samples: Range<usize>, held_out: bool) -> Self {
-        Part { scenario, samples, held_out, windows: Vec::new(), noise: Vec::new() }
+        LogPart { scenario, samples, held_out, windows: Vec::new(), noise: Vec::new() }
     }
 
     /// Whether a sample counts.
@@ -32,18 +32,19 @@ impl Part {
 }
 
 /// The logs as they are, to learn from.
-pub(super) fn whole(recorded: &[Log]) -> Vec<Part> {
-    recorded.iter().enumerate().map(|(scenario, log)| Part::new(scenario, 0..log.len(), false)).collect()
+pub(super) fn whole(recorded: &[Log]) -> Vec<LogPart> {
+    recorded.iter().enumerate().map(|(scenario, log)| LogPart::new(scenario, 0..log.len(), false)).collect()
 }
 
 /// The logs as they are; each cut in two where none is held out.
-pub(super) fn parts(model: &Model, recorded: &[Log]) -> Vec<Part> {
+pub(super) fn parts(model: &Model, recorded: &[Log]) -> Vec<LogPart> {
     let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
-    let whole = |scenario: usize| Part::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);
+    let whole = |scenario: usize| LogPart::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);
     if model.learn < recorded.len() {
         return (0..recorded.len()).map(whole).collect();
     }
-    let first = (0..recorded.len()).map(|scenario| Part::new(scenario, 0..cut(scenario), false));
-    let last = (0..recorded.len()).map(|scenario| Part::new(scenario, cut(scenario)..recorded[scenario].len(), true));
+    let first = (0..recorded.len()).map(|scenario| LogPart::new(scenario, 0..cut(scenario), false));
+    let last =
+        (0..recorded.len()).map(|scenario| LogPart::new(scenario, cut(scenario)..recorded[scenario].len(), true));
     first.chain(last).collect()
 }

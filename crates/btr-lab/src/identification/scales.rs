@@ -2,21 +2,21 @@
 //! is not a finger's.
 
 use btr_core::log::Log;
-use btr_core::world::Step;
+use btr_core::world::TimeStep;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::carried_inertia;
 use btr_physics::model::Model;
 use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm that the cards' hints are made for.
-const DESK: Scale = Scale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
+const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
 
 /// Standard gravity, in m/s².
 const G: f64 = 9.81;
 
 /// What a joint usually does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Scale {
+struct JointScale {
     /// Root mean square of the motor's torque, in N·m (N).
     torque: f64,
     /// Largest usual speed, in rad/s (m/s).
@@ -29,27 +29,28 @@ struct Scale {
 
 /// The scales of all joints, and the largest for what sits elsewhere.
 #[derive(Clone)]
-pub(crate) struct Scales {
-    joints: Vec<(String, String, Scale)>,
-    whole: Scale,
+pub(crate) struct RobotScales {
+    joints: Vec<(String, String, JointScale)>,
+    whole: JointScale,
 }
 
-impl Scales {
+impl RobotScales {
     /// Simulates the logs once, with the model as it stands, and looks what the motors do.
     pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
         let nominal = model.simulations().nominal();
-        let simulated = (0..model.learn.min(recorded.len())).map(|log| model.rollout(&nominal, log, &[], Step::USUAL));
-        Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+        let simulated =
+            (0..model.learn.min(recorded.len())).map(|log| model.rollout(&nominal, log, &[], TimeStep::USUAL));
+        RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
     }
 
     /// Looks what the motors do in logs of simulations.
     pub(crate) fn seen(robot: &Robot, simulated: &[Log]) -> Result<Self, WorldError> {
         let carried = carried_inertia(robot);
-        let mut joints: Vec<(String, String, Scale)> = robot
+        let mut joints: Vec<(String, String, JointScale)> = robot
             .movable()
             .zip(carried)
             .map(|((_, link), inertia)| {
-                let scale = Scale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg };
+                let scale = JointScale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg };
                 (link.joint.name.clone(), link.name.clone(), scale)
             })
             .collect();
@@ -59,8 +60,8 @@ impl Scales {
                 scale.speed = scale.speed.max(3.0 * rms(simulated.values(&format!("dq_{joint}"))?));
             }
         }
-        let largest = |of: fn(&Scale) -> f64| joints.iter().map(|(_, _, scale)| of(scale)).fold(0.0, f64::max);
-        let whole = Scale {
+        let largest = |of: fn(&JointScale) -> f64| joints.iter().map(|(_, _, scale)| of(scale)).fold(0.0, f64::max);
+        let whole = JointScale {
             torque: largest(|s| s.torque),
             speed: largest(|s| s.speed),
             inertia: largest(|s| s.inertia),
@@ -74,7 +75,7 @@ impl Scales {
             scale.mass = or(scale.mass, whole.mass, DESK.mass);
             scale.inertia = or(scale.inertia, whole.inertia, DESK.inertia);
         }
-        Ok(Scales { joints, whole })
+        Ok(RobotScales { joints, whole })
     }
 
     /// A guess from the robot alone, without knowing what it does: motors carry its weight, at a desk arm's speed.
@@ -83,7 +84,7 @@ impl Scales {
         let mass = robot.mass_kg();
         let scale = |inertia: f64, slides: bool| {
             let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
-            Scale { torque: mass * G * arm, speed: DESK.speed, inertia, mass }
+            JointScale { torque: mass * G * arm, speed: DESK.speed, inertia, mass }
         };
         let joints: Vec<_> = robot
             .movable()
@@ -94,7 +95,7 @@ impl Scales {
             })
             .collect();
         let whole = joints.iter().map(|(_, _, scale)| *scale).max_by(|a, b| a.torque.total_cmp(&b.torque));
-        Scales { joints, whole: whole.unwrap_or(DESK) }
+        RobotScales { joints, whole: whole.unwrap_or(DESK) }
     }
 
     /// By how much a hint in this unit is to be scaled at a site.
@@ -129,8 +130,8 @@ mod tests {
 
     #[test]
     fn drag_is_scaled_as_torque_over_squared_speed() {
-        let whole = Scale { torque: 2.0, speed: 12.0, ..DESK };
-        let scales = Scales { joints: Vec::new(), whole };
+        let whole = JointScale { torque: 2.0, speed: 12.0, ..DESK };
+        let scales = RobotScales { joints: Vec::new(), whole };
         let drag = btr_physics::effects::find("quadratic_drag").unwrap().card();
         assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
     }

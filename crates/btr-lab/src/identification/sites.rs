@@ -1,6 +1,6 @@
 //! Where effects could sit.
 
-use btr_physics::effects::{Effect, Placed, SiteKind};
+use btr_physics::effects::{Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
 use btr_physics::robot::{JointKind, Robot};
 
@@ -8,7 +8,7 @@ use btr_physics::robot::{JointKind, Robot};
 pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     let card = effect.card();
     let taken = |site: &str| {
-        let there = |placed: &&Placed| {
+        let there = |placed: &&PlacedEffect| {
             placed.effect.card().name == card.name && btr_physics::robot::site::matches(&placed.site, site)
         };
         let named = format!("{}.", card.name);

@@ -2,12 +2,12 @@
 //! down, and a smaller change of it never has larger consequences than its share. A motion that contact makes chaotic
 //! is compared in windows instead.
 
-use super::Beside;
+use super::IdentificationProblem;
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth;
 use btr_core::world::WorldError;
 use btr_identify::fit::squares;
-use btr_identify::residual_model::Step;
+use btr_identify::residual_model::TimeStep;
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Link;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -15,21 +15,21 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 /// How a free robot came to where its log begins: put down with its joints as they read there, or as they are told, it
 /// stood for so long, in s.
 #[derive(Clone, Copy)]
-struct Past {
+struct StandingHistory {
     told: bool,
     stood_s: f64,
 }
 
 /// What is thought of, likeliest first: it stood until everything was settled, or not as long, or was put there at that
 /// moment, as simulated ones are.
-const PASTS: [Past; 7] = [
-    Past { told: false, stood_s: 1.0 },
-    Past { told: true, stood_s: 1.0 },
-    Past { told: false, stood_s: 0.5 },
-    Past { told: true, stood_s: 0.5 },
-    Past { told: false, stood_s: 0.2 },
-    Past { told: true, stood_s: 0.2 },
-    Past { told: false, stood_s: 0.0 },
+const PASTS: [StandingHistory; 7] = [
+    StandingHistory { told: false, stood_s: 1.0 },
+    StandingHistory { told: true, stood_s: 1.0 },
+    StandingHistory { told: false, stood_s: 0.5 },
+    StandingHistory { told: true, stood_s: 0.5 },
+    StandingHistory { told: false, stood_s: 0.2 },
+    StandingHistory { told: true, stood_s: 0.2 },
+    StandingHistory { told: false, stood_s: 0.0 },
 ];
 /// A less likely past is believed where it leaves less than this share of a likelier one's squares.
 const LIKELIER: f64 = 0.98;
@@ -47,7 +47,7 @@ const CHANGES: [f64; 2] = [1e-6, 1e-3];
 /// that lands or slips a step earlier made it up to 3.4 times larger in an ant's walk that could well be followed.
 const DISORDER: f64 = 10.0;
 
-impl Beside {
+impl IdentificationProblem {
     /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the
     /// model can follow them from there.
     pub(super) fn rest(&mut self, u: &[f64]) -> Result<bool, WorldError> {
@@ -78,7 +78,7 @@ impl Beside {
         let starts: Option<Vec<_>> = (0..self.recorded.len()).map(|scenario| self.resting_start(scenario)).collect();
         let Some(starts) = starts.filter(|_| stands) else { return Ok(None) };
         let mut nearest: Option<(f64, Vec<Scenario>)> = None;
-        for Past { told, stood_s: rest_s } in PASTS {
+        for StandingHistory { told, stood_s: rest_s } in PASTS {
             let after = |(scenario, read): (usize, &Vec<(f64, f64)>)| {
                 let start = if told { self.told_start(scenario, read) } else { read.clone() };
                 Scenario { rest_s, start, ..self.model.scenarios[scenario].clone() }
@@ -96,7 +96,7 @@ impl Beside {
     fn missed(&self, u: &[f64], situations: &[Scenario]) -> Result<f64, WorldError> {
         let mut missed = 0.0;
         for (situation, recorded) in situations.iter().zip(&self.recorded) {
-            let simulated = self.simulate_in(u, situation, Step::USUAL)?;
+            let simulated = self.simulate_in(u, situation, TimeStep::USUAL)?;
             let early = recorded.clock_s().partition_point(|t| *t <= BEGINNING_S);
             for (_, link) in self.model.robot.movable() {
                 let name = format!("q_{}", link.joint.name);
@@ -143,7 +143,7 @@ fn is_orderly(model: &Model, situation: &Scenario) -> Result<bool, WorldError> {
     let run = |change: f64| {
         let mut other = model.in_situations(vec![situation.clone()]);
         other.setup.gravity_m_s2 *= 1.0 + change;
-        other.rollout(&other.simulations.nominal(), 0, &[], Step::USUAL)
+        other.rollout(&other.simulations.nominal(), 0, &[], TimeStep::USUAL)
     };
     let usual = run(0.0)?;
     if leans_rad(model, &usual)? > UPRIGHT_RAD {

@@ -1,11 +1,11 @@
 //! Where a robot's logs begin: what moves that, and what a model that stands there has to say of it.
 
-use super::Beside;
+use super::IdentificationProblem;
 use super::parts::whole;
 use super::windows;
 use btr_core::log::Log;
 use btr_identify::fit::{NOISE, nearest_starts, squares};
-use btr_identify::residual_model::{Family, Rollout, Step};
+use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
@@ -25,7 +25,7 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
         return None;
     }
     let own = Arc::new(model.in_situations(model.scenarios.clone()));
-    let mut beside = Beside::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
+    let mut beside = IdentificationProblem::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
     beside.measure().ok()?;
     let origin = vec![0.0; beside.knobs.len()];
     let (mut moved, _) = nearest_starts(&beside, &origin, 0.0);
@@ -33,9 +33,9 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
     (!moved.is_empty()).then(|| beside.begun_elsewhere(&moved).situations)
 }
 
-impl Beside {
+impl IdentificationProblem {
     /// The same where the recordings of some logs begin elsewhere.
-    pub(super) fn begun_elsewhere(&self, moved: &[(usize, Vec<f64>)]) -> Beside {
+    pub(super) fn begun_elsewhere(&self, moved: &[(usize, Vec<f64>)]) -> IdentificationProblem {
         let mut other = self.clone();
         for (log, by) in moved {
             other.situations[self.parts[*log].scenario] = self.begun_from(*log, by).into_owned();
@@ -78,7 +78,8 @@ impl Beside {
             let there: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
             (squares(&there) / there.len().max(1) as f64).sqrt()
         };
-        let both = self.residuals(&[Rollout::of(u, log), Rollout { u, log, moved: by }], Step::USUAL);
+        let both =
+            self.residuals(&[ResidualRequest::of(u, log), ResidualRequest { u, log, moved: by }], TimeStep::USUAL);
         let chi: Vec<f64> = both.iter().flatten().map(chi).collect();
         matches!(chi[..], [before, after] if before > NOISE && after < NOISE.max(MOST.sqrt() * before))
     }

@@ -1,8 +1,8 @@
 //! Terms of the laws that an error may follow: what a formula would say if nobody had thought of the effect yet.
 
-use super::scales::Scales;
-use btr_identify::residual_model::{Knob, Law};
-use btr_physics::effects::{Effect, FormulaError, On, formula};
+use super::scales::RobotScales;
+use btr_identify::residual_model::{FitParameter, Parametrisation};
+use btr_physics::effects::{Effect, FormulaError, FormulaTarget, formula};
 
 /// How far from zero a shape is expected: it may be anywhere.
 const ANYWHERE: f64 = 1e4;
@@ -20,7 +20,7 @@ const SEEN: f64 = 0.03;
 
 /// What shapes a term: `s` in its factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shape {
+pub(crate) enum TermShape {
     /// A rate in rad/s, which the error tells.
     Rate,
     /// An order, as of cogging.
@@ -31,13 +31,13 @@ pub(crate) enum Shape {
 
 /// A sum of factors with an amplitude each.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Term {
+pub(crate) struct TermDefinition {
     /// What it is on.
-    pub on: On,
+    pub on: FormulaTarget,
     /// Expressions in the variables of formulas and in `s`.
     factors: Vec<String>,
     /// What `s` is.
-    pub shape: Option<Shape>,
+    pub shape: Option<TermShape>,
     /// Unit and typical size of its amplitudes.
     unit: &'static str,
     size: f64,
@@ -47,7 +47,7 @@ pub(crate) struct Term {
 
 /// What the terms of a joint are made for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent {
+pub(crate) struct TermContext {
     /// Least and greatest position in the logs.
     pub q: (f64, f64),
     /// Length of the longest log in s.
@@ -56,21 +56,24 @@ pub(crate) struct Extent {
     pub servo: bool,
 }
 
-impl Term {
-    fn new(on: On, factor: &str, unit: &'static str, size: f64) -> Self {
-        Term { on, factors: vec![factor.to_owned()], shape: None, unit, size, swings: None }
+impl TermDefinition {
+    fn new(on: FormulaTarget, factor: &str, unit: &'static str, size: f64) -> Self {
+        TermDefinition { on, factors: vec![factor.to_owned()], shape: None, unit, size, swings: None }
     }
 
     /// Sine and cosine of `s` times something, times `factor`.
-    fn pair(on: On, (factor, of): (&str, &str), shape: Shape, unit: &'static str, size: f64) -> Self {
+    fn pair(on: FormulaTarget, (factor, of): (&str, &str), shape: TermShape, unit: &'static str, size: f64) -> Self {
         let prefix = if factor == "1" { String::new() } else { format!("{factor}*") };
         let factors = ["sin", "cos"].iter().map(|f| format!("{prefix}{f}(s*{of})")).collect();
-        Term { factors, shape: Some(shape), ..Term::new(on, factor, unit, size) }
+        TermDefinition { factors, shape: Some(shape), ..TermDefinition::new(on, factor, unit, size) }
     }
 
     /// Nothing below a position, then growing.
     fn hinge(factor: &str, start: [f64; 2], unit: &'static str, size: f64) -> Self {
-        Term { shape: Some(Shape::Threshold(start)), ..Term::new(On::Torque, factor, unit, size) }
+        TermDefinition {
+            shape: Some(TermShape::Threshold(start)),
+            ..TermDefinition::new(FormulaTarget::Torque, factor, unit, size)
+        }
     }
 
     /// The names of its parameters, amplitudes first.
@@ -91,13 +94,13 @@ impl Term {
     }
 
     /// Its knobs, in the order of its names.
-    pub(crate) fn knobs(&self, joint: &str, scales: &Scales, extent: &Extent) -> Vec<Knob> {
-        let knob = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| Knob {
+    pub(crate) fn knobs(&self, joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<FitParameter> {
+        let knob = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| FitParameter {
             name: format!("formula.{name}@{joint}"),
             unit: unit.to_owned(),
             origin,
             size,
-            law: Law::Linear,
+            law: Parametrisation::Linear,
             bounds,
             spread,
             reach: REACH,
@@ -107,9 +110,9 @@ impl Term {
         let amplitude = |name: &&str| knob(name, self.unit, (0.0, size), (-MOST, MOST), WEAK);
         let shape = self.shape.map(|shape| match shape {
             // A rate that is off by this much is off by a radian when the log ends.
-            Shape::Rate => knob("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
-            Shape::Order => knob("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
-            Shape::Threshold([start, _]) => {
+            TermShape::Rate => knob("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
+            TermShape::Order => knob("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
+            TermShape::Threshold([start, _]) => {
                 let range = (extent.q.1 - extent.q.0).max(f64::MIN_POSITIVE);
                 knob("s", "rad", (start, range), (-1.0, 1.0), ANYWHERE)
             }
@@ -121,9 +124,9 @@ impl Term {
     pub(crate) fn starts(&self) -> Vec<Vec<f64>> {
         match self.shape {
             None => vec![vec![]],
-            Some(Shape::Rate) => vec![],
-            Some(Shape::Order) => [1.0, 2.0, 4.0].map(|order| vec![order]).to_vec(),
-            Some(Shape::Threshold(starts)) => starts.map(|start| vec![start]).to_vec(),
+            Some(TermShape::Rate) => vec![],
+            Some(TermShape::Order) => [1.0, 2.0, 4.0].map(|order| vec![order]).to_vec(),
+            Some(TermShape::Threshold(starts)) => starts.map(|start| vec![start]).to_vec(),
         }
     }
 
@@ -145,7 +148,7 @@ impl Term {
 }
 
 /// A whole law: the terms with their values.
-pub(crate) fn law(on: On, terms: &[(&Term, Vec<f64>)]) -> String {
+pub(crate) fn law(on: FormulaTarget, terms: &[(&TermDefinition, Vec<f64>)]) -> String {
     let sum: String = terms.iter().map(|(term, values)| term.text(values)).collect();
     let whole = format!("{}{sum}", base(on, ""));
     whole
@@ -155,11 +158,11 @@ pub(crate) fn law(on: On, terms: &[(&Term, Vec<f64>)]) -> String {
 }
 
 /// What a law starts from: a command and a reading are changed, a torque is added.
-fn base(on: On, joined: &str) -> String {
+fn base(on: FormulaTarget, joined: &str) -> String {
     match on {
-        On::Torque => String::new(),
-        On::Command => format!("cmd{joined}"),
-        On::Reading => format!("q{joined}"),
+        FormulaTarget::Torque => String::new(),
+        FormulaTarget::Command => format!("cmd{joined}"),
+        FormulaTarget::Reading => format!("q{joined}"),
     }
 }
 
@@ -179,7 +182,7 @@ fn rounded(x: f64, digits: usize) -> String {
 }
 
 /// All terms of a joint, those of one place one after the other.
-pub(crate) fn terms(joint: &str, scales: &Scales, extent: &Extent) -> Vec<Term> {
+pub(crate) fn terms(joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<TermDefinition> {
     let speed = SPEED * scales.of_unit("rad/s", joint);
     let sign = format!("tanh(dq/{})", rounded(SMOOTH * speed, 1));
     let mut all = torques(&sign, extent);
@@ -191,22 +194,22 @@ pub(crate) fn terms(joint: &str, scales: &Scales, extent: &Extent) -> Vec<Term> 
 }
 
 /// Adds the terms of a place to those of others.
-fn place(all: &mut Vec<Term>, terms: Vec<Term>) {
+fn place(all: &mut Vec<TermDefinition>, terms: Vec<TermDefinition>) {
     let start = all.len();
-    all.extend(terms.into_iter().map(|term| Term { swings: term.swings.map(|i| start + i), ..term }));
+    all.extend(terms.into_iter().map(|term| TermDefinition { swings: term.swings.map(|i| start + i), ..term }));
 }
 
 /// The steady terms that swing, too: the first `count`.
-fn swings(steady: &[Term], count: usize) -> Vec<Term> {
-    let swing = |(i, term): (usize, &Term)| Term {
+fn swings(steady: &[TermDefinition], count: usize) -> Vec<TermDefinition> {
+    let swing = |(i, term): (usize, &TermDefinition)| TermDefinition {
         swings: Some(i),
-        ..Term::pair(term.on, (&term.factors[0], "t"), Shape::Rate, term.unit, term.size)
+        ..TermDefinition::pair(term.on, (&term.factors[0], "t"), TermShape::Rate, term.unit, term.size)
     };
     steady.iter().enumerate().take(count).map(swing).collect()
 }
 
-fn torques(sign: &str, extent: &Extent) -> Vec<Term> {
-    let torque = |factor: &str, unit, size| Term::new(On::Torque, factor, unit, size);
+fn torques(sign: &str, extent: &TermContext) -> Vec<TermDefinition> {
+    let torque = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Torque, factor, unit, size);
     let per_s = 1.0 / extent.duration_s;
     let (low, range) = (extent.q.0, extent.q.1 - extent.q.0);
     let (above, below) = ([0.5, 0.75].map(|x| low + x * range), [0.5, 0.25].map(|x| -(low + x * range)));
@@ -224,19 +227,19 @@ fn torques(sign: &str, extent: &Extent) -> Vec<Term> {
         torque("t", "N·m", 0.1 * per_s),
         torque(&format!("t*{sign}"), "N·m", 0.1 * per_s),
         torque("t*dq", "N·m·s/rad", 0.05 * per_s),
-        Term::pair(On::Torque, ("1", "q"), Shape::Order, "N·m", 0.1),
-        Term::pair(On::Torque, ("t", "q"), Shape::Order, "N·m", 0.1 * per_s),
-        Term::hinge("max(0,q-s)", above, "N·m/rad", 0.5),
-        Term::hinge("max(0,-q-s)", below, "N·m/rad", 0.5),
-        Term::hinge("max(0,q-s)^2", above, "N·m/rad", 1.0),
-        Term::hinge("max(0,-q-s)^2", below, "N·m/rad", 1.0),
+        TermDefinition::pair(FormulaTarget::Torque, ("1", "q"), TermShape::Order, "N·m", 0.1),
+        TermDefinition::pair(FormulaTarget::Torque, ("t", "q"), TermShape::Order, "N·m", 0.1 * per_s),
+        TermDefinition::hinge("max(0,q-s)", above, "N·m/rad", 0.5),
+        TermDefinition::hinge("max(0,-q-s)", below, "N·m/rad", 0.5),
+        TermDefinition::hinge("max(0,q-s)^2", above, "N·m/rad", 1.0),
+        TermDefinition::hinge("max(0,-q-s)^2", below, "N·m/rad", 1.0),
     ];
     all.extend(swings(&all, 4));
     all
 }
 
-fn commands(extent: &Extent) -> Vec<Term> {
-    let command = |factor: &str, unit, size| Term::new(On::Command, factor, unit, size);
+fn commands(extent: &TermContext) -> Vec<TermDefinition> {
+    let command = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Command, factor, unit, size);
     let per_s = 1.0 / extent.duration_s;
     let mut all = vec![
         command("1", "rad", 0.02),
@@ -250,14 +253,14 @@ fn commands(extent: &Extent) -> Vec<Term> {
     all
 }
 
-fn readings(extent: &Extent) -> Vec<Term> {
-    let reading = |factor: &str, unit, size| Term::new(On::Reading, factor, unit, size);
+fn readings(extent: &TermContext) -> Vec<TermDefinition> {
+    let reading = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Reading, factor, unit, size);
     let mut all = vec![
         reading("1", "rad", 0.02),
         reading("q", "1", 0.03),
         reading("q*q", "1/rad", 0.03),
         reading("t", "rad", 0.02 / extent.duration_s),
-        Term::pair(On::Reading, ("1", "q"), Shape::Order, "rad", 0.02),
+        TermDefinition::pair(FormulaTarget::Reading, ("1", "q"), TermShape::Order, "rad", 0.02),
     ];
     all.extend(swings(&all, 1));
     all
@@ -270,22 +273,25 @@ mod tests {
 
     #[test]
     fn a_law_reads_as_one_would_write_it() {
-        let swing = Term::pair(On::Torque, ("1", "t"), Shape::Rate, "N·m", 1.0);
-        let drag = Term::new(On::Torque, "dq*abs(dq)", "N·m·s²/rad²", 1.0);
-        assert_eq!(law(On::Torque, &[(&swing, vec![-0.3104, 0.001, 19.0])]), "-0.31*sin(19*t)");
+        let swing = TermDefinition::pair(FormulaTarget::Torque, ("1", "t"), TermShape::Rate, "N·m", 1.0);
+        let drag = TermDefinition::new(FormulaTarget::Torque, "dq*abs(dq)", "N·m·s²/rad²", 1.0);
+        assert_eq!(law(FormulaTarget::Torque, &[(&swing, vec![-0.3104, 0.001, 19.0])]), "-0.31*sin(19*t)");
         let both = [(&swing, vec![0.5, -0.25, 19.0]), (&drag, vec![-0.2])];
-        assert_eq!(law(On::Torque, &both), "0.5*sin(19*t) - 0.25*cos(19*t) - 0.2*dq*abs(dq)");
-        let hinge = Term::hinge("max(0,q-s)^2", [0.0, 0.1], "N·m/rad", 1.0);
-        assert_eq!(law(On::Torque, &[(&hinge, vec![-8.0, -0.2])]), "-8*max(0,q-(-0.2))^2");
-        let offset = Term::new(On::Reading, "1", "rad", 1.0);
-        assert_eq!(law(On::Reading, &[(&offset, vec![-0.05])]), "q - 0.05");
+        assert_eq!(law(FormulaTarget::Torque, &both), "0.5*sin(19*t) - 0.25*cos(19*t) - 0.2*dq*abs(dq)");
+        let hinge = TermDefinition::hinge("max(0,q-s)^2", [0.0, 0.1], "N·m/rad", 1.0);
+        assert_eq!(law(FormulaTarget::Torque, &[(&hinge, vec![-8.0, -0.2])]), "-8*max(0,q-(-0.2))^2");
+        let offset = TermDefinition::new(FormulaTarget::Reading, "1", "rad", 1.0);
+        assert_eq!(law(FormulaTarget::Reading, &[(&offset, vec![-0.05])]), "q - 0.05");
     }
 
     #[test]
     fn every_term_is_a_formula_and_so_is_what_is_written_of_it() {
-        let extent = Extent { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
-        let scales =
-            Scales::guess(&btr_physics::presets::pendulum::pendulum(1.0, 0.5, btr_physics::robot::Actuator::Passive));
+        let extent = TermContext { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
+        let scales = RobotScales::guess(&btr_physics::presets::pendulum::pendulum(
+            1.0,
+            0.5,
+            btr_physics::robot::Actuator::Passive,
+        ));
         for term in terms("hinge", &scales, &extent) {
             let effect = term.formula().unwrap();
             assert_eq!(effect.card().params.len(), term.knobs("hinge", &scales, &extent).len());

@@ -1,10 +1,10 @@
 //! How large a change must be to show on the ground. Contact answers a change that is too small with noise of its own, and the
 //! typical sizes of effects were made for a desk arm, whose motion shows the least of them.
 
-use super::Beside;
+use super::IdentificationProblem;
 use btr_core::world::WorldError;
 use btr_identify::fit::{rows_near, shared, squares};
-use btr_identify::residual_model::{Family, Knob, Law, Rollout, Step};
+use btr_identify::residual_model::{FitParameter, Parametrisation, ResidualModel, ResidualRequest, TimeStep};
 use rayon::prelude::*;
 
 /// What a unit of an amplitude should show, and what the reach of a difference, where it shows best: in noise floors.
@@ -15,7 +15,7 @@ const LARGEST: f64 = 30.0;
 const WIDEST: f64 = 0.5;
 
 /// A knob that is moved by so much, from where its shapes put it.
-struct Try {
+struct ParameterTrial {
     knob: usize,
     near: Vec<String>,
     shapes: Vec<(usize, f64)>,
@@ -24,18 +24,18 @@ struct Try {
 
 /// Enlarges the units of amplitudes, and the reaches of what is in doubt, until they show in the log that the model as
 /// it stands explains least. Limits bind where they bind, whatever their unit.
-pub(super) fn enlarge(beside: &mut Beside) -> Result<(), WorldError> {
+pub(super) fn enlarge(beside: &mut IdentificationProblem) -> Result<(), WorldError> {
     let origin = vec![0.0; beside.knobs.len()];
     let Some((log, usual)) = worst(beside, &origin)? else { return Ok(()) };
     let tries = tries(beside);
     let shots = shared(tries.iter().map(|attempt| attempt.near.as_slice()));
     let simulated = |shot: &Vec<usize>| {
         let mut u = origin.clone();
-        for Try { knob, shapes, by, .. } in shot.iter().map(|&i| &tries[i]) {
+        for ParameterTrial { knob, shapes, by, .. } in shot.iter().map(|&i| &tries[i]) {
             shapes.iter().for_each(|&(knob, shape)| u[knob] = shape);
             u[*knob] = *by;
         }
-        beside.residual(Rollout::of(&u, log), Step::USUAL).ok()
+        beside.residual(ResidualRequest::of(&u, log), TimeStep::USUAL).ok()
     };
     let answers: Vec<Option<Vec<f64>>> = shots.par_iter().map(simulated).collect();
     let mut shown = vec![None; tries.len()];
@@ -56,10 +56,10 @@ pub(super) fn enlarge(beside: &mut Beside) -> Result<(), WorldError> {
 }
 
 /// The log to learn from that the model as it stands explains least, with its residual.
-fn worst(beside: &Beside, origin: &[f64]) -> Result<Option<(usize, Vec<f64>)>, WorldError> {
+fn worst(beside: &IdentificationProblem, origin: &[f64]) -> Result<Option<(usize, Vec<f64>)>, WorldError> {
     let mut worst: Option<(f64, usize, Vec<f64>)> = None;
     for log in (0..beside.logs.len()).filter(|&log| !beside.logs[log].held_out) {
-        let residual = beside.residual(Rollout::of(origin, log), Step::USUAL)?;
+        let residual = beside.residual(ResidualRequest::of(origin, log), TimeStep::USUAL)?;
         let finite: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
         let size = squares(&finite);
         if worst.as_ref().is_none_or(|(most, ..)| size > *most) {
@@ -70,25 +70,25 @@ fn worst(beside: &Beside, origin: &[f64]) -> Result<Option<(usize, Vec<f64>)>, W
 }
 
 /// What is in doubt, by its reach, and the amplitudes of effects, by a unit.
-fn tries(beside: &Beside) -> Vec<Try> {
+fn tries(beside: &IdentificationProblem) -> Vec<ParameterTrial> {
     let doubtful = beside.doubtful.iter().map(|&knob| {
         let by = beside.knobs[knob].reach;
-        Try { knob, near: Vec::new(), shapes: Vec::new(), by }
+        ParameterTrial { knob, near: Vec::new(), shapes: Vec::new(), by }
     });
     let of_candidates = beside.candidates.iter().zip(&beside.near).flat_map(|(candidate, near)| {
         let shapes: Vec<(usize, f64)> =
             candidate.shapes.iter().copied().zip(candidate.starts[0].iter().copied()).collect();
-        let linear = candidate.amplitudes.iter().filter(|&&knob| beside.knobs[knob].law == Law::Linear);
+        let linear = candidate.amplitudes.iter().filter(|&&knob| beside.knobs[knob].law == Parametrisation::Linear);
         linear.map(move |&knob| {
             let by = beside.knobs[knob].clamp(1.0);
-            Try { knob, near: near.clone(), shapes: shapes.clone(), by }
+            ParameterTrial { knob, near: near.clone(), shapes: shapes.clone(), by }
         })
     });
     doubtful.chain(of_candidates).collect()
 }
 
 /// What a change is to a log, in noise floors: the root mean square in the channel where it shows best.
-fn shows(beside: &Beside, log: usize, near: &[String], usual: &[f64], there: &[f64]) -> f64 {
+fn shows(beside: &IdentificationProblem, log: usize, near: &[String], usual: &[f64], there: &[f64]) -> f64 {
     let recorded = &beside.logs[log];
     let near = rows_near(recorded, near);
     let seen = recorded.channels.iter().filter(|channel| near.iter().any(|rows| rows.contains(&channel.samples.start)));
@@ -101,7 +101,7 @@ fn shows(beside: &Beside, log: usize, near: &[String], usual: &[f64], there: &[f
 }
 
 /// A larger unit for an amplitude, as far as its bounds allow.
-fn grow(knob: &mut Knob, factor: f64) {
+fn grow(knob: &mut FitParameter, factor: f64) {
     let widest = knob.bounds.0.abs().max(knob.bounds.1) / 2.0;
     let factor = factor.min(LARGEST).min(widest).max(1.0);
     knob.size *= factor;
@@ -114,12 +114,12 @@ mod tests {
 
     #[test]
     fn a_larger_unit_reaches_as_far_in_its_own_terms() {
-        let mut knob = Knob {
+        let mut knob = FitParameter {
             name: "payload.mass@leg".to_owned(),
             unit: "kg".to_owned(),
             origin: 0.0,
             size: 0.01,
-            law: Law::Linear,
+            law: Parametrisation::Linear,
             bounds: (0.0, 50.0),
             spread: 33.0,
             reach: 0.1,

@@ -8,8 +8,8 @@
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth::{Motion, smooth};
 use btr_core::world::WorldError;
-use btr_physics::effects::Placed;
-use btr_physics::engine::{Dynamics, State};
+use btr_physics::effects::PlacedEffect;
+use btr_physics::engine::{Dynamics, RobotState};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::rollout::restart::Restart;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -41,7 +41,7 @@ pub(crate) struct Windows {
 pub(crate) fn cut(
     model: &Model,
     s: &[f64],
-    effects: &[Placed],
+    effects: &[PlacedEffect],
     situation: &Scenario,
     log: &Log,
 ) -> Result<Windows, WorldError> {
@@ -59,20 +59,20 @@ pub(crate) fn cut(
 }
 
 /// What is measured of a robot's state, smoothed.
-struct Measured<'a> {
+struct MeasuredState<'a> {
     clock_s: &'a [f64],
     joints: Vec<Option<Vec<Motion>>>,
     gyro: Option<[Vec<f64>; 3]>,
 }
 
-impl<'a> Measured<'a> {
+impl<'a> MeasuredState<'a> {
     fn of(model: &Model, log: &'a Log) -> Self {
         let smoothed = |name: &str| log.channel(name).map(|channel| smooth(log.clock_s(), &channel.values));
         let joints = model.robot.movable().map(|(_, link)| smoothed(&format!("q_{}", link.joint.name))).collect();
         let axis =
             |axis: &str| Some(smoothed(&format!("imu_gyro_{axis}"))?.iter().map(|motion| motion.value).collect());
         let gyro = || Some([axis("x")?, axis("y")?, axis("z")?]);
-        Measured { clock_s: log.clock_s(), joints, gyro: gyro() }
+        MeasuredState { clock_s: log.clock_s(), joints, gyro: gyro() }
     }
 
     /// Position and velocity of a joint.
@@ -107,7 +107,7 @@ impl<'a> Measured<'a> {
     }
 
     /// Takes shares of the errors of a state away.
-    fn pull(&self, state: &mut State, time_s: f64, (joints, gyro): (f64, f64)) {
+    fn pull(&self, state: &mut RobotState, time_s: f64, (joints, gyro): (f64, f64)) {
         for (i, (q, dq)) in state.joints.iter_mut().enumerate() {
             if let Some((measured, velocity)) = self.joint(i, time_s) {
                 *q += joints * (measured - *q);
@@ -125,23 +125,23 @@ impl<'a> Measured<'a> {
 fn observe(
     model: &Model,
     s: &[f64],
-    effects: &[Placed],
+    effects: &[PlacedEffect],
     situation: &Scenario,
     log: &Log,
     starts_s: &[f64],
 ) -> Result<Vec<Restart>, WorldError> {
-    let measured = Measured::of(model, log);
+    let measured = MeasuredState::of(model, log);
     let half_s = 0.5 * model.setup.dt_s;
     let (mut pulls, mut restarts) = (1, Vec::new());
     let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
         if time_s + half_s >= PULL_S * f64::from(pulls) {
             pulls += 1;
-            let mut state = State::of(engine);
+            let mut state = RobotState::of(engine);
             measured.pull(&mut state, time_s, PULL);
             engine.place(&state);
         }
         if starts_s.get(restarts.len()).is_some_and(|start_s| time_s + half_s >= *start_s) {
-            let mut state = State::of(engine);
+            let mut state = RobotState::of(engine);
             measured.pull(&mut state, time_s, (1.0, 1.0));
             restarts.push(Restart { time_s, state });
         }
@@ -163,7 +163,7 @@ pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
 /// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints' noise
 /// floors.
 pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[f64]) {
-    for Restart { state: State { joints, base }, .. } in restarts {
+    for Restart { state: RobotState { joints, base }, .. } in restarts {
         if let Some((sigma, joint)) = sigmas.get(number / 2).zip(joints.get_mut(number / 2)) {
             match number % 2 {
                 0 => joint.0 += by * sigma,

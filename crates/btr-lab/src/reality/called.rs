@@ -1,7 +1,7 @@
 //! A function per test: another simulator, or whatever can be called that drives a robot.
 
 use super::store::{Store, StoreError, or_pending};
-use crate::experiment::{Robotic, timely, told};
+use crate::experiment::{RobotFunction, timely, told};
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_io::Meta;
@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What a robot is asked to do.
-pub struct Asked<'a> {
+pub struct TestRequest<'a> {
     /// The test.
     pub trial: &'a Trial,
     /// The names of the controller's parameters, in the order of the trial's values.
@@ -36,7 +36,7 @@ fn pose_of(pose: &Isometry3<f64>) -> [f64; 7] {
 
 /// Why a robot gave no log.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Unanswered {
+pub enum TestFailure {
     /// It could not do it; the test counts as spent.
     Failed(String),
     /// Nobody knows; the run stops here, and asks again when it is resumed.
@@ -44,16 +44,16 @@ pub enum Unanswered {
 }
 
 /// Asks a function for every test.
-pub struct Called {
-    robot: Robotic,
+pub struct FunctionReality {
+    robot: RobotFunction,
     model: Arc<Model>,
     store: Store,
 }
 
-impl Called {
+impl FunctionReality {
     /// Keeps tests in `store`; `model` knows the references a controller stands for.
-    pub fn new(robot: Robotic, model: Arc<Model>, store: Store) -> Self {
-        Called { robot, model, store }
+    pub fn new(robot: RobotFunction, model: Arc<Model>, store: Store) -> Self {
+        FunctionReality { robot, model, store }
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
@@ -67,7 +67,7 @@ impl Called {
         let start = begins.movable().map(|(_, link)| (link.joint.name.as_str(), link.joint.start)).collect();
         let base = (begins.base == Base::Floating).then(|| pose_of(&begins.start));
         let duration_s = self.model.scenarios[trial.scenario].duration_s;
-        match (self.robot)(&Asked { trial, names, references: &references, start, base, duration_s }) {
+        match (self.robot)(&TestRequest { trial, names, references: &references, start, base, duration_s }) {
             Ok(log) => match self.useless(trial, &log) {
                 Some(what) => Ok(Outcome::Pending { what }),
                 // What the robot was told is known, whether its log says it or not.
@@ -76,13 +76,13 @@ impl Called {
                     self.store.keep(trial, &told(&log, &references), &Meta::default())
                 }
             },
-            Err(Unanswered::Failed(why)) => self.store.fail(trial, &why),
-            Err(Unanswered::Broken(what)) => Ok(Outcome::Pending { what }),
+            Err(TestFailure::Failed(why)) => self.store.fail(trial, &why),
+            Err(TestFailure::Broken(what)) => Ok(Outcome::Pending { what }),
         }
     }
 }
 
-impl Called {
+impl FunctionReality {
     /// What is wrong with a log that would be kept for nothing: a real test is too dear for that.
     fn useless(&self, trial: &Trial, log: &Log) -> Option<String> {
         let name = format!("the log of real test {}", trial.number);
@@ -109,7 +109,7 @@ impl Called {
     }
 }
 
-impl Reality for Called {
+impl Reality for FunctionReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
         or_pending(self.perform(trial))
     }

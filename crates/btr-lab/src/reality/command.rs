@@ -10,7 +10,7 @@ use btr_physics::model::Model;
 use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::process::{Command as Process, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -18,16 +18,16 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(20);
 
 /// Runs a program for every test.
-pub struct Command {
+pub struct CommandReality {
     settings: CommandSection,
     model: Arc<Model>,
     store: Store,
 }
 
-impl Command {
+impl CommandReality {
     /// Keeps tests in `store`; `model` knows the references a controller stands for.
     pub fn new(settings: CommandSection, model: Arc<Model>, store: Store) -> Self {
-        Command { settings, model, store }
+        CommandReality { settings, model, store }
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
@@ -62,7 +62,7 @@ impl Command {
         let arguments: Vec<String> = self.settings.run.iter().map(fill).collect();
         let (program, rest) = arguments.split_first().ok_or("[reality] run is empty")?;
         let output = |ending: &str| File::create(folder.join(format!("{name}.{ending}"))).map_err(|e| e.to_string());
-        let mut child = Process::new(program)
+        let mut child = Command::new(program)
             .args(rest)
             .stdin(Stdio::null())
             .stdout(output("out")?)
@@ -99,7 +99,7 @@ fn finish(folder: &Path, log: &Path, outcome: Outcome) -> Result<Outcome, StoreE
     Ok(outcome)
 }
 
-impl Reality for Command {
+impl Reality for CommandReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
         or_pending(self.perform(trial))
     }

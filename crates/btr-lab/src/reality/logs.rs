@@ -5,19 +5,19 @@ use btr_core::world::{Behaviour, Outcome, Reality, Trial};
 use btr_physics::model::task::Fitness;
 
 /// Logs in the order of the scenarios.
-pub struct Logs {
+pub struct RecordedReality {
     logs: Vec<Log>,
     fitness: Fitness,
 }
 
-impl Logs {
+impl RecordedReality {
     /// `logs[k]` is what really happened in scenario k.
     pub fn new(logs: Vec<Log>, fitness: Fitness) -> Self {
-        Logs { logs, fitness }
+        RecordedReality { logs, fitness }
     }
 }
 
-impl Reality for Logs {
+impl Reality for RecordedReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
         let Some(log) = self.logs.get(trial.scenario) else {
             return Outcome::Failed { why: format!("there is no log for scenario {}", trial.scenario) };

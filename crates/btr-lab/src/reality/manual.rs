@@ -6,15 +6,15 @@ use btr_physics::model::Model;
 use std::sync::Arc;
 
 /// Waits for logs that a person puts beside the trials.
-pub struct Manual {
+pub struct ManualReality {
     model: Arc<Model>,
     store: Store,
 }
 
-impl Manual {
+impl ManualReality {
     /// Keeps trials in `store`; `model` knows the references a controller stands for.
     pub fn new(model: Arc<Model>, store: Store) -> Self {
-        Manual { model, store }
+        ManualReality { model, store }
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
@@ -32,7 +32,7 @@ impl Manual {
     }
 }
 
-impl Reality for Manual {
+impl Reality for ManualReality {
     fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
         trials.iter().try_for_each(|trial| {
             let references = self.model.references(&trial.controller, trial.scenario).map_err(|e| e.to_string())?;

@@ -9,12 +9,12 @@ mod manual;
 mod store;
 mod twin;
 
-pub use called::{Asked, Called, Unanswered};
-pub use command::Command;
-pub use logs::Logs;
-pub use manual::Manual;
+pub use called::{FunctionReality, TestFailure, TestRequest};
+pub use command::CommandReality;
+pub use logs::RecordedReality;
+pub use manual::ManualReality;
 pub use store::{Store, StoreError};
-pub use twin::{Revealed, Stage, Twin};
+pub use twin::{Revealed, TwinReality, TwinStage};
 
 use btr_core::world::Reality;
 
@@ -26,7 +26,7 @@ pub trait Revealing: Reality + Send + Sync {
     }
 }
 
-impl Revealing for Logs {}
-impl Revealing for Called {}
-impl Revealing for Command {}
-impl Revealing for Manual {}
+impl Revealing for RecordedReality {}
+impl Revealing for FunctionReality {}
+impl Revealing for CommandReality {}
+impl Revealing for ManualReality {}

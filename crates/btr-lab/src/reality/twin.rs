@@ -9,9 +9,9 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 /// A simulation that nobody looks into before the run is over. It may change on the way.
-pub struct Twin {
+pub struct TwinReality {
     /// In the order in which they come; the first from the first test on.
-    stages: Vec<Stage>,
+    stages: Vec<TwinStage>,
     /// Number of the last test that it was asked for.
     latest: usize,
     seed: u64,
@@ -19,7 +19,7 @@ pub struct Twin {
 }
 
 /// What a twin is from some test on.
-pub struct Stage {
+pub struct TwinStage {
     /// Number of its first real test.
     pub from_test: usize,
     /// Its own model: effects, time step, noise.
@@ -39,14 +39,14 @@ pub struct Revealed {
     pub effects: Vec<String>,
 }
 
-impl Twin {
+impl TwinReality {
     /// A twin that is at first what `first` says, and then what comes `later`, in the order of their first tests.
-    pub fn new(first: Stage, mut later: Vec<Stage>, seed: u64, store: Store) -> Self {
+    pub fn new(first: TwinStage, mut later: Vec<TwinStage>, seed: u64, store: Store) -> Self {
         later.sort_by_key(|stage| stage.from_test);
-        Twin { stages: std::iter::once(first).chain(later).collect(), latest: 0, seed, store }
+        TwinReality { stages: std::iter::once(first).chain(later).collect(), latest: 0, seed, store }
     }
 
-    fn in_test(&self, number: usize) -> &Stage {
+    fn in_test(&self, number: usize) -> &TwinStage {
         self.stages.iter().rfind(|stage| stage.from_test <= number).unwrap_or(&self.stages[0])
     }
 
@@ -55,7 +55,7 @@ impl Twin {
             return Ok(before);
         }
         let noise = btr_core::random::derive(self.seed, &[trial.number as u64]);
-        let Stage { model, parameters, .. } = self.in_test(trial.number);
+        let TwinStage { model, parameters, .. } = self.in_test(trial.number);
         match model.simulate(parameters, &trial.controller, trial.scenario, Some(noise)) {
             Ok(log) => {
                 self.store.ask(trial, &log)?;
@@ -66,16 +66,16 @@ impl Twin {
     }
 }
 
-impl Reality for Twin {
+impl Reality for TwinReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
         self.latest = self.latest.max(trial.number);
         or_pending(self.perform(trial))
     }
 }
 
-impl Revealing for Twin {
+impl Revealing for TwinReality {
     fn reveal(&self) -> Option<Revealed> {
-        let Stage { model, parameters, hidden, .. } = self.in_test(self.latest);
+        let TwinStage { model, parameters, hidden, .. } = self.in_test(self.latest);
         let names = model.simulations().dims().iter().map(|d| d.name.clone());
         Some(Revealed { parameters: names.zip(parameters.iter().copied()).collect(), effects: hidden.clone() })
     }

@@ -3,12 +3,12 @@
 
 use crate::experiment::Experiment;
 use crate::experiment::logs::quality;
-use btr_core::coevolve::{Entry, Verdict};
+use btr_core::coevolve::{Entry, TestVerdict};
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Simulator};
 use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, asked};
 use btr_physics::robot::{Joint, Robot};
-use btr_physics::sensor::Noise;
+use btr_physics::sensor::SensorNoise;
 use serde::Serialize;
 
 /// A log that ends before this share of the test is one of a part of it.
@@ -56,7 +56,7 @@ fn doubts_since(experiment: &Experiment, tests: &[Entry], first: usize) -> Vec<T
     let of = |entry: &Entry| {
         let found = match (entry.behaviour(), &entry.verdict) {
             (Some(real), _) => of_log(experiment, entry, real),
-            (None, Verdict::Failed { why }) if nothing => vec![failed(why)],
+            (None, TestVerdict::Failed { why }) if nothing => vec![failed(why)],
             (None, _) => Vec::new(),
         };
         found.into_iter().map(|finding| TestDoubt { test: entry.trial.number, finding }).collect::<Vec<_>>()
@@ -77,12 +77,12 @@ fn of_log(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Vec<Findi
 
 /// What has been told of a run's real tests: each thing once, in the first test that shows it.
 #[derive(Default)]
-pub struct Told {
+pub struct ReportedDoubts {
     tests: usize,
     known: Vec<(Topic, String)>,
 }
 
-impl Told {
+impl ReportedDoubts {
     /// Looks at the tests since the last time; what was not told before.
     pub fn new_in(&mut self, experiment: &Experiment, tests: &[Entry]) -> Vec<TestDoubt> {
         let mut new = doubts_since(experiment, tests, self.tests);
@@ -147,7 +147,7 @@ fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
 }
 
 /// Joints that are not where the test begins when their log does.
-fn elsewhere(robot: &Robot, noise: &Noise, log: &Log) -> Vec<Finding> {
+fn elsewhere(robot: &Robot, noise: &SensorNoise, log: &Log) -> Vec<Finding> {
     let soon = |k: usize| log.clock_s()[k] <= SOON_S;
     let finding = |joint: &Joint| {
         let name = format!("q_{}", joint.name);

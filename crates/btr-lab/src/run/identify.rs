@@ -3,7 +3,7 @@
 use super::report::{ByDistance, error_percent};
 use super::{Run, RunError};
 use crate::experiment::Experiment;
-use btr_core::coevolve::{Coevolution, Entry, Plan, Step};
+use btr_core::coevolve::{Coevolution, Entry, Plan, StepOutcome};
 use btr_core::distance::{Distance, DistanceSpec};
 use btr_core::space::Dim;
 use btr_core::world::Simulator;
@@ -37,8 +37,8 @@ pub fn with_distance(
     let mut other = Run::begin_or_resume(experiment, plan, &folder)?;
     loop {
         match other.step(experiment)? {
-            Step::Stopped(_) => break,
-            Step::Waiting(what) => return Err(RunError::LostTest(what)),
+            StepOutcome::Stopped(_) => break,
+            StepOutcome::Waiting(what) => return Err(RunError::LostTest(what)),
             _ => {}
         }
         if !watch(other.state()) {

@@ -7,11 +7,11 @@ pub mod identify;
 pub mod report;
 pub mod turn;
 
-use crate::distributed::{Parcels, ServedModel};
+use crate::distributed::{RemoteSimulator, RunPayloads};
 use crate::experiment::{Experiment, FileError, enlarges};
 use crate::verbs::AddError;
 use augment::Cause;
-use btr_core::coevolve::{Coevolution, Explanation, On, Plan, PlanError, State, Step, StopReason};
+use btr_core::coevolve::{Coevolution, Environment, Explanation, Plan, PlanError, RunState, StepOutcome, StopReason};
 use btr_core::distance::Distance;
 use btr_identify::diagnose::{Rung, Verdict};
 use serde::{Deserialize, Serialize};
@@ -93,13 +93,13 @@ pub struct Run {
     folder: PathBuf,
     distance: Box<dyn Distance>,
     state: Coevolution,
-    larger: Larger,
-    parcels: Parcels,
+    larger: Enlargement,
+    parcels: RunPayloads,
 }
 
 /// What a checkpoint remembers beside the loop's own state.
 #[derive(Default, Serialize, Deserialize)]
-struct Larger {
+struct Enlargement {
     /// The experiment's text since S has grown.
     text: Option<String>,
     /// The last answer to why the run disengaged.
@@ -123,8 +123,13 @@ impl Run {
     fn anew(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let distance = plan.distance.build();
         let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
-        let run =
-            Run { folder: folder.to_owned(), distance, state, larger: Larger::default(), parcels: Parcels::default() };
+        let run = Run {
+            folder: folder.to_owned(),
+            distance,
+            state,
+            larger: Enlargement::default(),
+            parcels: RunPayloads::default(),
+        };
         run.write("experiment.toml", experiment.stamp().as_bytes())?;
         run.checkpoint()?;
         Ok(run)
@@ -140,12 +145,13 @@ impl Run {
         let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
         let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
-        let (larger, state): (Larger, State) = postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let (larger, state): (Enlargement, RunState) =
+            postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
         let wished = in_own_space(experiment, larger.text.as_deref(), folder)?;
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
         let distance = state.plan().distance.build();
-        let mut run = Run { folder: folder.to_owned(), distance, state, larger, parcels: Parcels::default() };
+        let mut run = Run { folder: folder.to_owned(), distance, state, larger, parcels: RunPayloads::default() };
         if let Some(text) = wished {
             run.enlarge(experiment, text)?;
         }
@@ -168,11 +174,12 @@ impl Run {
     ///
     /// # Errors
     /// When the disk refuses; the state before the step is still there.
-    pub fn step(&mut self, experiment: &mut Experiment) -> Result<Step, RunError> {
+    pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
         let (model, spec) = (experiment.model.clone(), (&self.state.plan().distance, experiment.has_robot()));
-        let served = ServedModel::new(&model, experiment.source(), spec, &experiment.way, &self.parcels);
+        let served = RemoteSimulator::new(&model, experiment.source(), spec, &experiment.way, &self.parcels);
         let served = served.map_err(RunError::NotServed)?;
-        let mut on = On { simulator: &served, distance: self.distance.as_ref(), reality: experiment.reality.as_mut() };
+        let mut on =
+            Environment { simulator: &served, distance: self.distance.as_ref(), reality: experiment.reality.as_mut() };
         let step = self.state.step(&mut on);
         self.checkpoint()?;
         Ok(step)

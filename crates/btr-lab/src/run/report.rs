@@ -4,7 +4,9 @@ use super::augment::Cause;
 use super::doubts::{TestDoubt, doubts};
 use crate::experiment::Experiment;
 use crate::reality::Revealed;
-use btr_core::coevolve::{Augmentation, Coevolution, Drift, Entry, Gap, Generation, Iteration, Outlook, StopReason};
+use btr_core::coevolve::{
+    Augmentation, Coevolution, Drift, Entry, Generation, Iteration, Outlook, RealityGap, StopReason,
+};
 use btr_core::log::{Log, Role};
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::model::Model;
@@ -13,7 +15,7 @@ use serde::Serialize;
 
 /// A finished (or stopped) run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct RunReport {
     /// Always true: failures are another document.
     pub ok: bool,
     /// The experiment.
@@ -39,7 +41,7 @@ pub struct Report {
     /// Real tests spent, failed ones included.
     pub real_tests: usize,
     /// Real fitness less what was promised, over the real tests.
-    pub reality_gap: Option<Gap>,
+    pub reality_gap: Option<RealityGap>,
     /// Simulated behaviours.
     pub simulated_evaluations: u64,
     /// Those that blew up.
@@ -47,7 +49,7 @@ pub struct Report {
     /// The controller with the best real fitness.
     pub recommended: Option<Recommended>,
     /// The hidden twin, if reality was one.
-    pub revealed: Option<Comparison>,
+    pub revealed: Option<TwinComparison>,
     /// Errors on recorded logs, before and after.
     pub logs: Vec<LogScore>,
     /// The same identification by other distances.
@@ -87,7 +89,7 @@ pub struct Recommended {
 
 /// The hidden twin beside what was found.
 #[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
+pub struct TwinComparison {
     /// The truth.
     #[serde(flatten)]
     pub truth: Revealed,
@@ -111,14 +113,14 @@ pub struct LogScore {
     /// Its unit.
     pub unit: String,
     /// With the starting simulation.
-    pub before: Score,
+    pub before: ChannelScore,
     /// With the simulation found.
-    pub after: Score,
+    pub after: ChannelScore,
 }
 
 /// Errors of a simulated channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Score {
+pub struct ChannelScore {
     /// Mean absolute error.
     pub mean_abs: f64,
     /// Root mean square error.
@@ -157,8 +159,8 @@ pub fn report(
     stop_reason: Option<StopReason>,
     diagnosis: Option<Cause>,
     by_distance: Vec<ByDistance>,
-) -> Result<Report, WorldError> {
-    Ok(Report {
+) -> Result<RunReport, WorldError> {
+    Ok(RunReport {
         ok: true,
         name: experiment.name.clone(),
         seed: experiment.seed,
@@ -170,7 +172,7 @@ pub fn report(
         augmentations: state.history().augmentations.clone(),
         drifts: state.history().drifts.clone(),
         suspicion: state.suspicion().map(|entry| entry.trial.number),
-        reality_gap: Gap::of(state.ledger()),
+        reality_gap: RealityGap::of(state.ledger()),
         real_tests: state.ledger().spent(),
         simulated_evaluations: state.cost().evaluations,
         failed_evaluations: state.cost().failures,
@@ -201,8 +203,8 @@ fn recommended(experiment: &Experiment, state: &Coevolution) -> Option<Recommend
     })
 }
 
-fn comparison(experiment: &Experiment, state: &Coevolution, truth: Revealed) -> Result<Comparison, WorldError> {
-    Ok(Comparison {
+fn comparison(experiment: &Experiment, state: &Coevolution, truth: Revealed) -> Result<TwinComparison, WorldError> {
+    Ok(TwinComparison {
         error_percent: error_percent(&experiment.model, state.simulation(), &truth),
         error_percent_before: error_percent(&experiment.model, state.start(), &truth),
         state_match: state_match(experiment, state)?,
@@ -240,7 +242,7 @@ fn log_scores(experiment: &Experiment, state: &Coevolution) -> Result<Vec<LogSco
         let (before, after) = (simulate(state.start())?, simulate(state.simulation())?);
         let measured = real.channels().filter(|(name, c)| c.role == Role::Measured && name.starts_with("q_"));
         for (name, channel) in measured {
-            let score = |log: &Log| log.channel(name).map(|c| Score::new(&channel.values, &c.values));
+            let score = |log: &Log| log.channel(name).map(|c| ChannelScore::new(&channel.values, &c.values));
             if let (Some(before), Some(after)) = (score(&before), score(&after)) {
                 scores.push(LogScore {
                     log: scenario.name.clone(),
@@ -256,7 +258,7 @@ fn log_scores(experiment: &Experiment, state: &Coevolution) -> Result<Vec<LogSco
     Ok(scores)
 }
 
-impl Score {
+impl ChannelScore {
     /// Errors of `simulated` against `real`, over the samples both have.
     pub fn new(real: &[f64], simulated: &[f64]) -> Self {
         let pairs = || real.iter().zip(simulated).filter(|(a, b)| a.is_finite() && b.is_finite());
@@ -264,7 +266,7 @@ impl Score {
         let mean = pairs().map(|(a, _)| a).sum::<f64>() / n;
         let sum = |f: &dyn Fn(f64, f64) -> f64| pairs().map(|(a, b)| f(*a, *b)).sum::<f64>();
         let (error, spread) = (sum(&|a, b| (a - b) * (a - b)), sum(&|a, _| (a - mean) * (a - mean)));
-        Score {
+        ChannelScore {
             mean_abs: sum(&|a, b| (a - b).abs()) / n,
             rmse: (error / n).sqrt(),
             fit_percent: 100.0 * (1.0 - (error / spread).sqrt()),

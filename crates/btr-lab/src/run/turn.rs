@@ -1,24 +1,24 @@
 //! A run of the loop from its beginning, or from its last checkpoint, to its files; who watches it decides what is shown.
 
 use super::Run;
-use super::doubts::Told;
+use super::doubts::ReportedDoubts;
 use super::identify;
 use super::report;
-use super::report::{ByDistance, Report};
+use super::report::{ByDistance, RunReport};
 use crate::experiment::Experiment;
 use crate::experiment::adapt;
 use crate::failure::Failure;
-use btr_core::coevolve::{Coevolution, Step, StopReason};
+use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::diagnose::Rung;
 use std::path::{Path, PathBuf};
 
 /// Who looks on while a run goes on.
-pub trait Watch {
+pub trait RunObserver {
     /// A run begins, or goes on with a larger S.
     fn begins(&mut self, experiment: &Experiment, run: &Coevolution);
     /// A step was done and written down; of another distance's identification where there is none.
-    fn step(&mut self, run: &Coevolution, step: Option<&Step>);
+    fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>);
     /// The populations lost each other, and the error falls like this while a cause is looked for.
     fn rung(&self, rung: &Rung);
     /// Something about a real test is not as it should be.
@@ -30,18 +30,18 @@ pub trait Watch {
 }
 
 /// What came of a run.
-pub struct Ended {
+pub struct FinishedRun {
     /// The run, in its folder.
     pub run: Run,
     /// What was found.
-    pub report: Report,
+    pub report: RunReport,
     /// Everything that was written for people.
     pub files: Vec<PathBuf>,
     /// What is awaited, where the run stopped for a real test that somebody has to do.
     pub waiting: Option<String>,
 }
 
-impl Ended {
+impl FinishedRun {
     /// The document of `--json`.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl Ended {
 }
 
 /// How a run left the loop.
-enum Left {
+enum LoopExit {
     Stopped(StopReason),
     Waiting(String),
     Interrupted,
@@ -71,14 +71,14 @@ pub fn coevolve(
     experiment: &mut Experiment,
     folder: &Path,
     resume: bool,
-    watch: &mut dyn Watch,
-) -> Result<Option<Ended>, Failure> {
+    watch: &mut dyn RunObserver,
+) -> Result<Option<FinishedRun>, Failure> {
     let plan = experiment.plan.clone();
     let mut run = match resume {
         true => Run::resume(experiment, plan, folder)?,
         false => Run::begin(experiment, plan, folder)?,
     };
-    let mut told = Told::default();
+    let mut told = ReportedDoubts::default();
     // What earlier tests showed was told when they were done.
     told.new_in(experiment, run.state().ledger().entries());
     loop {
@@ -88,9 +88,9 @@ pub fn coevolve(
             continue;
         }
         return match left {
-            Left::Interrupted => Ok(None),
-            Left::Waiting(what) => finish(experiment, run, (None, Some(what)), Vec::new()).map(Some),
-            Left::Stopped(reason) => match by_distance(experiment, &run, watch)? {
+            LoopExit::Interrupted => Ok(None),
+            LoopExit::Waiting(what) => finish(experiment, run, (None, Some(what)), Vec::new()).map(Some),
+            LoopExit::Stopped(reason) => match by_distance(experiment, &run, watch)? {
                 Some(others) => finish(experiment, run, (Some(reason), None), others).map(Some),
                 None => Ok(None),
             },
@@ -99,27 +99,37 @@ pub fn coevolve(
 }
 
 /// The loop, one step at a time, so that it can be watched and interrupted.
-fn turn(run: &mut Run, experiment: &mut Experiment, told: &mut Told, watch: &mut dyn Watch) -> Result<Left, Failure> {
+fn turn(
+    run: &mut Run,
+    experiment: &mut Experiment,
+    told: &mut ReportedDoubts,
+    watch: &mut dyn RunObserver,
+) -> Result<LoopExit, Failure> {
     loop {
         let step = run.step(experiment)?;
         watch.step(run.state(), Some(&step));
         let new = told.new_in(experiment, run.state().ledger().entries());
         new.iter().for_each(|doubt| watch.warn(&doubt.sentence()));
         match step {
-            Step::Stopped(reason) => return Ok(Left::Stopped(reason)),
-            Step::Waiting(what) => return Ok(Left::Waiting(what)),
-            Step::Generation | Step::Iteration | Step::Tested => {}
+            StepOutcome::Stopped(reason) => return Ok(LoopExit::Stopped(reason)),
+            StepOutcome::Waiting(what) => return Ok(LoopExit::Waiting(what)),
+            StepOutcome::Generation | StepOutcome::Iteration | StepOutcome::Tested => {}
         }
         if watch.stops() {
-            return Ok(Left::Interrupted);
+            return Ok(LoopExit::Interrupted);
         }
     }
 }
 
 /// Whether a run that stopped disengaged goes on, in a larger S or from a better estimate, once its real tests have been asked
 /// for the cause.
-fn goes_on(run: &mut Run, experiment: &mut Experiment, left: &Left, watch: &mut dyn Watch) -> Result<bool, Failure> {
-    let Left::Stopped(reason) = left else { return Ok(false) };
+fn goes_on(
+    run: &mut Run,
+    experiment: &mut Experiment,
+    left: &LoopExit,
+    watch: &mut dyn RunObserver,
+) -> Result<bool, Failure> {
+    let LoopExit::Stopped(reason) = left else { return Ok(false) };
     if run.state().disengaged() {
         watch.say("disengaged: looking for the cause in the real tests");
     }
@@ -135,7 +145,7 @@ fn goes_on(run: &mut Run, experiment: &mut Experiment, left: &Left, watch: &mut 
 fn by_distance(
     experiment: &mut Experiment,
     run: &Run,
-    watch: &mut dyn Watch,
+    watch: &mut dyn RunObserver,
 ) -> Result<Option<Vec<ByDistance>>, Failure> {
     let others = experiment.distances.clone();
     if others.is_empty() {
@@ -162,10 +172,10 @@ fn finish(
     run: Run,
     (reason, waiting): (Option<StopReason>, Option<String>),
     others: Vec<ByDistance>,
-) -> Result<Ended, Failure> {
+) -> Result<FinishedRun, Failure> {
     let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
     let files = write_files(experiment, &run, &report)?;
-    Ok(Ended { run, report, files, waiting })
+    Ok(FinishedRun { run, report, files, waiting })
 }
 
 /// The model as the run adapted it, driven by the best controller that was tried.
@@ -180,7 +190,7 @@ pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
     text.map_err(|e| Failure::new("output", e.to_string(), None))
 }
 
-fn write_files(experiment: &Experiment, run: &Run, report: &Report) -> Result<Vec<PathBuf>, Failure> {
+fn write_files(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<Vec<PathBuf>, Failure> {
     let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
     let mut files = vec![run.write("history.json", text.as_bytes())?];
     files.push(run.write("adapted.toml", adapted(experiment, run)?.as_bytes())?);

@@ -1,9 +1,9 @@
 //! `add`: writes effects into a model file, free to fit.
 
 use crate::experiment::{Source, suggestion};
-use crate::identification::scales::Scales;
+use crate::identification::scales::RobotScales;
 use btr_physics::effects;
-use btr_physics::effects::{EFFECTS, Effect, Param, Placed, SiteKind};
+use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
@@ -80,7 +80,7 @@ impl Addition {
             name: name.to_owned(),
             near: suggestion(name, EFFECTS.iter().map(|e| e.card().name)),
         })?;
-        let placed = Placed::off(effect, site);
+        let placed = PlacedEffect::off(effect, site);
         if placed.check_site(robot).is_err() {
             let known = match effect.card().site {
                 SiteKind::Joint => robot.movable().map(|(_, link)| link.joint.name.clone()).collect(),
@@ -105,11 +105,11 @@ impl Addition {
 /// # Errors
 /// An effect that is there already.
 pub fn add(source: &Source, robot: &Robot, additions: &[Addition]) -> Result<String, AddError> {
-    add_scaled(source, &Scales::guess(robot), additions)
+    add_scaled(source, &RobotScales::guess(robot), additions)
 }
 
 /// The same with bounds made for what the robot does.
-pub(super) fn add_scaled(source: &Source, scales: &Scales, additions: &[Addition]) -> Result<String, AddError> {
+pub(super) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Addition]) -> Result<String, AddError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     for addition in additions {
         write(&mut document, scales, addition)?;
@@ -117,7 +117,7 @@ pub(super) fn add_scaled(source: &Source, scales: &Scales, additions: &[Addition
     Ok(document.to_string())
 }
 
-fn write(document: &mut DocumentMut, scales: &Scales, addition: &Addition) -> Result<(), AddError> {
+fn write(document: &mut DocumentMut, scales: &RobotScales, addition: &Addition) -> Result<(), AddError> {
     let card = addition.effect.card();
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };

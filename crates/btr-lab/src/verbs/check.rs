@@ -1,11 +1,11 @@
 //! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers
 //! in doubt.
 
-use crate::experiment::{Checked, Replays};
-use crate::identification::Beside;
-use btr_identify::fit::{Bench, NullDirection, Sensitivity, identifiable};
-use btr_identify::quality::Follows;
-use btr_identify::residual_model::Family;
+use crate::experiment::{CheckedLog, Replays};
+use crate::identification::IdentificationProblem;
+use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
+use btr_identify::quality::CommandResponse;
+use btr_identify::residual_model::ResidualModel;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -14,21 +14,21 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct CheckReport {
     /// One per log.
-    pub logs: Vec<Checked>,
+    pub logs: Vec<CheckedLog>,
     /// What is odd about them, though they can be used.
     pub warnings: Vec<String>,
     /// What all of them together tell.
-    pub told: Told,
+    pub told: IdentifiabilityReport,
 }
 
 impl CheckReport {
     /// The answer with the keys of `--json`.
     pub fn document(&self) -> Value {
-        let joint = |j: &Follows| {
+        let joint = |j: &CommandResponse| {
             let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
             json!({ "joint": j.joint, "command_lag": lag })
         };
-        let log = |Checked { log: name, quality }: &Checked| {
+        let log = |CheckedLog { log: name, quality }: &CheckedLog| {
             json!({
                 "log": name,
                 "verdict": quality.worst(),
@@ -49,7 +49,7 @@ impl CheckReport {
 
 /// What logs tell about the numbers in doubt, with the keys of `--json`.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Told {
+pub struct IdentifiabilityReport {
     /// Each number in doubt.
     pub parameters: Vec<Sensitivity>,
     /// How many independent combinations of them can be told.
@@ -71,22 +71,23 @@ pub fn check(replays: Replays) -> CheckReport {
     CheckReport { logs: replays.checked.clone(), warnings: replays.warnings.clone(), told: told(replays) }
 }
 
-fn told(replays: Replays) -> Told {
-    let not_judged = |why: &str| Told { not_judged: Some(why.to_owned()), ..Told::default() };
+fn told(replays: Replays) -> IdentifiabilityReport {
+    let not_judged =
+        |why: &str| IdentifiabilityReport { not_judged: Some(why.to_owned()), ..IdentifiabilityReport::default() };
     // Logs that cannot be compared with the model have a quality all the same.
-    let beside = match Beside::to_learn(Arc::new(replays.model), replays.logs) {
+    let beside = match IdentificationProblem::to_learn(Arc::new(replays.model), replays.logs) {
         Ok(beside) => beside,
         Err(why) => return not_judged(&why.to_string()),
     };
     if beside.doubtful().is_empty() {
         return not_judged("no number of the model is in doubt ([parameters])");
     }
-    let bench = Bench::new(&beside);
+    let bench = Objective::new(&beside);
     let Some(found) = identifiable(&bench) else {
         return not_judged("the model blows up on these logs as it stands");
     };
     let dead = found.parameters.iter().filter(|parameter| parameter.dead).map(|parameter| parameter.name.clone());
-    Told {
+    IdentifiabilityReport {
         dead: dead.collect(),
         rank: found.rank,
         condition_number: found.condition_number,

@@ -6,15 +6,15 @@ use crate::identification::seen_starts;
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_identify::compare;
-use btr_identify::compare::{Cell, ChannelError, Comparison, Episode};
+use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
 use btr_identify::fit::{FINE_ENOUGH, FINEST};
-use btr_identify::residual_model::Step;
+use btr_identify::residual_model::TimeStep;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 /// Everything that was found, with what it was found in.
-pub struct Compared {
+pub struct CompareReport {
     /// The model file's name.
     pub model: String,
     /// The model and the logs.
@@ -26,26 +26,26 @@ pub struct Compared {
     /// How much the time step alone changes each simulated channel, in noise floors.
     pub integrator: IndexMap<String, f64>,
     /// What everything was simulated with.
-    pub step: Step,
+    pub step: TimeStep,
 }
 
 /// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too coarse.
 ///
 /// # Errors
 /// A simulation that blew up; logs of which no channel is simulated.
-pub fn compare(source: &Source, mut replays: Replays) -> Result<Compared, ProblemError> {
+pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, ProblemError> {
     // What readings do not tell of a log's start is no fault of the model.
     if let Some(seen) = seen_starts(&replays.model, &replays.logs) {
         replays.model.scenarios = seen;
     }
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let simulate = |step: Step| -> Result<Vec<Log>, WorldError> {
+    let simulate = |step: TimeStep| -> Result<Vec<Log>, WorldError> {
         let logs = (0..replays.logs.len()).into_par_iter();
         logs.map(|k| model.simulate_in_steps(&s, &c, k, None, step)).collect()
     };
     let beyond = 1.0 + 1.0 / (2.0f64.powi(model.order()) - 1.0);
-    let (mut step, mut simulated) = (Step::USUAL, simulate(Step::USUAL)?);
+    let (mut step, mut simulated) = (TimeStep::USUAL, simulate(TimeStep::USUAL)?);
     loop {
         let halved = simulate(step.halved())?;
         let comparison = comparison(&replays, &simulated);
@@ -61,15 +61,15 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<Compared, Proble
         }
         let names = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
         let model = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        return Ok(Compared { model, replays, names, comparison, integrator, step });
+        return Ok(CompareReport { model, replays, names, comparison, integrator, step });
     }
 }
 
 fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     let model = &replays.model;
     let scenarios = model.scenarios.iter().zip(&replays.logs).zip(simulated);
-    let episodes: Vec<Episode> =
-        scenarios.map(|((scenario, real), simulated)| Episode { name: &scenario.name, real, simulated }).collect();
+    let episodes: Vec<LogPair> =
+        scenarios.map(|((scenario, real), simulated)| LogPair { name: &scenario.name, real, simulated }).collect();
     compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
 }
 
@@ -87,7 +87,7 @@ fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halv
     if n > 0.0 { f64::sqrt(sum / n) / channel.noise_floor } else { 0.0 }
 }
 
-impl Compared {
+impl CompareReport {
     /// The largest of all channels.
     pub fn integrator_error(&self) -> f64 {
         self.integrator.values().copied().fold(0.0, f64::max)
@@ -116,7 +116,7 @@ impl Compared {
                 "integrator_error": self.integrator.get(&c.name),
             })
         };
-        let failure = |cell: &&Cell| {
+        let failure = |cell: &&RegimeCell| {
             json!({
                 "joint": cell.joint,
                 "regime": cell.regime.name(),

@@ -1,30 +1,30 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Doubt, Floor, LadderStep, NextExperiment, Problem};
-use btr_core::signal::noise::Noise;
+use super::{Doubt, LadderStep, NextExperiment, NoiseFloor, VerbInput};
+use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::stats;
-use btr_identify::diagnose::{Diagnosis, Found, Question, Ranked, Rung, Verdict};
-use btr_identify::fit::{Bench, Estimate, NOISE};
-use btr_identify::residual_model::Family;
-use btr_physics::effects::On;
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Rung, Verdict};
+use btr_identify::fit::{Estimate, NOISE, Objective};
+use btr_identify::residual_model::ResidualModel;
+use btr_physics::effects::FormulaTarget;
 use serde::Serialize;
 use std::time::Instant;
 
 /// Where an effect sits.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
-pub enum Site {
+pub enum EffectSite {
     /// On one joint or link, or on `base` or `*`.
     One(String),
     /// On several.
     Several(Vec<String>),
 }
 
-impl std::fmt::Display for Site {
+impl std::fmt::Display for EffectSite {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {
-            Site::One(site) => f.write_str(site),
-            Site::Several(sites) => f.write_str(&sites.join(", ")),
+            EffectSite::One(site) => f.write_str(site),
+            EffectSite::Several(sites) => f.write_str(&sites.join(", ")),
         }
     }
 }
@@ -35,7 +35,7 @@ pub struct EffectReport {
     /// Its name.
     pub effect: String,
     /// Where it sits.
-    pub site: Site,
+    pub site: EffectSite,
     /// `effect@site` of what these logs cannot tell from it.
     pub alike: Vec<String>,
     /// How much of the belief it has among all that was fitted beside it.
@@ -54,7 +54,7 @@ pub struct LawReport {
     /// The joint.
     pub site: String,
     /// What it is on.
-    pub on: On,
+    pub on: FormulaTarget,
     /// The share of the squared error above the noise that it explains on held-out logs.
     pub explains: f64,
     /// `effect@site` of the effects it was fitted beside; none where it takes the place of all.
@@ -88,9 +88,9 @@ pub struct DiagnoseReport {
     /// How the error fell, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
     /// Everything that was fitted, round by round, best first.
-    pub ranking: Vec<Vec<Ranked>>,
+    pub ranking: Vec<Vec<RankedCandidate>>,
     /// The noise floors.
-    pub noise_floor: Vec<Floor>,
+    pub noise_floor: Vec<NoiseFloor>,
     /// The share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
     /// Where nothing explains the error and it may be the sensors' own: channels whose noise is stated too low, it seems.
@@ -121,13 +121,13 @@ pub struct DiagnoseReport {
 /// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
 /// `family` is the problem's own, or the same served by others.
 pub fn diagnose(
-    problem: &Problem,
-    family: &dyn Family,
-    question: Question,
+    problem: &VerbInput,
+    family: &dyn ResidualModel,
+    question: DiagnoseOptions,
     tell: &dyn Fn(&Rung),
 ) -> Option<(DiagnoseReport, Diagnosis)> {
     let began = Instant::now();
-    let bench = Bench::new(family);
+    let bench = Objective::new(family);
     let diagnosis = btr_identify::diagnose::diagnose(&bench, question, tell)?;
     let report = DiagnoseReport {
         ok: true,
@@ -190,7 +190,7 @@ const AS_LARGE: f64 = 1.15;
 const NEARLY_WHITE: f64 = 2.0;
 
 /// Channels in which what is left is white, above the noise that the model states, and what their readings show of noise.
-fn stated_low(problem: &Problem, diagnosis: &Diagnosis) -> Vec<StatedLow> {
+fn stated_low(problem: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
     let model = problem.beside.model();
     let (mut found, mut start) = (Vec::<StatedLow>::new(), 0);
     for (log, readings) in problem.beside.logs().iter().zip(problem.beside.recorded()).filter(|(log, _)| !log.held_out)
@@ -199,7 +199,8 @@ fn stated_low(problem: &Problem, diagnosis: &Diagnosis) -> Vec<StatedLow> {
             let rows = start + channel.samples.start..start + channel.samples.end;
             let left = diagnosis.fit.residual.get(rows).unwrap_or_default();
             let stated = model.setup.noise.stated(&channel.name);
-            let shown = readings.channel(&channel.name).and_then(|c| Noise::of(&c.values)).map(|noise| noise.sigma());
+            let shown =
+                readings.channel(&channel.name).and_then(|c| NoiseEstimate::of(&c.values)).map(|noise| noise.sigma());
             let (Some(stated), Some(shown)) = (stated, shown) else { continue };
             // Floors that are not the sensors' alone hold what nobody states.
             let is_the_floor = (channel.sigma / stated - 1.0).abs() < 0.01;
@@ -218,7 +219,7 @@ fn stated_low(problem: &Problem, diagnosis: &Diagnosis) -> Vec<StatedLow> {
     found
 }
 
-fn residual_law(problem: &Problem, diagnosis: &Diagnosis) -> Option<LawReport> {
+fn residual_law(problem: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {
     let found = diagnosis.residual_law.as_ref()?;
     let (site, on, law) = problem.beside.law(found)?;
     let word = format!("{on:?}").to_lowercase();
@@ -235,14 +236,14 @@ impl From<&Rung> for LadderStep {
 }
 
 /// One effect on several sites is one effect.
-fn grouped(found: &[Found]) -> Vec<EffectReport> {
+fn grouped(found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
     for one in found {
         match reports.iter_mut().find(|report| report.effect == one.effect) {
             Some(report) => report.join(one),
             None => reports.push(EffectReport {
                 effect: one.effect.clone(),
-                site: Site::One(one.site.clone()),
+                site: EffectSite::One(one.site.clone()),
                 alike: one.alike.clone(),
                 probability: one.probability,
                 delta_bic: one.delta_bic,
@@ -254,13 +255,13 @@ fn grouped(found: &[Found]) -> Vec<EffectReport> {
 }
 
 impl EffectReport {
-    fn join(&mut self, other: &Found) {
+    fn join(&mut self, other: &MissingEffect) {
         let mut sites = match &self.site {
-            Site::One(site) => vec![site.clone()],
-            Site::Several(sites) => sites.clone(),
+            EffectSite::One(site) => vec![site.clone()],
+            EffectSite::Several(sites) => sites.clone(),
         };
         sites.push(other.site.clone());
-        self.site = Site::Several(sites);
+        self.site = EffectSite::Several(sites);
         self.alike.extend(other.alike.iter().cloned());
         self.probability = self.probability.min(other.probability);
         self.delta_bic += other.delta_bic;
@@ -270,8 +271,8 @@ impl EffectReport {
     /// `effect@site` for each of its sites.
     pub fn names(&self) -> Vec<String> {
         match &self.site {
-            Site::One(site) => vec![format!("{}@{site}", self.effect)],
-            Site::Several(sites) => sites.iter().map(|site| format!("{}@{site}", self.effect)).collect(),
+            EffectSite::One(site) => vec![format!("{}@{site}", self.effect)],
+            EffectSite::Several(sites) => sites.iter().map(|site| format!("{}@{site}", self.effect)).collect(),
         }
     }
 }

@@ -2,11 +2,11 @@
 
 use crate::experiment::suggestion;
 use crate::failure::Failure;
-use btr_physics::effects::{Card, EFFECTS, FORMULA, Param};
+use btr_physics::effects::{EFFECTS, EffectSpec, FORMULA, Param};
 use serde_json::{Value, json};
 
 /// Every card; formulas share one.
-fn all() -> impl Iterator<Item = &'static Card> {
+fn all() -> impl Iterator<Item = &'static EffectSpec> {
     EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
 }
 
@@ -14,7 +14,7 @@ fn all() -> impl Iterator<Item = &'static Card> {
 ///
 /// # Errors
 /// An effect that is not there.
-pub fn named(name: Option<&str>) -> Result<Vec<&'static Card>, Failure> {
+pub fn named(name: Option<&str>) -> Result<Vec<&'static EffectSpec>, Failure> {
     Ok(match name {
         None => all().collect(),
         Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
@@ -38,11 +38,11 @@ fn unknown(name: &str) -> Failure {
 }
 
 /// What it sits on, in a word.
-pub fn site(card: &Card) -> String {
+pub fn site(card: &EffectSpec) -> String {
     format!("{:?}", card.site).to_lowercase()
 }
 
-fn describe(card: &Card) -> Value {
+fn describe(card: &EffectSpec) -> Value {
     let finite = |x: f64| x.is_finite().then_some(x);
     let param = |p: &Param| {
         json!({ "name": p.name, "unit": p.unit, "min": p.bounds.0, "max": finite(p.bounds.1), "off": finite(p.off),

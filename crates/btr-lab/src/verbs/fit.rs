@@ -1,9 +1,9 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
-use super::{Doubt, Floor, LadderStep, Problem};
+use super::{Doubt, LadderStep, NoiseFloor, VerbInput};
 use crate::experiment::adapt::{adapted, in_finer_steps};
-use btr_identify::fit::{Bench, Ended, Estimate, Fit, NullDirection};
-use btr_identify::residual_model::{Family, Step};
+use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};
+use btr_identify::residual_model::{ResidualModel, TimeStep};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -27,11 +27,11 @@ pub struct FitReport {
     /// How the error fell.
     pub error_ladder: Vec<LadderStep>,
     /// Why the search ended.
-    pub stop_reason: Ended,
+    pub stop_reason: FitStop,
     /// Why there are no intervals, where there are none.
     pub withheld: Option<String>,
     /// The noise floors.
-    pub noise_floor: Vec<Floor>,
+    pub noise_floor: Vec<NoiseFloor>,
     /// What makes the answer doubtful: the same checks as `check` makes.
     pub doubts: Vec<Doubt>,
     /// Joints of which nothing is measured: the answer is not about them.
@@ -48,9 +48,13 @@ pub struct FitReport {
 
 /// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for;
 /// `None` where the model blows up as it stands. `family` is the problem's own, or the same served by others.
-pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -> Option<(FitReport, Fit, Step)> {
+pub fn fit(
+    problem: &VerbInput,
+    family: &dyn ResidualModel,
+    tell: &dyn Fn(&LadderStep),
+) -> Option<(FitReport, FitPoint, TimeStep)> {
     let began = Instant::now();
-    let bench = Bench::new(family);
+    let bench = Objective::new(family);
     let heard = |step: &str, train: f64, held_out: Option<f64>| {
         tell(&LadderStep { step: step.to_owned(), train, held_out });
     };
@@ -81,23 +85,23 @@ pub fn fit(problem: &Problem, family: &dyn Family, tell: &dyn Fn(&LadderStep)) -
     Some((report, fitted.fit, fitted.step))
 }
 
-impl Problem {
+impl VerbInput {
     /// The text of the fitted model for a file in the folder `into`, with the time step that the fit holds for.
     ///
     /// # Errors
     /// A text that is not TOML; it was read before, so this does not happen.
-    pub fn fitted_text(&self, fit: &Fit, step: Step, into: &Path) -> Result<String, TomlError> {
+    pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
         let text = adapted(&self.source, &self.beside.model().simulations, &self.values(fit), into)?;
-        if step == Step::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
+        if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
     }
 
     /// The model's time step at so many halvings, in s.
-    pub(super) fn time_step_s(&self, step: Step) -> f64 {
+    pub(super) fn time_step_s(&self, step: TimeStep) -> f64 {
         self.beside.model().setup.dt_s / f64::from(step.divides_by())
     }
 
     /// The values of what is in doubt at a fit, in the order of the model's space.
-    pub fn values(&self, fit: &Fit) -> Vec<f64> {
+    pub fn values(&self, fit: &FitPoint) -> Vec<f64> {
         let dims = self.beside.model().simulations.dims();
         let value =
             |(&k, dim): (&usize, &btr_core::space::Dim)| self.beside.knobs()[k].value(fit.u[k]).clamp(dim.min, dim.max);

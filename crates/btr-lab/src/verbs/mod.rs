@@ -12,30 +12,30 @@ mod next;
 mod replay;
 
 pub use add::{AddError, Addition, add};
-pub use check::{CheckReport, Told, check};
-pub use compare::{Compared, compare};
-pub use diagnose::{DiagnoseReport, EffectReport, LawReport, Site, diagnose};
+pub use check::{CheckReport, IdentifiabilityReport, check};
+pub use compare::{CompareReport, compare};
+pub use diagnose::{DiagnoseReport, EffectReport, EffectSite, LawReport, diagnose};
 pub use effects::{effects, named, site};
 pub use fit::{FitReport, fit};
 pub use law::{OwnLaw, OwnNumber, add_law};
-pub use next::{NextExperiment, Rival, next_experiment};
-pub use replay::Judged;
+pub use next::{NextExperiment, RivalExplanation, next_experiment};
+pub use replay::HeldOutLogs;
 
-use crate::experiment::{Checked, FileError, LogSource, Replays, Source, replays};
-use crate::identification::Beside;
+use crate::experiment::{CheckedLog, FileError, LogSource, Replays, Source, replays};
+use crate::identification::IdentificationProblem;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
-use btr_identify::residual_model::{Family as _, Step};
+use btr_identify::residual_model::{ResidualModel as _, TimeStep};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A model beside the logs it is asked about.
-pub struct Problem {
+pub struct VerbInput {
     /// The model's text.
     pub source: Source,
     /// The model, the logs, and everything that may be varied.
-    pub beside: Beside,
+    pub beside: IdentificationProblem,
     /// What makes answers doubtful.
     pub doubts: Vec<Doubt>,
     /// Joints of which nothing is measured: no answer is about them.
@@ -54,7 +54,7 @@ pub struct Doubt {
 
 /// What makes answers from these logs doubtful.
 pub fn doubts(replays: &Replays) -> Vec<Doubt> {
-    let of = |checked: &Checked| {
+    let of = |checked: &CheckedLog| {
         let log = checked.log.clone();
         checked.quality.doubts().map(|finding| Doubt { log: log.clone(), finding: finding.clone() }).collect::<Vec<_>>()
     };
@@ -109,14 +109,14 @@ impl ProblemError {
     }
 }
 
-impl Problem {
+impl VerbInput {
     /// Reads the logs and puts the model beside them; without held-out logs, the last part of each log is held out.
     ///
     /// # Errors
     /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
     pub fn new<L: Clone + Into<LogSource>>(source: Source, learn: &[L], held_out: &[L]) -> Result<Self, ProblemError> {
         let replays = replays(&source, learn, held_out)?;
-        Problem::of(source, replays)
+        VerbInput::of(source, replays)
     }
 
     /// The same for logs that were read before.
@@ -135,14 +135,14 @@ impl Problem {
         if longest < FEWEST_SAMPLES {
             return Err(ProblemError::Short(longest));
         }
-        let beside = Beside::new(Arc::new(replays.model), replays.logs, &[])?;
-        Ok(Problem { source, beside, doubts, not_judged })
+        let beside = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
+        Ok(VerbInput { source, beside, doubts, not_judged })
     }
 
     /// Why the model cannot be simulated beside its logs as it stands, where it cannot.
     pub fn trouble(&self) -> Option<WorldError> {
         let origin = vec![0.0; self.beside.knobs().len()];
-        (0..self.beside.recorded().len()).find_map(|log| self.beside.simulate(&origin, log, Step::USUAL).err())
+        (0..self.beside.recorded().len()).find_map(|log| self.beside.simulate(&origin, log, TimeStep::USUAL).err())
     }
 
     /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
@@ -157,7 +157,7 @@ impl Problem {
         learn: &[L],
         held_out: &[L],
     ) -> Result<Self, ProblemError> {
-        let bare = Problem::of(source, replays)?;
+        let bare = VerbInput::of(source, replays)?;
         if additions.is_empty() {
             return Ok(bare);
         }
@@ -165,7 +165,7 @@ impl Problem {
         let additions: Vec<Addition> =
             additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
         let text = add::add_scaled(&bare.source, bare.beside.scales(), &additions)?;
-        Problem::new(Source { text, ..bare.source }, learn, held_out)
+        VerbInput::new(Source { text, ..bare.source }, learn, held_out)
     }
 }
 
@@ -182,7 +182,7 @@ pub struct LadderStep {
 
 /// The noise floor of each measured channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Floor {
+pub struct NoiseFloor {
     /// The channel.
     pub channel: String,
     /// Its unit.
@@ -193,15 +193,15 @@ pub struct Floor {
     pub assumed: bool,
 }
 
-impl Problem {
+impl VerbInput {
     /// The noise floors that errors are measured in: of each channel in the first log that has it.
-    pub fn floors(&self) -> Vec<Floor> {
-        let mut floors: Vec<Floor> = Vec::new();
+    pub fn floors(&self) -> Vec<NoiseFloor> {
+        let mut floors: Vec<NoiseFloor> = Vec::new();
         for channel in self.beside.logs().iter().flat_map(|log| &log.channels) {
             if floors.iter().all(|floor| floor.channel != channel.name) {
                 let (name, unit) = (channel.name.clone(), channel.unit.clone());
                 let assumed = self.beside.is_assumed(&name);
-                floors.push(Floor { channel: name, unit, sigma: channel.sigma, assumed });
+                floors.push(NoiseFloor { channel: name, unit, sigma: channel.sigma, assumed });
             }
         }
         floors

@@ -1,11 +1,11 @@
 //! The next experiment: the drive in which rival explanations differ most, within what the logs showed.
 
-use super::Problem;
-use crate::identification::Beside;
+use super::VerbInput;
+use crate::identification::IdentificationProblem;
 use crate::identification::excitation::{Excitation, excitations};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{Family, Step};
+use btr_identify::residual_model::{ResidualModel, TimeStep};
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
 use rayon::prelude::*;
@@ -38,7 +38,7 @@ pub struct NextExperiment {
     /// What to do and why.
     pub sentence: String,
     /// Everybody who is alike, whether it tells them from the favourite or not.
-    pub rivals: Vec<Rival>,
+    pub rivals: Vec<RivalExplanation>,
     /// The commands.
     #[serde(skip)]
     pub commands: Option<Log>,
@@ -46,7 +46,7 @@ pub struct NextExperiment {
 
 /// An explanation that the logs cannot tell from the favourite.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rival {
+pub struct RivalExplanation {
     /// `effect@site`.
     pub effect: String,
     /// How far it is from the favourite, in multiples of the noise floor.
@@ -58,7 +58,10 @@ pub struct Rival {
 ///
 /// # Errors
 /// A model that blows up on its own logs.
-pub fn next_experiment(beside: &Beside, rivals: &[(usize, Vec<f64>)]) -> Result<Option<NextExperiment>, WorldError> {
+pub fn next_experiment(
+    beside: &IdentificationProblem,
+    rivals: &[(usize, Vec<f64>)],
+) -> Result<Option<NextExperiment>, WorldError> {
     let points: Vec<&Vec<f64>> = rivals.iter().take(1 + MOST_RIVALS).map(|(_, u)| u).collect();
     if points.len() < 2 {
         return Ok(None);
@@ -80,15 +83,16 @@ pub fn next_experiment(beside: &Beside, rivals: &[(usize, Vec<f64>)]) -> Result<
         return Ok(None);
     }
     let name = |k: usize| beside.candidates()[rivals[k].0].name();
-    let rivals = apart.iter().enumerate().map(|(k, x)| Rival { effect: name(k + 1), separation: *x }).collect();
+    let rivals =
+        apart.iter().enumerate().map(|(k, x)| RivalExplanation { effect: name(k + 1), separation: *x }).collect();
     Ok(Some(proposal(&drives[chosen], &name(0), rivals, &so_far.1)))
 }
 
-fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, so_far: &[f64]) -> NextExperiment {
-    type Told<'a> = Vec<(&'a Rival, f64)>;
-    let (told, alike): (Told, Told) =
+fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, so_far: &[f64]) -> NextExperiment {
+    type Scores<'a> = Vec<(&'a RivalExplanation, f64)>;
+    let (told, alike): (Scores, Scores) =
         rivals.iter().zip(so_far.iter().copied()).partition(|(rival, _)| rival.separation >= APART);
-    let names = |rivals: &Told| rivals.iter().map(|(rival, _)| rival.effect.as_str()).collect::<Vec<_>>().join(", ");
+    let names = |rivals: &Scores| rivals.iter().map(|(rival, _)| rival.effect.as_str()).collect::<Vec<_>>().join(", ");
     let separation = least(told.iter().map(|(rival, _)| rival.separation));
     let separation_so_far = least(told.iter().map(|(_, so_far)| *so_far));
     let mut sentence = format!(
@@ -113,7 +117,7 @@ fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<Rival>, so_far: &[f
 }
 
 /// The drive as a situation: from where the robot is at its own start, with what is known of the first log.
-fn scenario(beside: &Beside, drive: &Excitation) -> Scenario {
+fn scenario(beside: &IdentificationProblem, drive: &Excitation) -> Scenario {
     let model = beside.model();
     Scenario {
         name: drive.kind.to_owned(),
@@ -127,13 +131,13 @@ fn scenario(beside: &Beside, drive: &Excitation) -> Scenario {
 /// How far the first point's simulation is from each other's, in multiples of the noise floor over all measured channels;
 /// `None` where one of them is not `safe`.
 fn separations(
-    beside: &Beside,
+    beside: &IdentificationProblem,
     points: &[&Vec<f64>],
     scenario: &Scenario,
     safe: &dyn Fn(&Log) -> bool,
 ) -> Result<Option<Vec<f64>>, WorldError> {
     let logs: Vec<Log> =
-        points.iter().map(|u| beside.simulate_in(u, scenario, Step::USUAL)).collect::<Result<_, _>>()?;
+        points.iter().map(|u| beside.simulate_in(u, scenario, TimeStep::USUAL)).collect::<Result<_, _>>()?;
     if !logs.iter().all(safe) {
         return Ok(None);
     }
@@ -168,7 +172,7 @@ fn best(all: impl IntoIterator<Item = Vec<f64>>) -> (usize, Vec<f64>) {
     all.into_iter().enumerate().max_by(better).unwrap_or_default()
 }
 
-impl Problem {
+impl VerbInput {
     /// The next experiment for what a diagnosis could not tell apart.
     pub(super) fn next_experiment(&self, rivals: &[(usize, Vec<f64>)]) -> Option<NextExperiment> {
         // The logs themselves were simulated at these points before, so nothing blows up there.

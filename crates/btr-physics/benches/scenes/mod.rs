@@ -7,7 +7,7 @@ use btr_physics::drive::{Drive, MotionError, NaoWalk};
 use btr_physics::presets::ant;
 use btr_physics::presets::nao::{CONTROL_S, nao};
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Link, Robot};
-use btr_physics::rollout::{Candidate, simulate_all};
+use btr_physics::rollout::{RolloutRequest, simulate_all};
 use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -54,7 +54,7 @@ impl Scene {
     pub(crate) fn run_all(&self, population: usize) -> Result<Vec<Log>, WorldError> {
         let robots: Vec<Robot> = (0..population).map(|number| self.robot_of(number)).collect();
         let candidate =
-            |robot| Candidate { robot, effects: &[], setup: &self.setup, drive: &*self.drive, noise_seed: None };
+            |robot| RolloutRequest { robot, effects: &[], setup: &self.setup, drive: &*self.drive, noise_seed: None };
         simulate_all(&robots.iter().map(candidate).collect::<Vec<_>>()).into_iter().collect()
     }
 }

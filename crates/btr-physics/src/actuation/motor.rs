@@ -6,7 +6,7 @@ use crate::robot::{Actuator, DutyLoop, Joint};
 
 /// What a joint is doing at the beginning of a step, and what it is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointState {
+pub struct JointInput {
     /// Simulated time in s.
     pub time_s: f64,
     /// Length of the step in s.
@@ -29,7 +29,7 @@ pub struct JointState {
     pub command: f64,
 }
 
-impl JointState {
+impl JointInput {
     /// The velocity in the middle of the step, as the past predicts it: what depends on speed is exact to second order there.
     pub fn dq_midway(&self) -> f64 {
         self.dq + 0.5 * self.dt_s * self.acceleration
@@ -39,7 +39,7 @@ impl JointState {
 /// The largest torque of a motor in the direction in which it pushes: a ceiling, and a torque-speed line below which it stays
 /// while it drives. A motor that brakes has its whole torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct TorqueBound {
     /// At any speed, in N·m (N); infinite when unbounded.
     pub ceiling: f64,
     /// Where the line begins, at rest, in N·m (N); infinite without a line.
@@ -48,12 +48,12 @@ pub struct Bound {
     pub no_load_speed: f64,
 }
 
-impl Bound {
+impl TorqueBound {
     /// No bound at all.
-    pub const NONE: Bound = Bound::at_any_speed(f64::INFINITY);
+    pub const NONE: TorqueBound = TorqueBound::at_any_speed(f64::INFINITY);
 
     const fn at_any_speed(ceiling: f64) -> Self {
-        Bound { ceiling, stall: f64::INFINITY, no_load_speed: f64::INFINITY }
+        TorqueBound { ceiling, stall: f64::INFINITY, no_load_speed: f64::INFINITY }
     }
 
     /// Whether there is none.
@@ -91,7 +91,7 @@ pub struct MotorTorque {
     /// What it would do without a bound.
     pub wanted: Affine,
     /// What it can do.
-    pub bound: Bound,
+    pub bound: TorqueBound,
 }
 
 impl MotorTorque {
@@ -99,7 +99,7 @@ impl MotorTorque {
 
     /// What is wanted, within a bound that is the same at every speed.
     const fn within(limit: f64, wanted: Affine) -> Self {
-        MotorTorque { wanted, bound: Bound::at_any_speed(limit) }
+        MotorTorque { wanted, bound: TorqueBound::at_any_speed(limit) }
     }
 
     /// Lowers the ceiling, where it is not lower already.
@@ -128,14 +128,14 @@ impl MotorTorque {
     }
 
     /// The largest and the least torque, as they depend on the velocity around that of the coming step's middle.
-    fn bounds(&self, state: &JointState) -> [Affine; 2] {
+    fn bounds(&self, state: &JointInput) -> [Affine; 2] {
         let dq = state.dq_midway();
         let least = self.bound.around(-dq);
         [self.bound.around(dq), Affine { constant: -least.constant, ..least }]
     }
 
     /// For an engine that keeps the bound in the step that it solves; `None` where there is none.
-    pub(crate) fn bounded(&self, state: &JointState) -> Option<Bounded> {
+    pub(crate) fn bounded(&self, state: &JointInput) -> Option<Bounded> {
         if self.bound.is_none() {
             return None;
         }
@@ -148,7 +148,7 @@ impl MotorTorque {
     ///
     /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
     /// its bounds.
-    pub fn saturated(&self, state: &JointState) -> Affine {
+    pub fn saturated(&self, state: &JointInput) -> Affine {
         if self.bound.is_none() {
             return self.wanted;
         }
@@ -165,7 +165,7 @@ impl MotorTorque {
     }
 
     /// Its bound, if that is exceeded by `torque` at the velocity `dq`.
-    pub(crate) fn beyond(&self, torque: f64, dq: f64, state: &JointState) -> Option<Affine> {
+    pub(crate) fn beyond(&self, torque: f64, dq: f64, state: &JointInput) -> Option<Affine> {
         let [most, least] = self.bounds(state);
         if torque > self.bound.at(dq) {
             return Some(most);
@@ -212,7 +212,7 @@ impl Motor {
 
     /// The torque for the coming step. A NaN command switches the motor off (no current, no back-EMF) and clears its
     /// integral.
-    pub(crate) fn torque(&mut self, state: &JointState) -> MotorTorque {
+    pub(crate) fn torque(&mut self, state: &JointInput) -> MotorTorque {
         let command = state.command;
         if command.is_nan() {
             self.integral = 0.0;
@@ -245,7 +245,7 @@ impl Motor {
     }
 
     /// What a digital servo holds; `None` for all other motors.
-    fn held(&mut self, state: &JointState) -> Option<MotorTorque> {
+    fn held(&mut self, state: &JointInput) -> Option<MotorTorque> {
         let Motor { actuator, sampled: Some(sampled), integral, .. } = self else { return None };
         let command = state.command;
         match *actuator {
@@ -275,7 +275,7 @@ fn back_emf(kt: f64, resistance: f64) -> Affine {
 }
 
 /// The torque of a motor in a duty loop: its duty is bounded, its back-EMF is not.
-fn duty_torque(kt: f64, resistance: f64, servo: &DutyLoop, state: &JointState) -> Affine {
+fn duty_torque(kt: f64, resistance: f64, servo: &DutyLoop, state: &JointInput) -> Affine {
     let full = kt / resistance * servo.supply;
     let stiffness = full * servo.gain;
     let wanted = Affine { constant: stiffness * state.command, stiffness, ..back_emf(kt, resistance) };

@@ -4,7 +4,7 @@
 //! average, and so does a velocity that is the difference of two readings: at a period that is short but not negligible this is
 //! what a servo in continuous time lacks.
 
-use super::motor::JointState;
+use super::motor::JointInput;
 use crate::robot::Sampling;
 
 /// The memory of a digital servo.
@@ -36,7 +36,7 @@ impl SampledServo {
     }
 
     /// What is held during the coming step; `work` says it for what is read, at every instant.
-    pub(crate) fn hold(&mut self, state: &JointState, work: impl FnOnce(&Reading) -> f64) -> f64 {
+    pub(crate) fn hold(&mut self, state: &JointInput, work: impl FnOnce(&Reading) -> f64) -> f64 {
         // The share of a period absorbs rounding, as for references.
         let instant = (state.time_s / self.period_s + 1e-6).floor() as usize;
         if instant != self.instant {
@@ -55,7 +55,7 @@ impl SampledServo {
         self.instant = usize::MAX;
     }
 
-    fn read(&mut self, state: &JointState) {
+    fn read(&mut self, state: &JointInput) {
         if self.instant == usize::MAX {
             // Before the first instant it moved as it does now.
             let ago = |k: usize| state.q - k as f64 * self.period_s * state.dq;

@@ -211,7 +211,7 @@ mod tests {
     use super::*;
     use crate::drive::DriveKind;
     use crate::presets::ant::{OMEGA_RAD_S, ant};
-    use crate::rollout::{Candidate, simulate, simulate_all};
+    use crate::rollout::{RolloutRequest, simulate, simulate_all};
     use crate::setup::{EngineName, Sensors, Setup};
     use btr_core::log::Log;
     use proptest::prelude::*;
@@ -298,7 +298,7 @@ mod tests {
         fn side_by_side_each_goes_by_its_own_senses(weights in prop::collection::vec(-0.05..0.05, 7..23)) {
             let (robot, setup) = (ant(), setup(EngineName::Auto));
             let drives: Vec<Policy> = (0..5).map(|i| policy(i % 3, &weights[i..])).collect();
-            let candidate = |drive| Candidate { robot: &robot, effects: &[], setup: &setup, drive, noise_seed: None };
+            let candidate = |drive| RolloutRequest { robot: &robot, effects: &[], setup: &setup, drive, noise_seed: None };
             let together = simulate_all(&drives.iter().map(|d| candidate(d as &dyn Drive)).collect::<Vec<_>>());
             for (drive, log) in drives.iter().zip(together) {
                 prop_assert_eq!(log, simulate(&robot, &[], &setup, drive, None));

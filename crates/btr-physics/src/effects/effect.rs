@@ -1,6 +1,6 @@
 //! What an effect is: its parameters, what it says about itself, the hooks by which it acts, and an effect at a site.
 
-use crate::actuation::motor::{JointState, MotorTorque};
+use crate::actuation::motor::{JointInput, MotorTorque};
 use crate::engine::{Affine, Dof};
 use crate::robot::Robot;
 use crate::robot::site::matches;
@@ -73,7 +73,7 @@ impl Param {
 
 /// What an effect says about itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Card {
+pub struct EffectSpec {
     /// Its name everywhere.
     pub name: &'static str,
     /// The law in a line.
@@ -84,7 +84,7 @@ pub struct Card {
     pub cite: &'static str,
     /// How it shows in the error of a model that lacks it.
     pub tell: &'static str,
-    /// Its parameters, in the order of [`Placed::values`].
+    /// Its parameters, in the order of [`PlacedEffect::values`].
     pub params: &'static [Param],
     /// Values of its shapes (in their order among the parameters) from which a search for the effect should start.
     pub starts: &'static [&'static [f64]],
@@ -100,7 +100,7 @@ pub struct Card {
 /// of a run altogether.
 pub trait Effect: Sync {
     /// What it says about itself.
-    fn card(&self) -> &'static Card;
+    fn card(&self) -> &'static EffectSpec;
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
     /// Changes gravity or the floor before the world is built.
@@ -113,17 +113,17 @@ pub trait Effect: Sync {
     }
     /// Position and velocity that the servo works with in the coming step, from those that the state gives: the joint's, or
     /// what the effects before this one make of them. Called first.
-    fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         (state.q, state.dq)
     }
     /// The command that reaches the motor in the coming step; `q` and `dq` are what the servo sees.
-    fn command(&self, _p: &[f64], _memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, _p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         state.command
     }
     /// Changes the motor's torque of the coming step; `q` and `dq` are what the servo sees.
-    fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointState) {}
+    fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointInput) {}
     /// Turns a torque in terms of what [`encoder`](Effect::encoder) gave into one in terms of what it was given.
-    fn transmit(&self, _p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+    fn transmit(&self, _p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
         motor
     }
     /// Torque and velocity on the motor's side of a transmission with a state of its own, after a step that brought the
@@ -132,7 +132,7 @@ pub trait Effect: Sync {
         None
     }
     /// Adds to what acts on the joint in the coming step.
-    fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointState) {}
+    fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointInput) {}
     /// The position whose reading is `reading`: where a joint starts of which only the reading is known.
     fn start(&self, _p: &[f64], reading: f64) -> f64 {
         reading
@@ -168,7 +168,7 @@ pub(in crate::effects) fn follow(memory: &mut [f64], command: f64, change: impl 
 
 /// An effect somewhere, with values for its parameters.
 #[derive(Clone, Debug)]
-pub struct Placed {
+pub struct PlacedEffect {
     /// Which effect.
     pub effect: &'static dyn Effect,
     /// Names of joints or links, as [`site::matches`](crate::robot::site::matches) reads them.
@@ -177,15 +177,19 @@ pub struct Placed {
     pub values: Vec<f64>,
 }
 
-impl Placed {
+impl PlacedEffect {
     /// The effect at a site, switched off.
     pub fn off(effect: &'static dyn Effect, site: impl Into<String>) -> Self {
-        Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.off).collect() }
+        PlacedEffect { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.off).collect() }
     }
 
     /// The effect at a site with typical values.
     pub fn hinted(effect: &'static dyn Effect, site: impl Into<String>) -> Self {
-        Placed { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.hint).collect() }
+        PlacedEffect {
+            effect,
+            site: site.into(),
+            values: effect.card().params.iter().map(|param| param.hint).collect(),
+        }
     }
 
     /// Whether it does nothing: all its parameters but the shapes are off. A formula may have none, and acts.

@@ -6,10 +6,10 @@ mod formula;
 mod readings;
 mod rotor;
 
-pub use effect::{Card, Effect, Param, Placed, SiteKind};
+pub use effect::{Effect, EffectSpec, Param, PlacedEffect, SiteKind};
 pub use formula::error::FormulaError;
-pub use formula::law::{Function, Laws, Scene};
-pub use formula::{FORMULA, On, formula, formula_or_function};
+pub use formula::law::{LawFunction, LawInputs, Laws};
+pub use formula::{FORMULA, FormulaTarget, formula, formula_or_function};
 
 use btr_core::world::WorldError;
 
@@ -85,15 +85,15 @@ pub fn find(name: &str) -> Option<&'static dyn Effect> {
 ///
 /// # Errors
 /// [`WorldError::Setup`] for values that make no sense.
-pub(crate) fn in_force(effects: &[Placed]) -> Result<Vec<Placed>, WorldError> {
-    effects.iter().try_for_each(Placed::check)?;
-    let mut acting: Vec<Placed> = effects.iter().filter(|placed| !placed.is_off()).cloned().collect();
+pub(crate) fn in_force(effects: &[PlacedEffect]) -> Result<Vec<PlacedEffect>, WorldError> {
+    effects.iter().try_for_each(PlacedEffect::check)?;
+    let mut acting: Vec<PlacedEffect> = effects.iter().filter(|placed| !placed.is_off()).cloned().collect();
     acting.sort_by_key(rank);
     Ok(acting)
 }
 
 /// Its place in the order in which effects act.
-fn rank(placed: &Placed) -> usize {
+fn rank(placed: &PlacedEffect) -> usize {
     let name = placed.effect.card().name;
     EFFECTS.iter().position(|effect| effect.card().name == name).unwrap_or(EFFECTS.len())
 }

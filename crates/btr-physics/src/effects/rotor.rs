@@ -5,7 +5,7 @@
 //! `a + b·(the link's mean velocity)`. With that the spring's torque on the link depends on the link's velocity alone, so that
 //! the engine finds the velocity that suits all of them, and no stiffness makes a step unstable.
 
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 use crate::engine::{Affine, Dof};
 
 /// How many numbers a rotor remembers.
@@ -29,7 +29,7 @@ const PLACED: f64 = 1.0;
 const RUNNING: f64 = 2.0;
 
 /// The rotor's angle and velocity where the last step led to, now that the link's is known. It starts with the link.
-pub(super) fn arrive(memory: &mut [f64], state: &JointState) -> (f64, f64) {
+pub(super) fn arrive(memory: &mut [f64], state: &JointInput) -> (f64, f64) {
     let [started, angle, velocity, a, b, _, _, kept, link] = memory else { return (state.q, state.dq) };
     let before = std::mem::replace(link, state.q);
     if *started > 0.0 {
@@ -52,7 +52,7 @@ pub(super) fn load(memory: &mut [f64], motor: &Affine, balance: impl FnOnce(f64,
 }
 
 /// Takes the rotor's inertia away from the link.
-pub(super) fn take_inertia(dof: &mut Dof, state: &JointState) -> f64 {
+pub(super) fn take_inertia(dof: &mut Dof, state: &JointInput) -> f64 {
     let known = std::mem::replace(&mut dof.armature, 0.0);
     if known > 0.0 { known } else { SHARE * state.inertia }
 }
@@ -68,7 +68,7 @@ pub(super) fn transmit(
     motor: &Affine,
     inertia: f64,
     spring: &Spring,
-    state: &JointState,
+    state: &JointInput,
 ) -> Affine {
     let [_, angle, velocity, a, b, constant, damping, kept, _] = memory else { return *motor };
     let dt_s = if state.midway { 0.5 * state.dt_s } else { state.dt_s };

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// A rigid body in the frame of its first link. `bodies[0]` is the root, `bodies[1 + j]` hangs on movable joint `j`.
 #[derive(Clone, Debug)]
-pub(crate) struct Body {
+pub(crate) struct MovingBody {
     /// Index of its first link, whose joint carries the body.
     pub link: usize,
     /// Index of the body that carries it; the root carries itself.
@@ -22,8 +22,8 @@ pub(crate) struct Body {
 }
 
 /// The robot's moving bodies.
-pub(crate) fn bodies(robot: &Robot) -> Vec<Body> {
-    let mut bodies: Vec<Body> = Vec::with_capacity(robot.links.len());
+pub(crate) fn bodies(robot: &Robot) -> Vec<MovingBody> {
+    let mut bodies: Vec<MovingBody> = Vec::with_capacity(robot.links.len());
     // For each link: its body, and its frame in that body's frame.
     let mut held_by: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(robot.links.len());
     for (index, link) in robot.links.iter().enumerate() {
@@ -36,15 +36,15 @@ pub(crate) fn bodies(robot: &Robot) -> Vec<Body> {
             held_by.push((carrier, in_carrier));
         } else {
             held_by.push((bodies.len(), Isometry3::identity()));
-            bodies.push(Body::new(index, link, carrier, in_carrier));
+            bodies.push(MovingBody::new(index, link, carrier, in_carrier));
         }
     }
     bodies
 }
 
-impl Body {
+impl MovingBody {
     fn new(index: usize, link: &Link, parent: usize, origin: Isometry3<f64>) -> Self {
-        Body {
+        MovingBody {
             link: index,
             parent,
             origin,
@@ -105,7 +105,7 @@ pub fn carried_inertia(robot: &Robot) -> Vec<f64> {
 }
 
 /// Poses of the bodies' frames in the root's frame in the start pose.
-fn start_poses(robot: &Robot, bodies: &[Body]) -> Vec<Isometry3<f64>> {
+fn start_poses(robot: &Robot, bodies: &[MovingBody]) -> Vec<Isometry3<f64>> {
     let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(bodies.len());
     for body in bodies {
         let joint = &robot.links[body.link].joint;
@@ -121,7 +121,7 @@ fn start_poses(robot: &Robot, bodies: &[Body]) -> Vec<Isometry3<f64>> {
 }
 
 /// How far the robot's lowest shape is below the floor (z = 0) in the start pose, in m; negative above it.
-fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
+fn depth_m(robot: &Robot, bodies: &[MovingBody]) -> f64 {
     let poses = start_poses(robot, bodies);
     let shapes = bodies.iter().zip(&poses).flat_map(|(body, pose)| body.shapes.iter().map(move |(_, s)| (pose, s)));
     shapes
@@ -131,7 +131,7 @@ fn depth_m(robot: &Robot, bodies: &[Body]) -> f64 {
 
 /// How far a free robot has to be lifted at the start, in m. Longer legs than the start pose was made for would begin
 /// inside the floor and be thrown out of it; one that rests before it moves is put down.
-pub(crate) fn lift_m(robot: &Robot, bodies: &[Body], setup: &Setup) -> f64 {
+pub(crate) fn lift_m(robot: &Robot, bodies: &[MovingBody], setup: &Setup) -> f64 {
     if robot.base == Base::Fixed || setup.ground.is_none() {
         return 0.0;
     }

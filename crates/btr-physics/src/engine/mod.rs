@@ -73,12 +73,12 @@ pub struct Dof {
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
     /// Where the joint is and goes in the coming step whatever that takes, if its motion is prescribed.
-    pub course: Option<Course>,
+    pub course: Option<PrescribedMotion>,
 }
 
 /// A prescribed motion over one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Course {
+pub struct PrescribedMotion {
     /// When the step begins.
     pub from: Motion,
     /// When it ends.
@@ -98,18 +98,18 @@ pub struct BaseState {
 
 /// The state of a robot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct RobotState {
     /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of [`movable`](crate::robot::Robot::movable).
     pub joints: Vec<(f64, f64)>,
     /// The root; without meaning where that is fixed.
     pub base: BaseState,
 }
 
-impl State {
+impl RobotState {
     /// Where a robot is.
     pub fn of(engine: &dyn Dynamics) -> Self {
         let joints = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
-        State { joints: joints.collect(), base: engine.base() }
+        RobotState { joints: joints.collect(), base: engine.base() }
     }
 }
 
@@ -130,7 +130,7 @@ pub trait Dynamics {
     /// Joint velocities in rad/s (m/s).
     fn velocities(&self) -> &[f64];
     /// Moves everything to another state: the joints' positions and velocities, and a floating root.
-    fn place(&mut self, state: &State);
+    fn place(&mut self, state: &RobotState);
     /// Sets what acts on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
     /// Whether steps are solved for their middle, which is exact to second order, and not for their end.
@@ -141,7 +141,7 @@ pub trait Dynamics {
     fn keeps_bounds(&self) -> bool {
         false
     }
-    /// Whether it can lead joints along a [`Course`]; one that cannot never gets any.
+    /// Whether it can lead joints along a [`PrescribedMotion`]; one that cannot never gets any.
     fn leads(&self) -> bool {
         false
     }

@@ -6,7 +6,7 @@ mod rollouts;
 pub mod task;
 
 use crate::drive::{Drive, DrivePlan};
-use crate::effects::Placed;
+use crate::effects::PlacedEffect;
 use crate::robot::{Joint, JointKind, Robot};
 use crate::rollout::restart::Restart;
 use crate::setup::{EngineName, Setup};
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use task::Fitness;
 
-pub use rollouts::Point;
+pub use rollouts::ModelPoint;
 
 /// One situation in which the robot is tried.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +49,7 @@ pub struct Model {
     /// The robot at its own values.
     pub robot: Robot,
     /// Effects that are present.
-    pub effects: Vec<Placed>,
+    pub effects: Vec<PlacedEffect>,
     /// Time steps, ground, sensors.
     pub setup: Setup,
     /// What the dimensions of S act on.
@@ -157,11 +157,11 @@ impl Model {
     }
 
     /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
-    pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<Placed>, Setup) {
+    pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
         self.in_the(&self.scenarios[scenario], s)
     }
 
-    fn in_the(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<Placed>, Setup) {
+    fn in_the(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
         let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
         let known = situation.settings.iter().map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {

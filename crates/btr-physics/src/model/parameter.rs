@@ -4,7 +4,7 @@
 //! A site may be a comma list and contain `*`; one value then holds for everything that it matches.
 
 use crate::effects;
-use crate::effects::{EFFECTS, Effect, FORMULA, Placed, SiteKind};
+use crate::effects::{EFFECTS, Effect, FORMULA, PlacedEffect, SiteKind};
 use crate::robot::site::matches;
 use crate::robot::stretch;
 use crate::robot::{Actuator, Robot};
@@ -125,7 +125,7 @@ impl Target {
     }
 
     /// The value in this model; `None` where the sites differ, where there is no floor, and for limits that are off.
-    pub fn nominal(&self, robot: &Robot, placed: &[Placed], setup: &Setup) -> Option<f64> {
+    pub fn nominal(&self, robot: &Robot, placed: &[PlacedEffect], setup: &Setup) -> Option<f64> {
         match self.quantity {
             Quantity::Length => Some(1.0),
             Quantity::GroundFriction => setup.ground.map(|ground| ground.friction),
@@ -146,7 +146,7 @@ impl Target {
     ///
     /// # Errors
     /// [`ParameterError::Absent`] otherwise.
-    pub fn check_formula(&self, placed: &[Placed]) -> Result<(), ParameterError> {
+    pub fn check_formula(&self, placed: &[PlacedEffect]) -> Result<(), ParameterError> {
         if matches!(self.quantity, Quantity::Formula) && placed.iter().all(|p| self.of_formula(p).is_none()) {
             let why = format!("no formula at `{}` has a parameter of that name", self.site);
             return Err(ParameterError::Absent { name: self.name.clone(), why });
@@ -155,7 +155,7 @@ impl Target {
     }
 
     /// Gives it a value. Lengths are factors on what they are now, so they belong on a fresh copy of the model.
-    pub fn set(&self, value: f64, robot: &mut Robot, placed: &mut Vec<Placed>, setup: &mut Setup) {
+    pub fn set(&self, value: f64, robot: &mut Robot, placed: &mut Vec<PlacedEffect>, setup: &mut Setup) {
         match self.quantity {
             Quantity::Mass => self.links.iter().for_each(|&link| set_mass(robot, link, value)),
             Quantity::Length => self.links.iter().for_each(|&link| stretch::stretch(robot, link, value)),
@@ -173,7 +173,7 @@ impl Target {
             }
             Quantity::Effect(effect, param) => {
                 let index = placed.iter().position(|p| self.is_at(effect, p)).unwrap_or_else(|| {
-                    placed.push(Placed::off(effect, self.site.clone()));
+                    placed.push(PlacedEffect::off(effect, self.site.clone()));
                     placed.len() - 1
                 });
                 placed[index].values[param] = value;
@@ -189,7 +189,7 @@ impl Target {
     }
 
     /// Where a law has the parameter, if it is the law that is meant.
-    fn of_formula(&self, placed: &Placed) -> Option<usize> {
+    fn of_formula(&self, placed: &PlacedEffect) -> Option<usize> {
         let card = placed.effect.card();
         let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
         let (effect, name) = what.split_once('.')?;
@@ -197,7 +197,7 @@ impl Target {
         meant.then(|| card.params.iter().position(|param| param.name == name))?
     }
 
-    fn is_at(&self, effect: &dyn Effect, placed: &Placed) -> bool {
+    fn is_at(&self, effect: &dyn Effect, placed: &PlacedEffect) -> bool {
         placed.effect.card().name == effect.card().name && placed.site == self.site
     }
 
@@ -220,7 +220,7 @@ impl Target {
 }
 
 /// Gives every target its value.
-pub fn apply(targets: &[Target], values: &[f64], robot: &mut Robot, placed: &mut Vec<Placed>, setup: &mut Setup) {
+pub fn apply(targets: &[Target], values: &[f64], robot: &mut Robot, placed: &mut Vec<PlacedEffect>, setup: &mut Setup) {
     for (target, &value) in targets.iter().zip(values) {
         target.set(value, robot, placed, setup);
     }

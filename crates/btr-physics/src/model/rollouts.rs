@@ -3,11 +3,11 @@
 use super::task;
 use super::{Model, Scenario};
 use crate::drive::Drive;
-use crate::effects::Placed;
+use crate::effects::PlacedEffect;
 use crate::engine::Dynamics;
 use crate::robot::{JointKind, Robot};
 use crate::rollout::batch;
-use crate::rollout::batch::Run;
+use crate::rollout::batch::PreparedRollout;
 use crate::rollout::restart;
 use crate::rollout::restart::Restart;
 use crate::setup::Setup;
@@ -15,7 +15,7 @@ use btr_core::log::Log;
 use btr_core::parallel;
 use btr_core::signal::smooth;
 use btr_core::space::Space;
-use btr_core::world::Step;
+use btr_core::world::TimeStep;
 use btr_core::world::{Behaviour, Job, Measure, Simulator, WorldError};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -26,7 +26,7 @@ impl Model {
     /// # Errors
     /// A point outside its space, or a simulation that blew up.
     pub fn simulate(&self, s: &[f64], c: &[f64], scenario: usize, noise: Option<u64>) -> Result<Log, WorldError> {
-        self.simulate_in_steps(s, c, scenario, noise, Step::USUAL)
+        self.simulate_in_steps(s, c, scenario, noise, TimeStep::USUAL)
     }
 
     /// The same, computed with the model's own time step or a finer one; sampled alike.
@@ -39,7 +39,7 @@ impl Model {
         c: &[f64],
         scenario: usize,
         noise: Option<u64>,
-        step: Step,
+        step: TimeStep,
     ) -> Result<Log, WorldError> {
         self.run_once((s, c), &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
     }
@@ -48,7 +48,13 @@ impl Model {
     ///
     /// # Errors
     /// A point outside S, an effect that fits nothing, or a simulation that blew up.
-    pub fn rollout(&self, s: &[f64], scenario: usize, further: &[Placed], step: Step) -> Result<Log, WorldError> {
+    pub fn rollout(
+        &self,
+        s: &[f64],
+        scenario: usize,
+        further: &[PlacedEffect],
+        step: TimeStep,
+    ) -> Result<Log, WorldError> {
         self.rollout_in(s, &self.scenarios[scenario], further, step)
     }
 
@@ -60,20 +66,26 @@ impl Model {
         &self,
         s: &[f64],
         situation: &Scenario,
-        further: &[Placed],
-        step: Step,
+        further: &[PlacedEffect],
+        step: TimeStep,
     ) -> Result<Log, WorldError> {
         self.run_once((s, &self.drive.space().nominal()), situation, further, step, None, &mut |_, _| {})
     }
 
     /// The same with a step so fine that its error is as good as none, and noisy sensors.
-    pub fn measured(&self, s: &[f64], situation: &Scenario, further: &[Placed], noise: u64) -> Result<Log, WorldError> {
+    pub fn measured(
+        &self,
+        s: &[f64],
+        situation: &Scenario,
+        further: &[PlacedEffect],
+        noise: u64,
+    ) -> Result<Log, WorldError> {
         let own = self.drive.space().nominal();
         self.run_once(
             (s, &own),
             situation,
             further,
-            Step::USUAL.halved().halved().halved(),
+            TimeStep::USUAL.halved().halved().halved(),
             Some(noise),
             &mut |_, _| {},
         )
@@ -85,17 +97,17 @@ impl Model {
         &self,
         s: &[f64],
         situation: &Scenario,
-        further: &[Placed],
+        further: &[PlacedEffect],
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
-        self.run_once((s, &self.drive.space().nominal()), situation, further, Step::USUAL, None, lead)
+        self.run_once((s, &self.drive.space().nominal()), situation, further, TimeStep::USUAL, None, lead)
     }
 
     /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many that
     /// last as long.
-    pub fn rollouts_in<'a>(&self, points: &[Point<'a>], step: Step) -> Vec<Result<Log, WorldError>> {
+    pub fn rollouts_in<'a>(&self, points: &[ModelPoint<'a>], step: TimeStep) -> Vec<Result<Log, WorldError>> {
         let own = self.drive.space().nominal();
-        let job = |point: &Point<'a>| self.prepare(point.s, &own, point.situation, point.further, step);
+        let job = |point: &ModelPoint<'a>| self.prepare(point.s, &own, point.situation, point.further, step);
         self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
     }
 
@@ -112,14 +124,14 @@ impl Model {
     }
 
     fn few(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
-        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], Step::USUAL);
+        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], TimeStep::USUAL);
         self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>())
     }
 
     /// What each job gives with effects of its own beside those of the model, in the order of the jobs.
-    pub fn behave_with(&self, jobs: &[(Job, &[Placed])]) -> Vec<Result<Behaviour, WorldError>> {
-        let ready = |(job, further): &(Job, &[Placed])| {
-            self.prepare(job.s, job.c, &self.scenarios[job.scenario], further, Step::USUAL)
+    pub fn behave_with(&self, jobs: &[(Job, &[PlacedEffect])]) -> Vec<Result<Behaviour, WorldError>> {
+        let ready = |(job, further): &(Job, &[PlacedEffect])| {
+            self.prepare(job.s, job.c, &self.scenarios[job.scenario], further, TimeStep::USUAL)
         };
         let logs = self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>());
         logs.into_iter().map(|log| self.judged(log?)).collect()
@@ -135,8 +147,8 @@ impl Model {
         &self,
         (s, c): (&[f64], &[f64]),
         situation: &Scenario,
-        further: &[Placed],
-        step: Step,
+        further: &[PlacedEffect],
+        step: TimeStep,
         noise: Option<u64>,
         lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
     ) -> Result<Log, WorldError> {
@@ -146,14 +158,14 @@ impl Model {
             restarted(time_s, engine);
             lead(time_s, engine);
         });
-        let Ready { robot, effects, setup, drive, .. } = &ready;
+        let PreparedRun { robot, effects, setup, drive, .. } = &ready;
         let mut log = crate::rollout::simulate_led(robot, effects, setup, drive.as_ref(), noise, lead)?;
         self.smooth_needed(&mut log, situation);
         Ok(log)
     }
 
-    fn run_ready(&self, jobs: &[Result<Ready, WorldError>]) -> Vec<Result<Log, WorldError>> {
-        let mut logs = batch::simulate_all(jobs.iter().map(Ready::run).collect());
+    fn run_ready(&self, jobs: &[Result<PreparedRun, WorldError>]) -> Vec<Result<Log, WorldError>> {
+        let mut logs = batch::simulate_all(jobs.iter().map(PreparedRun::run).collect());
         for (log, job) in logs.iter_mut().zip(jobs) {
             if let (Ok(log), Ok(ready)) = (log, job) {
                 self.smooth_needed(log, ready.situation);
@@ -168,9 +180,9 @@ impl Model {
         s: &[f64],
         c: &[f64],
         situation: &'a Scenario,
-        further: &[Placed],
-        step: Step,
-    ) -> Result<Ready<'a>, WorldError> {
+        further: &[PlacedEffect],
+        step: TimeStep,
+    ) -> Result<PreparedRun<'a>, WorldError> {
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
@@ -179,14 +191,14 @@ impl Model {
         if situation.replay.is_some() {
             read_back(&mut robot, &effects, situation.start.len())?;
         }
-        if step != Step::USUAL {
+        if step != TimeStep::USUAL {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
             setup.dt_s /= f64::from(step.divides_by());
         }
         let drive = self.drive_at(c, situation)?;
         drive.place(&mut robot);
         let restarts = restart::read_back(&situation.restarts, &robot, &effects)?;
-        Ok(Ready { robot, effects, setup, drive, restarts, situation })
+        Ok(PreparedRun { robot, effects, setup, drive, restarts, situation })
     }
 
     /// The torques that measured motions need are as rough as these: smoothed, as the measured torques are.
@@ -233,36 +245,36 @@ impl Simulator for Model {
 }
 
 /// What a run is to be of.
-pub struct Point<'a> {
+pub struct ModelPoint<'a> {
     /// A point of S.
     pub s: &'a [f64],
     /// Effects beside those of the model.
-    pub further: &'a [Placed],
+    pub further: &'a [PlacedEffect],
     /// When and from where it runs.
     pub situation: &'a Scenario,
 }
 
 /// A run of a model, before anything is allocated for it.
-struct Ready<'a> {
+struct PreparedRun<'a> {
     robot: Robot,
-    effects: Vec<Placed>,
+    effects: Vec<PlacedEffect>,
     setup: Setup,
     drive: Box<dyn Drive>,
     restarts: Vec<Restart>,
     situation: &'a Scenario,
 }
 
-impl Ready<'_> {
+impl PreparedRun<'_> {
     /// The run itself, without noise.
-    fn run<'a>(job: &'a Result<Ready, WorldError>) -> Result<Run<'a>, WorldError> {
+    fn run<'a>(job: &'a Result<PreparedRun, WorldError>) -> Result<PreparedRollout<'a>, WorldError> {
         let ready = job.as_ref().map_err(Clone::clone)?;
         let lead = Box::new(restart::lead(&ready.restarts, ready.setup.dt_s));
-        Run::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
+        PreparedRollout::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
     }
 }
 
 /// A recorded start is what the encoders said: where the joints were depends on the effects on these.
-fn read_back(robot: &mut Robot, effects: &[Placed], recorded: usize) -> Result<(), WorldError> {
+fn read_back(robot: &mut Robot, effects: &[PlacedEffect], recorded: usize) -> Result<(), WorldError> {
     for placed in effects.iter().filter(|placed| !placed.is_off()) {
         let joints = placed.joints(robot)?;
         let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);

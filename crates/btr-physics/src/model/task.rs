@@ -5,7 +5,7 @@ use btr_core::world::Measure;
 use indexmap::IndexMap;
 
 /// One thing that can be judged.
-pub struct Term {
+pub struct FitnessTerm {
     /// Its name in experiment files.
     pub name: &'static str,
     /// Its unit.
@@ -18,64 +18,64 @@ pub struct Term {
 }
 
 /// Every term there is.
-pub static TERMS: &[Term] = &[
-    Term {
+pub static TERMS: &[FitnessTerm] = &[
+    FitnessTerm {
         name: "distance",
         unit: "m",
         help: "how far the base moved forward (world x) from start to end",
         needs: &["base_x"],
         measure: |log| displacement(log, "base_x"),
     },
-    Term {
+    FitnessTerm {
         name: "speed",
         unit: "m/s",
         help: "distance over the duration of the log",
         needs: &["base_x"],
         measure: |log| Ok(displacement(log, "base_x")? / log.duration_s().max(f64::MIN_POSITIVE)),
     },
-    Term {
+    FitnessTerm {
         name: "sideways",
         unit: "m",
         help: "how far the base drifted sideways (world y), without sign",
         needs: &["base_y"],
         measure: |log| Ok(displacement(log, "base_y")?.abs()),
     },
-    Term {
+    FitnessTerm {
         name: "heading",
         unit: "rad",
         help: "how far the base has turned about the vertical at the end, without sign",
         needs: &["base_qw", "base_qx", "base_qy", "base_qz"],
         measure: heading,
     },
-    Term {
+    FitnessTerm {
         name: "peak_speed",
         unit: "rad/s",
         help: "the fastest that any joint moved (m/s for slides)",
         needs: &[],
         measure: |log| peak(log, "dq_"),
     },
-    Term {
+    FitnessTerm {
         name: "peak_torque",
         unit: "N·m",
         help: "the largest torque of any motor, without sign (N for slides)",
         needs: &[],
         measure: |log| peak(log, "tau_"),
     },
-    Term {
+    FitnessTerm {
         name: "ball_distance",
         unit: "m",
         help: "how far the ball moved over the ground from start to end",
         needs: &["ball_x", "ball_y"],
         measure: |log| Ok(displacement(log, "ball_x")?.hypot(displacement(log, "ball_y")?)),
     },
-    Term {
+    FitnessTerm {
         name: "energy",
         unit: "J",
         help: "mechanical work of all motors, each counted without sign; give it a negative weight",
         needs: &[],
         measure: energy,
     },
-    Term {
+    FitnessTerm {
         name: "upright_time",
         unit: "s",
         help: "time until the base leans more than 60 degrees or sinks below half its starting height",
@@ -139,7 +139,7 @@ impl Fitness {
     ///
     /// # Errors
     /// As [`Fitness::of`].
-    pub fn terms(&self, log: &Log) -> Result<Vec<(&'static Term, f64)>, LogError> {
+    pub fn terms(&self, log: &Log) -> Result<Vec<(&'static FitnessTerm, f64)>, LogError> {
         self.weights.iter().map(|&(i, _)| Ok((&TERMS[i], (TERMS[i].measure)(log)?))).collect()
     }
 }

@@ -32,20 +32,20 @@ const TIBIA_M: f64 = 0.10;
 const RADIUS_M: f64 = 0.01;
 
 /// Where a leg is: its name, its hip on the trunk in m, the direction in which it points in rad.
-struct Leg {
+struct LegPlacement {
     name: &'static str,
     hip_m: [f64; 2],
     heading_rad: f64,
 }
 
 const SPLAY_RAD: f64 = 0.61;
-const LEGS: [Leg; 6] = [
-    Leg { name: "L1", hip_m: [0.10, 0.05], heading_rad: FRAC_PI_2 - SPLAY_RAD },
-    Leg { name: "L2", hip_m: [0.00, 0.05], heading_rad: FRAC_PI_2 },
-    Leg { name: "L3", hip_m: [-0.10, 0.05], heading_rad: FRAC_PI_2 + SPLAY_RAD },
-    Leg { name: "R1", hip_m: [0.10, -0.05], heading_rad: -FRAC_PI_2 + SPLAY_RAD },
-    Leg { name: "R2", hip_m: [0.00, -0.05], heading_rad: -FRAC_PI_2 },
-    Leg { name: "R3", hip_m: [-0.10, -0.05], heading_rad: -FRAC_PI_2 - SPLAY_RAD },
+const LEGS: [LegPlacement; 6] = [
+    LegPlacement { name: "L1", hip_m: [0.10, 0.05], heading_rad: FRAC_PI_2 - SPLAY_RAD },
+    LegPlacement { name: "L2", hip_m: [0.00, 0.05], heading_rad: FRAC_PI_2 },
+    LegPlacement { name: "L3", hip_m: [-0.10, 0.05], heading_rad: FRAC_PI_2 + SPLAY_RAD },
+    LegPlacement { name: "R1", hip_m: [0.10, -0.05], heading_rad: -FRAC_PI_2 + SPLAY_RAD },
+    LegPlacement { name: "R2", hip_m: [0.00, -0.05], heading_rad: -FRAC_PI_2 },
+    LegPlacement { name: "R3", hip_m: [-0.10, -0.05], heading_rad: -FRAC_PI_2 - SPLAY_RAD },
 ];
 
 /// The ant with all lengths nominal, on its feet.
@@ -95,7 +95,7 @@ fn trunk() -> Link {
     }
 }
 
-fn add_leg(links: &mut Vec<Link>, leg: &Leg) {
+fn add_leg(links: &mut Vec<Link>, leg: &LegPlacement) {
     let [yaw, pitch, knee] = CENTRES_RAD;
     let hip = Isometry3::from_parts(
         Translation3::new(leg.hip_m[0], leg.hip_m[1], 0.0),

@@ -47,7 +47,7 @@ pub const UNCERTAIN_MASSES: [&str; 8] =
     ["RShoulderRoll", "LShoulderRoll", "RHipRoll", "RHipPitch", "RKneePitch", "LHipRoll", "LHipPitch", "LKneePitch"];
 
 /// A body of Table 1, in the table's axes.
-struct Body {
+struct TableBody {
     name: &'static str,
     parent: &'static str,
     mass_kg: f64,
@@ -56,11 +56,11 @@ struct Body {
     axis: [f64; 3],
     /// Centre of the geometry in m.
     centre: [f64; 3],
-    form: Form,
+    form: TableGeometry,
 }
 
 /// The table's geometries, sizes in m.
-enum Form {
+enum TableGeometry {
     Box([f64; 3]),
     Cylinder(f64, f64),
     Sphere(f64),
@@ -75,10 +75,10 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 /// The robot, standing with its soles on z = 0 and looking along x.
 pub fn nao() -> Robot {
     let torso = [0.00, 0.07, -0.02];
-    let mut bodies = vec![body("Torso", "", 1.22, torso, Y, torso, Form::Box([0.10, 0.18, 0.10]))];
+    let mut bodies = vec![body("Torso", "", 1.22, torso, Y, torso, TableGeometry::Box([0.10, 0.18, 0.10]))];
     let neck = [0.00, 0.16, -0.02];
-    bodies.push(body("HeadYaw", "Torso", 0.05, neck, Y, neck, Form::Cylinder(0.01, 0.08)));
-    bodies.push(body("HeadPitch", "HeadYaw", 0.35, neck, X, [0.00, 0.22, 0.00], Form::Sphere(0.07)));
+    bodies.push(body("HeadYaw", "Torso", 0.05, neck, Y, neck, TableGeometry::Cylinder(0.01, 0.08)));
+    bodies.push(body("HeadPitch", "HeadYaw", 0.35, neck, X, [0.00, 0.22, 0.00], TableGeometry::Sphere(0.07)));
     bodies.extend(arm(["RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll"], -1.0));
     bodies.extend(arm(["LShoulderPitch", "LShoulderRoll", "LElbowYaw", "LElbowRoll"], 1.0));
     let right = ["RHipYawPitch", "RHipRoll", "RHipPitch", "RKneePitch", "RAnklePitch", "RAnkleRoll"];
@@ -91,31 +91,31 @@ pub fn nao() -> Robot {
 }
 
 /// The arm on the side of the table's x = `side`.
-fn arm([pitch, roll, elbow_yaw, elbow_roll]: [&'static str; 4], side: f64) -> [Body; 4] {
+fn arm([pitch, roll, elbow_yaw, elbow_roll]: [&'static str; 4], side: f64) -> [TableBody; 4] {
     let shoulder = [side * 0.09, 0.14, -0.02];
     let elbow = [side * 0.10, 0.15, 0.07];
     let upper_arm = [side * 0.10, 0.14, 0.00];
     let forearm = [side * 0.10, 0.15, 0.12];
     [
-        body(pitch, "Torso", 0.05, shoulder, X, shoulder, Form::Hidden(0.01)),
-        body(roll, pitch, 0.11, shoulder, Y, upper_arm, Form::Box([0.07, 0.06, 0.08])),
-        body(elbow_yaw, roll, 0.03, elbow, Z, elbow, Form::Hidden(0.01)),
-        body(elbow_roll, elbow_yaw, 0.06, elbow, Y, forearm, Form::Box([0.05, 0.05, 0.11])),
+        body(pitch, "Torso", 0.05, shoulder, X, shoulder, TableGeometry::Hidden(0.01)),
+        body(roll, pitch, 0.11, shoulder, Y, upper_arm, TableGeometry::Box([0.07, 0.06, 0.08])),
+        body(elbow_yaw, roll, 0.03, elbow, Z, elbow, TableGeometry::Hidden(0.01)),
+        body(elbow_roll, elbow_yaw, 0.06, elbow, Y, forearm, TableGeometry::Box([0.05, 0.05, 0.11])),
     ]
 }
 
 /// The leg on the side of the table's x = `side`.
-fn leg([yaw_pitch, roll, pitch, knee, ankle, foot]: [&'static str; 6], side: f64) -> [Body; 6] {
+fn leg([yaw_pitch, roll, pitch, knee, ankle, foot]: [&'static str; 6], side: f64) -> [TableBody; 6] {
     let at = |up: f64, forward: f64| [side * 0.06, up, forward];
     let (hip, knee_at, ankle_at) = (at(-0.04, -0.03), at(-0.13, -0.01), at(-0.23, -0.01));
     let diagonal = [FRAC_1_SQRT_2, -side * FRAC_1_SQRT_2, 0.0];
     [
-        body(yaw_pitch, "Torso", 0.10, hip, diagonal, hip, Form::Hidden(0.01)),
-        body(roll, yaw_pitch, 0.14, hip, Z, hip, Form::Hidden(0.01)),
-        body(pitch, roll, 0.29, hip, X, at(-0.09, -0.02), Form::Box([0.07, 0.14, 0.07])),
-        body(knee, pitch, 0.42, knee_at, X, at(-0.18, -0.01), Form::Box([0.08, 0.11, 0.07])),
-        body(ankle, knee, 0.06, ankle_at, X, ankle_at, Form::Hidden(0.01)),
-        body(foot, ankle, 0.10, ankle_at, Z, at(-0.27, 0.02), Form::Box([0.08, 0.02, 0.16])),
+        body(yaw_pitch, "Torso", 0.10, hip, diagonal, hip, TableGeometry::Hidden(0.01)),
+        body(roll, yaw_pitch, 0.14, hip, Z, hip, TableGeometry::Hidden(0.01)),
+        body(pitch, roll, 0.29, hip, X, at(-0.09, -0.02), TableGeometry::Box([0.07, 0.14, 0.07])),
+        body(knee, pitch, 0.42, knee_at, X, at(-0.18, -0.01), TableGeometry::Box([0.08, 0.11, 0.07])),
+        body(ankle, knee, 0.06, ankle_at, X, ankle_at, TableGeometry::Hidden(0.01)),
+        body(foot, ankle, 0.10, ankle_at, Z, at(-0.27, 0.02), TableGeometry::Box([0.08, 0.02, 0.16])),
     ]
 }
 
@@ -126,9 +126,9 @@ fn body(
     anchor: [f64; 3],
     axis: [f64; 3],
     centre: [f64; 3],
-    form: Form,
-) -> Body {
-    Body { name, parent, mass_kg, anchor, axis, centre, form }
+    form: TableGeometry,
+) -> TableBody {
+    TableBody { name, parent, mass_kg, anchor, axis, centre, form }
 }
 
 /// From the table's axes to x forward, y left, z up.
@@ -136,7 +136,7 @@ fn turned([x, y, z]: [f64; 3]) -> Vector3<f64> {
     Vector3::new(z, x, y)
 }
 
-fn link(body: &Body, bodies: &[Body]) -> Link {
+fn link(body: &TableBody, bodies: &[TableBody]) -> Link {
     let parent = bodies.iter().position(|b| b.name == body.parent);
     let parent_anchor = parent.map_or_else(Vector3::zeros, |p| turned(bodies[p].anchor));
     let anchor = turned(body.anchor);
@@ -162,12 +162,14 @@ fn link(body: &Body, bodies: &[Body]) -> Link {
 }
 
 /// The geometry, and whether it can touch anything. The cylinder is upright: along z here as in [`Geometry`].
-fn geometry(form: &Form) -> (Geometry, bool) {
+fn geometry(form: &TableGeometry) -> (Geometry, bool) {
     match *form {
-        Form::Box(sides) => (Geometry::Box { half_m: turned(sides) / 2.0 }, true),
-        Form::Cylinder(radius_m, length_m) => (Geometry::Cylinder { radius_m, half_length_m: length_m / 2.0 }, true),
-        Form::Sphere(radius_m) => (Geometry::Sphere { radius_m }, true),
-        Form::Hidden(radius_m) => (Geometry::Sphere { radius_m }, false),
+        TableGeometry::Box(sides) => (Geometry::Box { half_m: turned(sides) / 2.0 }, true),
+        TableGeometry::Cylinder(radius_m, length_m) => {
+            (Geometry::Cylinder { radius_m, half_length_m: length_m / 2.0 }, true)
+        }
+        TableGeometry::Sphere(radius_m) => (Geometry::Sphere { radius_m }, true),
+        TableGeometry::Hidden(radius_m) => (Geometry::Sphere { radius_m }, false),
     }
 }
 

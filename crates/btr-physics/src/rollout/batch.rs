@@ -6,7 +6,7 @@ use super::prepare::{check, check_linkages, check_sampling, planted, sense};
 use super::record::Recorder;
 use crate::drive::Drive;
 use crate::effects;
-use crate::effects::Placed;
+use crate::effects::PlacedEffect;
 use crate::engine::Dynamics;
 use crate::engine::articulated;
 use crate::engine::rapier::Rapier;
@@ -19,11 +19,11 @@ use std::borrow::Cow;
 
 /// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as
 /// many at a time as the machine has lanes; what comes out is the same as if each had been simulated alone.
-pub(crate) fn simulate_all(runs: Vec<Result<Run, WorldError>>) -> Vec<Result<Log, WorldError>> {
+pub(crate) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
-    let (most, mut group) = (at_most(), Vec::<Run>::new());
+    let (most, mut group) = (at_most(), Vec::<PreparedRollout>::new());
     for run in runs {
-        let joins = |run: &Run| group.len() < most && group.iter().all(|first| first.is_like(run));
+        let joins = |run: &PreparedRollout| group.len() < most && group.iter().all(|first| first.is_like(run));
         match run {
             Ok(run) if joins(&run) => group.push(run),
             Ok(run) => logs.extend(side_by_side(std::mem::replace(&mut group, vec![run]))),
@@ -43,7 +43,7 @@ pub(crate) fn at_most() -> usize {
 }
 
 /// Runs that take equally many steps of equal length.
-fn side_by_side(runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
+fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
     // Registers no wider than it takes.
     let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
@@ -55,22 +55,22 @@ fn side_by_side(runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
 }
 
 /// Somebody who may move a robot on the way; see [`simulate_led`].
-pub(crate) type Lead<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
+pub(crate) type StateHook<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
 
 /// Nobody.
-pub(crate) fn unled<'a>() -> Lead<'a> {
+pub(crate) fn unled<'a>() -> StateHook<'a> {
     Box::new(|_, _| {})
 }
 
 /// A run that is ready to begin.
-pub(crate) struct Run<'a> {
+pub(crate) struct PreparedRollout<'a> {
     robot: Cow<'a, Robot>,
-    effects: Vec<Placed>,
+    effects: Vec<PlacedEffect>,
     setup: Cow<'a, Setup>,
     control: Control<'a>,
     recorder: Recorder,
     noise_seed: Option<u64>,
-    lead: Lead<'a>,
+    lead: StateHook<'a>,
     samples: usize,
     /// Steps from one sample to the next, and before the first one.
     every: usize,
@@ -78,18 +78,18 @@ pub(crate) struct Run<'a> {
     failed: Option<WorldError>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> PreparedRollout<'a> {
     /// Allocates everything that it needs.
     ///
     /// # Errors
     /// See [`simulate`].
     pub(crate) fn new(
         robot: &'a Robot,
-        effects: &[Placed],
+        effects: &[PlacedEffect],
         setup: &'a Setup,
         drive: &'a dyn Drive,
         noise_seed: Option<u64>,
-        lead: Lead<'a>,
+        lead: StateHook<'a>,
     ) -> Result<Self, WorldError> {
         let (samples, every) = setup.samples()?;
         let effects = effects::in_force(effects)?;
@@ -99,7 +99,19 @@ impl<'a> Run<'a> {
         check_linkages(&robot, &setup)?;
         let recorder = Recorder::new(&robot, &setup, samples);
         let rests = (setup.rest_s / setup.dt_s).round() as usize;
-        Ok(Run { robot, effects, setup, control, recorder, noise_seed, lead, samples, every, rests, failed: None })
+        Ok(PreparedRollout {
+            robot,
+            effects,
+            setup,
+            control,
+            recorder,
+            noise_seed,
+            lead,
+            samples,
+            every,
+            rests,
+            failed: None,
+        })
     }
 
     /// The physics engine for it alone.
@@ -111,9 +123,9 @@ impl<'a> Run<'a> {
     }
 
     /// Whether both take equally many steps of equal length in an engine that can have them side by side.
-    fn is_like(&self, other: &Run) -> bool {
-        let steps = |run: &Run| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
-        let own = |run: &Run| run.setup.engine == EngineName::Auto && !run.control.follows();
+    fn is_like(&self, other: &PreparedRollout) -> bool {
+        let steps = |run: &PreparedRollout| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
+        let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.follows();
         steps(self) == steps(other) && own(self) && own(other)
     }
 
@@ -171,9 +183,9 @@ impl<'a> Run<'a> {
 }
 
 /// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are any.
-pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<Run>) -> Vec<Result<Log, WorldError>> {
+pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     rest(engine, &mut runs);
-    for step in 0..=runs.first().map_or(0, Run::steps) {
+    for step in 0..=runs.first().map_or(0, PreparedRollout::steps) {
         if runs.iter().all(|run| run.failed.is_some()) {
             break;
         }
@@ -183,7 +195,7 @@ pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<Run>) -> Vec<Res
         }
         each(engine, &mut runs, &mut |run, engine| run.observe(step, engine));
     }
-    let finish = |(lane, run): (usize, Run)| {
+    let finish = |(lane, run): (usize, PreparedRollout)| {
         engine.turn_to(lane);
         run.finish(engine)
     };
@@ -191,7 +203,11 @@ pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<Run>) -> Vec<Res
 }
 
 /// Does something with all that are still running.
-fn each(engine: &mut dyn Dynamics, runs: &mut [Run], act: &mut dyn FnMut(&mut Run, &mut dyn Dynamics)) {
+fn each(
+    engine: &mut dyn Dynamics,
+    runs: &mut [PreparedRollout],
+    act: &mut dyn FnMut(&mut PreparedRollout, &mut dyn Dynamics),
+) {
     for (lane, run) in runs.iter_mut().enumerate().filter(|(_, run)| run.failed.is_none()) {
         engine.turn_to(lane);
         act(run, engine);
@@ -199,7 +215,7 @@ fn each(engine: &mut dyn Dynamics, runs: &mut [Run], act: &mut dyn FnMut(&mut Ru
 }
 
 /// Lets servos, friction and the floor come to terms before anything is told.
-fn rest(engine: &mut dyn Dynamics, runs: &mut [Run]) {
+fn rest(engine: &mut dyn Dynamics, runs: &mut [PreparedRollout]) {
     for left in (1..=runs.first().map_or(0, |run| run.rests)).rev() {
         each(engine, runs, &mut |run, engine| {
             let time_s = -(left as f64) * run.setup.dt_s;
@@ -273,8 +289,8 @@ mod tests {
         (robot, setup, drive)
     }
 
-    fn run((robot, setup, drive): &Scene) -> Run<'_> {
-        Run::new(robot, &[], setup, &**drive, None, unled()).unwrap()
+    fn run((robot, setup, drive): &Scene) -> PreparedRollout<'_> {
+        PreparedRollout::new(robot, &[], setup, &**drive, None, unled()).unwrap()
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! From the drive's references to what acts on every joint: commands, effects on them, motors, effects on those.
 
-use crate::actuation::motor::{Bound, JointState, Motor, MotorTorque};
+use crate::actuation::motor::{JointInput, Motor, MotorTorque, TorqueBound};
 use crate::drive::Drive;
-use crate::effects::{Effect, Placed, SiteKind};
+use crate::effects::{Effect, PlacedEffect, SiteKind};
 use crate::engine::carried_inertia;
-use crate::engine::{Affine, Bounded, Course, Dof, Dynamics};
+use crate::engine::{Affine, Bounded, Dof, Dynamics, PrescribedMotion};
 use crate::robot::{Joint, Link, Robot};
 use crate::setup::Setup;
 use btr_core::world::WorldError;
 
 /// The controller's side of a run.
 pub(crate) struct Control<'a> {
-    reference: Reference<'a>,
+    reference: ReferenceTracker<'a>,
     joints: Vec<JointControl>,
     dt_s: f64,
     /// When the run begins, by the clock of laws.
@@ -27,7 +27,7 @@ pub(crate) struct Control<'a> {
 }
 
 /// The drive's references around the present.
-struct Reference<'a> {
+struct ReferenceTracker<'a> {
     drive: &'a dyn Drive,
     control_s: f64,
     /// Number of the last reference; `usize::MAX` before the first.
@@ -40,7 +40,7 @@ struct Reference<'a> {
 struct JointControl {
     motor: Motor,
     passive: Dof,
-    stations: Vec<Station>,
+    stations: Vec<EffectInstance>,
     /// Roughly what it moves, in kg·m² (kg).
     inertia: f64,
     /// Whether it is led from one reference to the next.
@@ -49,7 +49,7 @@ struct JointControl {
     command: f64,
     /// What arrives at the link of the motor's torque during the step, as far as the motor's bound lets it.
     acting: Affine,
-    bound: Bound,
+    bound: TorqueBound,
     /// Whether the motor has a rotor of its own behind a transmission that is not rigid.
     rotor: bool,
     /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has worked it
@@ -60,7 +60,7 @@ struct JointControl {
 }
 
 /// An effect on one joint with its memory.
-struct Station {
+struct EffectInstance {
     effect: &'static dyn Effect,
     values: Vec<f64>,
     memory: Vec<f64>,
@@ -72,7 +72,7 @@ impl<'a> Control<'a> {
     /// Allocates everything that the run needs.
     pub(crate) fn new(
         robot: &Robot,
-        effects: &[Placed],
+        effects: &[PlacedEffect],
         setup: &Setup,
         drive: &'a dyn Drive,
     ) -> Result<Self, WorldError> {
@@ -87,7 +87,7 @@ impl<'a> Control<'a> {
                 joints[joint].place(placed, setup.dt_s);
             }
         }
-        let reference = Reference::new(drive, setup.control_s, joints.len());
+        let reference = ReferenceTracker::new(drive, setup.control_s, joints.len());
         let coupled = effects.iter().any(|placed| placed.effect.card().site == SiteKind::Robot);
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
@@ -132,7 +132,7 @@ impl<'a> Control<'a> {
             let acceleration = before.map_or(0.0, |before| (dq - before) / dt_s);
             let torque = if joint.stations.is_empty() { 0.0 } else { joint.torque(q, dq) };
             joint.before = Some(dq);
-            let state = JointState {
+            let state = JointInput {
                 time_s: self.begins_s + time_s,
                 dt_s,
                 q,
@@ -160,7 +160,7 @@ impl<'a> Control<'a> {
         self.needed.fill(f64::NAN);
         engine.needed(&mut self.needed);
         for (joint, &torque) in self.joints.iter_mut().zip(&self.needed).filter(|(_, torque)| !torque.is_nan()) {
-            (joint.acting, joint.bound) = (Affine::constant(torque), Bound::NONE);
+            (joint.acting, joint.bound) = (Affine::constant(torque), TorqueBound::NONE);
             joint.told = Some(torque);
         }
     }
@@ -200,10 +200,10 @@ impl<'a> Control<'a> {
     }
 }
 
-impl<'a> Reference<'a> {
+impl<'a> ReferenceTracker<'a> {
     fn new(drive: &'a dyn Drive, control_s: f64, joints: usize) -> Self {
         let undriven = vec![f64::NAN; joints];
-        Reference { drive, control_s, tick: usize::MAX, last: undriven.clone(), next: undriven }
+        ReferenceTracker { drive, control_s, tick: usize::MAX, last: undriven.clone(), next: undriven }
     }
 
     /// Asks the drive when another reference is due.
@@ -233,9 +233,9 @@ impl<'a> Reference<'a> {
     }
 
     /// The prescribed motion of joint `i` in the step that begins at `time_s`.
-    fn course(&self, i: usize, time_s: f64, dt_s: f64) -> Option<Course> {
+    fn course(&self, i: usize, time_s: f64, dt_s: f64) -> Option<PrescribedMotion> {
         let (from, to) = (self.drive.motion(i, time_s)?, self.drive.motion(i, time_s + dt_s)?);
-        Some(Course { from, to })
+        Some(PrescribedMotion { from, to })
     }
 
     /// How much of the way from the last reference to the next one is gone.
@@ -265,19 +265,19 @@ impl JointControl {
             led,
             command: f64::NAN,
             acting: Affine::default(),
-            bound: Bound::NONE,
+            bound: TorqueBound::NONE,
             rotor: false,
             told: None,
             before: None,
         }
     }
 
-    fn place(&mut self, placed: &Placed, dt_s: f64) {
+    fn place(&mut self, placed: &PlacedEffect, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
         let (effect, values) = (placed.effect, placed.values.clone());
         self.rotor |= effect.motor_side(&memory, 0.0).is_some();
-        self.stations.push(Station { effect, values, memory, link_side: (0.0, 0.0) });
+        self.stations.push(EffectInstance { effect, values, memory, link_side: (0.0, 0.0) });
     }
 
     /// The motor's torque where the last step led to: its law there, within its bound.
@@ -295,7 +295,7 @@ impl JointControl {
         side
     }
 
-    fn act(&mut self, state: &JointState, keeps_bounds: bool) -> Dof {
+    fn act(&mut self, state: &JointInput, keeps_bounds: bool) -> Dof {
         if self.stations.is_empty() {
             return self.drive(state, keeps_bounds);
         }
@@ -331,18 +331,18 @@ impl JointControl {
     }
 
     /// What arrives at the link of this law of the motor.
-    fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointState) {
+    fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointInput) {
         self.acting = law;
         for station in self.stations.iter_mut().rev() {
             let (q, dq) = station.link_side;
             let (values, memory) = (&station.values, &mut station.memory);
-            self.acting = station.effect.transmit(values, memory, self.acting, dof, &JointState { q, dq, ..*state });
+            self.acting = station.effect.transmit(values, memory, self.acting, dof, &JointInput { q, dq, ..*state });
         }
     }
 
     /// A motor with a rotor of its own is solved here, beside the link as it moves: where it would exceed its bound there, it
     /// is solved again at its bound. The second state is the servo's.
-    fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointState; 2]) {
+    fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointInput; 2]) {
         let before = *dof;
         self.transmit(motor.wanted, dof, state);
         let (torque, dq) = self.motor_side(state.q, state.dq);
@@ -353,7 +353,7 @@ impl JointControl {
     }
 
     /// The motor and nothing else.
-    fn drive(&mut self, state: &JointState, keeps_bounds: bool) -> Dof {
+    fn drive(&mut self, state: &JointInput, keeps_bounds: bool) -> Dof {
         let motor = self.motor.torque(state);
         self.acting = if keeps_bounds { motor.wanted } else { motor.saturated(state) };
         self.bound = motor.bound;
@@ -372,7 +372,7 @@ impl JointControl {
     }
 
     /// What acts on a joint that is on a course, but for what keeps it there: no motor, no transmission.
-    fn follow(&mut self, course: Course, state: &JointState) -> Dof {
+    fn follow(&mut self, course: PrescribedMotion, state: &JointInput) -> Dof {
         let mut dof = Dof { course: Some(course), ..self.passive };
         for station in &mut self.stations {
             station.effect.torque(&station.values, &mut station.memory, &mut dof, state);

@@ -7,10 +7,10 @@ mod record;
 pub mod restart;
 
 use crate::drive::Drive;
-use crate::effects::Placed;
+use crate::effects::PlacedEffect;
 use crate::robot::Robot;
 use crate::setup::{Setup, setup_error};
-use batch::{Lead, Run, unled};
+use batch::{PreparedRollout, StateHook, unled};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 
@@ -24,7 +24,7 @@ use btr_core::world::WorldError;
 /// being finite or moves absurdly fast.
 pub fn simulate(
     robot: &Robot,
-    effects: &[Placed],
+    effects: &[PlacedEffect],
     setup: &Setup,
     drive: &dyn Drive,
     noise_seed: Option<u64>,
@@ -34,11 +34,11 @@ pub fn simulate(
 
 /// A robot in its world, and what it is told.
 #[derive(Clone, Copy)]
-pub struct Candidate<'a> {
+pub struct RolloutRequest<'a> {
     /// In its start state.
     pub robot: &'a Robot,
     /// What acts beside it.
-    pub effects: &'a [Placed],
+    pub effects: &'a [PlacedEffect],
     /// Everything else about the run.
     pub setup: &'a Setup,
     /// What the joints are told.
@@ -51,8 +51,9 @@ pub struct Candidate<'a> {
 /// only differ in numbers (of the robot, of effects, of the world) and in what they are told are simulated side by side
 /// in the machine's vector registers, as far as they run on the default engine and no joint's motion is prescribed:
 /// hand over eight or more at once.
-pub fn simulate_all(candidates: &[Candidate]) -> Vec<Result<Log, WorldError>> {
-    let runs = candidates.iter().map(|c| Run::new(c.robot, c.effects, c.setup, c.drive, c.noise_seed, unled()));
+pub fn simulate_all(candidates: &[RolloutRequest]) -> Vec<Result<Log, WorldError>> {
+    let runs =
+        candidates.iter().map(|c| PreparedRollout::new(c.robot, c.effects, c.setup, c.drive, c.noise_seed, unled()));
     batch::simulate_all(runs.collect())
 }
 
@@ -60,13 +61,13 @@ pub fn simulate_all(candidates: &[Candidate]) -> Vec<Result<Log, WorldError>> {
 /// sensors have been read; and once before the first.
 pub(crate) fn simulate_led(
     robot: &Robot,
-    effects: &[Placed],
+    effects: &[PlacedEffect],
     setup: &Setup,
     drive: &dyn Drive,
     noise_seed: Option<u64>,
-    lead: Lead,
+    lead: StateHook,
 ) -> Result<Log, WorldError> {
-    let run = Run::new(robot, effects, setup, drive, noise_seed, lead)?;
+    let run = PreparedRollout::new(robot, effects, setup, drive, noise_seed, lead)?;
     let mut engine = run.engine();
     batch::together(engine.as_mut(), vec![run])
         .pop()

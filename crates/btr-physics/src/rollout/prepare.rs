@@ -1,6 +1,6 @@
 //! What is done once per run: effects that act before it, checks, effects on what sensors said.
 
-use crate::effects::{Placed, SiteKind};
+use crate::effects::{PlacedEffect, SiteKind};
 use crate::engine::Dynamics;
 use crate::robot::Robot;
 use crate::setup::{EngineName, Setup, setup_error};
@@ -40,7 +40,7 @@ pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
 }
 
 /// Lets the effects that sit on sensors change what those say.
-pub(crate) fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<(), WorldError> {
+pub(crate) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {
         match placed.effect.card().site {
             SiteKind::Joint => {
@@ -58,7 +58,7 @@ pub(crate) fn sense(robot: &Robot, effects: &[Placed], log: &mut Log) -> Result<
 /// The robot and the setup after the effects that act on them before the run.
 pub(crate) fn planted<'a>(
     robot: &'a Robot,
-    effects: &[Placed],
+    effects: &[PlacedEffect],
     setup: &'a Setup,
 ) -> Result<(Cow<'a, Robot>, Cow<'a, Setup>), WorldError> {
     if !robot.is_tree() {

@@ -3,7 +3,7 @@
 use super::control::Control;
 use crate::engine::Dynamics;
 use crate::robot::{Base, Joint, Robot};
-use crate::sensor::{Noise, disturb};
+use crate::sensor::{SensorNoise, disturb};
 use crate::setup::{Sensors, Setup};
 use btr_core::log::{Log, Role};
 use btr_core::random::stream;
@@ -11,7 +11,7 @@ use btr_core::world::WorldError;
 use nalgebra::Vector3;
 
 /// Channels of one kind: their names and their values.
-struct Series {
+struct ChannelGroup {
     names: Vec<String>,
     units: Vec<&'static str>,
     role: Role,
@@ -21,10 +21,10 @@ struct Series {
     values: Vec<f64>,
 }
 
-impl Series {
+impl ChannelGroup {
     fn new(names: Vec<String>, units: Vec<&'static str>, role: Role, samples: usize) -> Self {
         let values = Vec::with_capacity(names.len() * samples);
-        Series { names, units, role, deviation: 0.0, quantum: 0.0, values }
+        ChannelGroup { names, units, role, deviation: 0.0, quantum: 0.0, values }
     }
 
     fn noise(mut self, deviation: f64) -> Self {
@@ -53,15 +53,15 @@ impl Series {
 
 /// A log in the making.
 pub(crate) struct Recorder {
-    commands: Series,
-    positions: Series,
-    velocities: Series,
-    torques: Series,
-    gyro: Series,
-    accelerometer: Series,
-    feet: Series,
-    base: Series,
-    ball: Series,
+    commands: ChannelGroup,
+    positions: ChannelGroup,
+    velocities: ChannelGroup,
+    torques: ChannelGroup,
+    gyro: ChannelGroup,
+    accelerometer: ChannelGroup,
+    feet: ChannelGroup,
+    base: ChannelGroup,
+    ball: ChannelGroup,
     samples: usize,
     sensors: Sensors,
     /// What the accelerometer needs: gravity, the step, the velocity before it.
@@ -72,18 +72,18 @@ pub(crate) struct Recorder {
 
 impl Recorder {
     pub(crate) fn new(robot: &Robot, setup: &Setup, samples: usize) -> Self {
-        let Noise { position, velocity, torque, gyro_rad_s, accelerometer_m_s2, foot_n, position_quantum } =
+        let SensorNoise { position, velocity, torque, gyro_rad_s, accelerometer_m_s2, foot_n, position_quantum } =
             setup.noise;
         let sensors = setup.sensors;
         let joint = |prefix: &str, on: bool, unit: fn(&Joint) -> &'static str, role: Role| {
             let joints = robot.movable().filter(|_| on).map(|(_, link)| &link.joint);
             let (names, units) = joints.map(|j| (format!("{prefix}_{}", j.name), unit(j))).unzip();
-            Series::new(names, units, role, samples)
+            ChannelGroup::new(names, units, role, samples)
         };
         let axes = |prefix: &str, axes: &[&str], unit: &'static str, on: bool, role: Role| {
             let names: Vec<String> = axes.iter().filter(|_| on).map(|axis| format!("{prefix}_{axis}")).collect();
             let units = vec![unit; names.len()];
-            Series::new(names, units, role, samples)
+            ChannelGroup::new(names, units, role, samples)
         };
         let feet: Vec<&str> = robot.links.iter().filter(|link| link.foot).map(|link| link.name.as_str()).collect();
         let mut positions = joint("q", true, Joint::position_unit, Role::Measured).noise(position);

@@ -1,7 +1,7 @@
 //! Moving a robot to another state on the way, so that errors do not build up for longer than a window.
 
-use crate::effects::Placed;
-use crate::engine::{Dynamics, State};
+use crate::effects::PlacedEffect;
+use crate::engine::{Dynamics, RobotState};
 use crate::robot::Robot;
 use btr_core::world::WorldError;
 
@@ -11,11 +11,15 @@ pub struct Restart {
     /// When, in s.
     pub time_s: f64,
     /// Joints as their encoders read them, and the root.
-    pub state: State,
+    pub state: RobotState,
 }
 
 /// The restarts of a robot whose readings depend on the effects on its encoders.
-pub(crate) fn read_back(restarts: &[Restart], robot: &Robot, effects: &[Placed]) -> Result<Vec<Restart>, WorldError> {
+pub(crate) fn read_back(
+    restarts: &[Restart],
+    robot: &Robot,
+    effects: &[PlacedEffect],
+) -> Result<Vec<Restart>, WorldError> {
     let mut restarts = restarts.to_vec();
     if restarts.is_empty() {
         return Ok(restarts);
@@ -68,12 +72,12 @@ mod tests {
     }
 
     /// The run, and its state at `AT_S`.
-    fn run(robot: &Robot, engine: EngineName, restarts: &[Restart], drive: &dyn Drive) -> (Log, State) {
+    fn run(robot: &Robot, engine: EngineName, restarts: &[Restart], drive: &dyn Drive) -> (Log, RobotState) {
         let mut restarted = lead(restarts, DT_S);
         let mut there = None;
         let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
             if there.is_none() && time_s > AT_S - 0.5 * DT_S {
-                there = Some(State::of(engine));
+                there = Some(RobotState::of(engine));
             }
             restarted(time_s, engine);
         };
@@ -138,7 +142,7 @@ mod tests {
     fn shapes_come_along() {
         let standing = ant::ant();
         let setup = setup(&standing);
-        let on_the_floor = State::of(&Rapier::new(&standing, &setup));
+        let on_the_floor = RobotState::of(&Rapier::new(&standing, &setup));
         let mut aloft = standing;
         aloft.start.translation.z += 0.05;
         let mut engine = Rapier::new(&aloft, &setup);

@@ -4,7 +4,7 @@ use crate::engines::{link, servo, tree};
 use crate::scene::{Told, hold, run_with};
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Robot};
 use btr_physics::setup::{EngineName, Setup};
@@ -34,7 +34,7 @@ fn holds(what: &str, robot: &Robot, drive: &dyn Drive, dq: &[f64]) {
             engine,
             ..Setup::default()
         };
-        run_with(robot, &[] as &[Placed], &setup, drive)
+        run_with(robot, &[] as &[PlacedEffect], &setup, drive)
     };
     let truth = log(EngineName::Auto, 0.000_031_25);
     let [coarse, first_order] = [0.001, 0.0005].map(|dt| apart(robot, &log(EngineName::Rapier, dt), &truth));

@@ -3,7 +3,7 @@
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
 
@@ -11,7 +11,7 @@ use btr_physics::robot::Actuator;
 const INERTIA: f64 = 1.3 * 0.49;
 
 /// What a torque motor without weight on it does with a command, by its logged torque.
-fn driven(effect: Placed, drive: &dyn Drive, duration_s: f64) -> Log {
+fn driven(effect: PlacedEffect, drive: &dyn Drive, duration_s: f64) -> Log {
     let robot = pendulum(1.3, 0.7, Actuator::Torque { max_torque: f64::INFINITY });
     run_with(&robot, &[effect], &fast_weightless(0.0005, duration_s), drive)
 }
@@ -99,7 +99,7 @@ fn effects_on_commands_pass_a_steady_command_on() {
     let robot = pendulum(1.3, 0.7, servo);
     let plain = run(&robot, &fast(0.001, 1.0), &hold(0.5));
     for name in ["command_delay", "motor_lag", "command_rate_limit"] {
-        let effect = Placed::hinted(btr_physics::effects::find(name).unwrap(), "hinge");
+        let effect = PlacedEffect::hinted(btr_physics::effects::find(name).unwrap(), "hinge");
         let log = run_with(&robot, &[effect], &fast(0.001, 1.0), &hold(0.5));
         assert!((last(&log, "q_hinge") - last(&plain, "q_hinge")).abs() < 1e-12, "{name}");
     }

@@ -2,7 +2,7 @@
 
 use crate::scene::{ENGINES, Told, arm, fast, fast_weightless, last, on, placed, run, swimmer};
 use btr_core::log::Log;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::ant;
 use btr_physics::presets::nao::nao;
 use btr_physics::presets::pendulum::pendulum;
@@ -76,7 +76,7 @@ proptest! {
         let ground = (!in_the_air).then_some(()).and(Setup::default().ground);
         let setup = on(ENGINES[engine], &Setup { ground, control_s: 2.0 * dt_s, ..fast(dt_s, 60.0 * dt_s) });
         let line_of = |(stall, no_load): (f64, f64)| placed("speed_torque_limit", "*", &[stall, no_load]);
-        let effects: Vec<Placed> = line.map(line_of).into_iter().collect();
+        let effects: Vec<PlacedEffect> = line.map(line_of).into_iter().collect();
         // What blows up has no log.
         if let Ok(log) = simulate(&robot, &effects, &setup, &drive, None) {
             let found = exceeded(&log, Limits { torque, line });

@@ -2,7 +2,7 @@
 
 use crate::scene::{ENGINES, setup};
 use btr_core::log::Log;
-use btr_physics::effects::{Placed, find};
+use btr_physics::effects::{PlacedEffect, find};
 use btr_physics::presets::ant;
 use btr_physics::rollout::simulate;
 use btr_physics::setup::{EngineName, Setup};
@@ -10,7 +10,7 @@ use btr_physics::setup::{EngineName, Setup};
 fn walk(engine: EngineName, noise_seed: Option<u64>) -> Log {
     let mut walking = Setup { duration_s: 0.5, engine, ..Setup::default() };
     walking.noise.position = 1e-3;
-    let rub = Placed::hinted(find("coulomb_friction").unwrap(), "*");
+    let rub = PlacedEffect::hinted(find("coulomb_friction").unwrap(), "*");
     simulate(&ant::ant(), &[rub], &walking, &ant::tripod(), noise_seed).unwrap()
 }
 
@@ -51,10 +51,10 @@ fn samples_are_thinned_without_changing_the_run() {
 #[test]
 fn what_does_not_fit_is_an_error() {
     let robot = ant::ant();
-    let run = |setup: &Setup, effects: &[Placed]| simulate(&robot, effects, setup, &ant::tripod(), None);
+    let run = |setup: &Setup, effects: &[PlacedEffect]| simulate(&robot, effects, setup, &ant::tripod(), None);
     let odd = Setup { sample_s: Some(0.0015), ..setup(0.001, 0.1) };
     assert!(run(&odd, &[]).unwrap_err().to_string().contains("multiple"));
-    let nowhere = Placed::hinted(find("armature").unwrap(), "wing");
+    let nowhere = PlacedEffect::hinted(find("armature").unwrap(), "wing");
     assert!(run(&setup(0.001, 0.1), &[nowhere]).unwrap_err().to_string().contains("wing"));
 }
 

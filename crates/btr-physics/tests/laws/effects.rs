@@ -4,7 +4,7 @@ use crate::scene::arm;
 use btr_core::log::Log;
 use btr_core::random::stream;
 use btr_physics::drive::Drive;
-use btr_physics::effects::{Card, EFFECTS, Effect, Placed, SiteKind, find};
+use btr_physics::effects::{EFFECTS, Effect, EffectSpec, PlacedEffect, SiteKind, find};
 use btr_physics::presets::ant;
 use btr_physics::robot::Robot;
 use btr_physics::rollout::simulate;
@@ -25,7 +25,7 @@ impl Drive for Exercise {
 }
 
 /// Where an effect is tried: what sits on the floor or the base on a walking ant, everything else on a bolted arm.
-fn run(effect: &dyn Effect, effects: &[Placed], duration_s: f64) -> Log {
+fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
     match effect.card().site {
         SiteKind::Ground | SiteKind::Base => {
             let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
@@ -39,7 +39,7 @@ fn run(effect: &dyn Effect, effects: &[Placed], duration_s: f64) -> Log {
     }
 }
 
-fn logged(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn Drive) -> Log {
+fn logged(robot: &Robot, effects: &[PlacedEffect], setup: &Setup, drive: &dyn Drive) -> Log {
     simulate(robot, effects, setup, drive, None).unwrap_or_else(|e| panic!("{effects:?}: {e}"))
 }
 
@@ -59,7 +59,7 @@ fn apart(a: &Log, b: &Log, is_meant: impl Fn(&str) -> bool) -> f64 {
 #[test]
 fn off_changes_no_bit() {
     for &effect in EFFECTS {
-        let off = Placed::off(effect, "*");
+        let off = PlacedEffect::off(effect, "*");
         assert!(off.is_off());
         let (plain, off) = (run(effect, &[], 0.4), run(effect, &[off], 0.4));
         assert!(bits(&plain) == bits(&off), "`{}` acts although it is off", effect.card().name);
@@ -71,7 +71,7 @@ fn at_its_hint_it_shows_and_spoils_nothing() {
     for &effect in EFFECTS {
         let name = effect.card().name;
         let plain = run(effect, &[], 2.0);
-        let planted = run(effect, &[Placed::hinted(effect, "*")], 2.0);
+        let planted = run(effect, &[PlacedEffect::hinted(effect, "*")], 2.0);
         let joints = apart(&plain, &planted, |channel| channel.starts_with("q_"));
         let inertial = apart(&plain, &planted, |channel| channel.starts_with("imu_"));
         // Encoders resolve about a milliradian.
@@ -83,7 +83,7 @@ fn at_its_hint_it_shows_and_spoils_nothing() {
 #[test]
 fn the_same_bits_twice() {
     for &effect in EFFECTS {
-        let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[Placed::hinted(effect, "*")], 0.4)));
+        let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[PlacedEffect::hinted(effect, "*")], 0.4)));
         assert!(once == twice, "`{}`", effect.card().name);
     }
 }
@@ -94,7 +94,7 @@ fn nothing_within_its_bounds_breaks_a_run() {
         let card = effect.card();
         let at = |value: &mut dyn FnMut(f64, f64) -> f64| {
             let values = card.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
-            let log = run(effect, &[Placed { effect, site: "*".to_owned(), values }], 0.2);
+            let log = run(effect, &[PlacedEffect { effect, site: "*".to_owned(), values }], 0.2);
             let finite = log.channels().all(|(_, channel)| channel.values.iter().all(|x| x.is_finite()));
             assert!(finite, "`{}` leaves numbers that are none", card.name);
         };
@@ -125,7 +125,7 @@ fn cards_are_complete() {
             assert!(off_is_special || (min..=max).contains(&param.off), "`{}.{}`: off", card.name, param.name);
             assert!(!param.unit.is_empty(), "`{}.{}`: unit", card.name, param.name);
         }
-        assert!(!Placed::hinted(effect, "*").is_off(), "`{}` is off at its hint", card.name);
+        assert!(!PlacedEffect::hinted(effect, "*").is_off(), "`{}` is off at its hint", card.name);
         starts_fit(card);
         for other in card.alike {
             assert!(*other != card.name && find(other).is_some(), "`{}` is like `{other}`?", card.name);
@@ -139,8 +139,8 @@ fn what_contains_a_law_becomes_it() {
         for (name, values) in effect.card().contains {
             let other = find(name).unwrap();
             assert!(effect.card().alike.contains(name), "`{}` contains `{name}`", effect.card().name);
-            let inside = Placed { effect, site: "*".to_owned(), values: values.to_vec() };
-            let (larger, own) = (run(effect, &[inside], 0.4), run(other, &[Placed::hinted(other, "*")], 0.4));
+            let inside = PlacedEffect { effect, site: "*".to_owned(), values: values.to_vec() };
+            let (larger, own) = (run(effect, &[inside], 0.4), run(other, &[PlacedEffect::hinted(other, "*")], 0.4));
             let apart = apart(&larger, &own, |channel| channel.starts_with("q_"));
             assert!(apart < 1e-3 * 0.2, "`{}` at {values:?} is {apart} rad from `{name}`", effect.card().name);
         }
@@ -148,7 +148,7 @@ fn what_contains_a_law_becomes_it() {
 }
 
 /// A search can start wherever a card says.
-fn starts_fit(card: &Card) {
+fn starts_fit(card: &EffectSpec) {
     let shapes: Vec<_> = card.params.iter().filter(|param| param.shape).collect();
     assert_eq!(shapes.is_empty(), card.starts.is_empty(), "`{}`: shapes need starts", card.name);
     for start in card.starts {
@@ -171,7 +171,7 @@ fn names_find_their_effects() {
 
 #[test]
 fn the_order_in_a_file_does_not_matter() {
-    let mut all: Vec<Placed> = EFFECTS.iter().map(|&effect| Placed::hinted(effect, "*")).collect();
+    let mut all: Vec<PlacedEffect> = EFFECTS.iter().map(|&effect| PlacedEffect::hinted(effect, "*")).collect();
     let setup = Setup { dt_s: 0.001, control_s: 0.002, duration_s: 0.5, ground: None, ..Setup::default() };
     let forward = bits(&logged(&arm(), &all, &setup, &Exercise));
     all.reverse();

@@ -2,7 +2,7 @@
 
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Link, Robot};
 use btr_physics::setup::{EngineName, Setup};
@@ -68,7 +68,7 @@ pub(crate) fn tree(actuator: &Actuator) -> Robot {
 }
 
 /// Largest difference of a joint's position between the engines.
-fn apart(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn btr_physics::drive::Drive) -> f64 {
+fn apart(robot: &Robot, effects: &[PlacedEffect], setup: &Setup, drive: &dyn btr_physics::drive::Drive) -> f64 {
     let both = [EngineName::Auto, EngineName::Rapier]
         .map(|engine| run_with(robot, effects, &Setup { engine, ..setup.clone() }, drive));
     let difference = |name: &str, log: &Log| {

@@ -4,7 +4,8 @@ use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, ru
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_physics::effects::{
-    Effect, FormulaError, Function, Laws, On, Param, Placed, Scene, formula, formula_or_function,
+    Effect, FormulaError, FormulaTarget, LawFunction, LawInputs, Laws, Param, PlacedEffect, formula,
+    formula_or_function,
 };
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
@@ -12,13 +13,13 @@ use btr_physics::rollout::simulate;
 use proptest::prelude::*;
 use std::sync::Arc;
 
-fn law(on: On, text: &str, params: &[(&str, f64)]) -> Placed {
+fn law(on: FormulaTarget, text: &str, params: &[(&str, f64)]) -> PlacedEffect {
     let names: Vec<&str> = params.iter().map(|(name, _)| *name).collect();
     let values = params.iter().map(|(_, value)| *value).collect();
-    Placed { effect: formula(on, text, &names).unwrap(), site: "elbow".to_owned(), values }
+    PlacedEffect { effect: formula(on, text, &names).unwrap(), site: "elbow".to_owned(), values }
 }
 
-fn told(effects: &[Placed]) -> Log {
+fn told(effects: &[PlacedEffect]) -> Log {
     run_with(&arm(), effects, &fast(0.001, 1.0), &Told(|t: f64| 0.4 * (5.0 * t).sin()))
 }
 
@@ -30,11 +31,14 @@ fn apart(a: &Log, b: &Log, channel: &str) -> f64 {
 #[test]
 fn laws_that_the_library_has_do_the_same() {
     let same = [
-        (law(On::Torque, "-c*dq", &[("c", 0.3)]), placed("viscous_friction", "elbow", &[0.3])),
-        (law(On::Torque, "-c*dq*abs(dq)", &[("c", 0.2)]), placed("quadratic_drag", "elbow", &[0.2])),
-        (law(On::Torque, "a*sin(5*q + 0.3)", &[("a", 0.4)]), placed("cogging", "elbow", &[0.4, 5.0, 0.3])),
-        (law(On::Reading, "q + o", &[("o", 0.05)]), placed("encoder_offset", "elbow", &[0.05])),
-        (law(On::Command, "cmd - min(max(cmd - q, -0.03), 0.03)", &[]), placed("command_deadband", "elbow", &[0.03])),
+        (law(FormulaTarget::Torque, "-c*dq", &[("c", 0.3)]), placed("viscous_friction", "elbow", &[0.3])),
+        (law(FormulaTarget::Torque, "-c*dq*abs(dq)", &[("c", 0.2)]), placed("quadratic_drag", "elbow", &[0.2])),
+        (law(FormulaTarget::Torque, "a*sin(5*q + 0.3)", &[("a", 0.4)]), placed("cogging", "elbow", &[0.4, 5.0, 0.3])),
+        (law(FormulaTarget::Reading, "q + o", &[("o", 0.05)]), placed("encoder_offset", "elbow", &[0.05])),
+        (
+            law(FormulaTarget::Command, "cmd - min(max(cmd - q, -0.03), 0.03)", &[]),
+            placed("command_deadband", "elbow", &[0.03]),
+        ),
     ];
     let plain = told(&[]);
     for (mine, library) in same {
@@ -46,13 +50,13 @@ fn laws_that_the_library_has_do_the_same() {
 
 #[test]
 fn friction_that_grows_with_the_speed_is_stable_at_any_step() {
-    let fastest = |effects: &[Placed]| {
+    let fastest = |effects: &[PlacedEffect]| {
         let log = run_with(&arm(), effects, &fast(0.008, 2.0), &Told(|t: f64| 0.4 * (5.0 * t).sin()));
         log.values("dq_elbow").unwrap().iter().fold(0.0, |a: f64, b| a.max(b.abs()))
     };
     let plain = fastest(&[]);
     for text in ["-50*dq", "-5*dq*abs(dq)", "-50*dq^3"] {
-        let braked = fastest(&[law(On::Torque, text, &[])]);
+        let braked = fastest(&[law(FormulaTarget::Torque, text, &[])]);
         assert!(braked < 1.001 * plain, "{text}: {braked} rad/s, without it {plain}");
     }
 }
@@ -61,7 +65,7 @@ fn friction_that_grows_with_the_speed_is_stable_at_any_step() {
 fn a_law_knows_time_torque_command_and_acceleration() {
     let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: f64::INFINITY });
     let end = |text: &str| {
-        let effects = [Placed { site: "hinge".to_owned(), ..law(On::Torque, text, &[]) }];
+        let effects = [PlacedEffect { site: "hinge".to_owned(), ..law(FormulaTarget::Torque, text, &[]) }];
         last(&run_with(&robot, &effects, &fast_weightless(0.0005, 1.0), &hold(2.0)), "dq_hinge")
     };
     assert!((end("t") - 2.5).abs() < 1e-3, "{}", end("t"));
@@ -72,7 +76,7 @@ fn a_law_knows_time_torque_command_and_acceleration() {
 
 #[test]
 fn a_law_that_adds_nothing_changes_little() {
-    for (on, text) in [(On::Torque, "0*q"), (On::Command, "cmd"), (On::Reading, "q")] {
+    for (on, text) in [(FormulaTarget::Torque, "0*q"), (FormulaTarget::Command, "cmd"), (FormulaTarget::Reading, "q")] {
         let error = apart(
             &run(&arm(), &fast(0.001, 1.0), &hold(0.2)),
             &run_with(&arm(), &[law(on, text, &[])], &fast(0.001, 1.0), &hold(0.2)),
@@ -84,27 +88,31 @@ fn a_law_that_adds_nothing_changes_little() {
 
 #[test]
 fn the_same_law_is_compiled_once() {
-    let [one, two] = [(); 2].map(|()| formula(On::Torque, "-k*q", &["k"]).unwrap());
+    let [one, two] = [(); 2].map(|()| formula(FormulaTarget::Torque, "-k*q", &["k"]).unwrap());
     assert!(std::ptr::eq(one.card(), two.card()));
-    assert!(!std::ptr::eq(one.card(), formula(On::Command, "-k*q", &["k"]).unwrap().card()));
+    assert!(!std::ptr::eq(one.card(), formula(FormulaTarget::Command, "-k*q", &["k"]).unwrap().card()));
 }
 
 /// A function under a name, as the effect of its law.
-fn function(on: On, name: &str, call: Arc<Function>) -> Result<&'static dyn Effect, FormulaError> {
+fn function(on: FormulaTarget, name: &str, call: Arc<LawFunction>) -> Result<&'static dyn Effect, FormulaError> {
     formula_or_function(on, name, &["a"], &Laws::new([("test:law".to_owned(), call)]))
 }
 
 #[test]
 fn a_function_does_bit_by_bit_what_the_same_expression_does() {
-    let cases: [(On, &str, Arc<Function>); 3] = [
-        (On::Torque, "-a*dq*abs(dq)", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| -p[0] * s[1] * s[1].abs())),
-        (On::Command, "cmd + a*q", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| s[3] + p[0] * s[0])),
-        (On::Reading, "q + a*t", Arc::new(|s: &Scene, _: &[Param], p: &[f64]| s[0] + p[0] * s[5])),
+    let cases: [(FormulaTarget, &str, Arc<LawFunction>); 3] = [
+        (
+            FormulaTarget::Torque,
+            "-a*dq*abs(dq)",
+            Arc::new(|s: &LawInputs, _: &[Param], p: &[f64]| -p[0] * s[1] * s[1].abs()),
+        ),
+        (FormulaTarget::Command, "cmd + a*q", Arc::new(|s: &LawInputs, _: &[Param], p: &[f64]| s[3] + p[0] * s[0])),
+        (FormulaTarget::Reading, "q + a*t", Arc::new(|s: &LawInputs, _: &[Param], p: &[f64]| s[0] + p[0] * s[5])),
     ];
     for (on, text, call) in cases {
         let effect = function(on, "test:law", call).unwrap();
         assert_eq!((effect.card().law, effect.card().params[0].name), ("test:law", "a"));
-        let called = told(&[Placed { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
+        let called = told(&[PlacedEffect { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
         assert_eq!(called, told(&[law(on, text, &[("a", 0.2)])]), "{text}");
         assert_ne!(called, told(&[]), "{text}");
     }
@@ -112,12 +120,17 @@ fn a_function_does_bit_by_bit_what_the_same_expression_does() {
 
 #[test]
 fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
-    let [one, other]: [Arc<Function>; 2] =
-        [Arc::new(|_: &Scene, _: &[Param], p: &[f64]| p[0]), Arc::new(|_: &Scene, _: &[Param], p: &[f64]| -p[0])];
-    let card = |call: &Arc<Function>| function(On::Torque, "test:law", call.clone()).unwrap().card();
+    let [one, other]: [Arc<LawFunction>; 2] = [
+        Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| p[0]),
+        Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| -p[0]),
+    ];
+    let card = |call: &Arc<LawFunction>| function(FormulaTarget::Torque, "test:law", call.clone()).unwrap().card();
     assert!(std::ptr::eq(card(&one), card(&one)));
     assert!(!std::ptr::eq(card(&one), card(&other)));
-    assert_eq!(function(On::Torque, "test:lore", one).unwrap_err(), FormulaError::Absent("test:lore".to_owned()));
+    assert_eq!(
+        function(FormulaTarget::Torque, "test:lore", one).unwrap_err(),
+        FormulaError::Absent("test:lore".to_owned())
+    );
 }
 
 #[test]
@@ -127,14 +140,14 @@ fn a_law_that_gives_no_number_is_to_blame() {
     };
     let cases = [
         (
-            On::Torque,
+            FormulaTarget::Torque,
             "a/(t - t)",
             "the law `a/(t - t)` on the torque of `elbow` gave inf at q=0.3, dq=0, ddq=0, cmd=0.2, ",
         ),
-        (On::Torque, "a*sqrt(0.1 - t)", "the law `a*sqrt(0.1 - t)` on the torque of `elbow` gave NaN at q="),
+        (FormulaTarget::Torque, "a*sqrt(0.1 - t)", "the law `a*sqrt(0.1 - t)` on the torque of `elbow` gave NaN at q="),
         // A motor that nobody drives, and a reading that nobody asks for, would pass for something else.
-        (On::Command, "a*ln(q - 9)", "the law `a*ln(q - 9)` on the command of `elbow` gave NaN at q=0.3, "),
-        (On::Reading, "q/(a - a)", "the law `q/(a - a)` on the reading of `elbow` gave inf at q=0.3, "),
+        (FormulaTarget::Command, "a*ln(q - 9)", "the law `a*ln(q - 9)` on the command of `elbow` gave NaN at q=0.3, "),
+        (FormulaTarget::Reading, "q/(a - a)", "the law `q/(a - a)` on the reading of `elbow` gave inf at q=0.3, "),
     ];
     for (on, text, begins) in cases {
         let said = ended(on, text, &[("a", 2.0)], 0.5).unwrap_err();
@@ -142,14 +155,14 @@ fn a_law_that_gives_no_number_is_to_blame() {
         assert!(matches!(said, WorldError::Law { .. }) && what.starts_with(begins), "{what}");
         assert!(what.ends_with(" with a=2"), "{what}");
     }
-    assert!(ended(On::Torque, "a*sqrt(0.1 - t)", &[("a", 2.0)], 0.05).is_ok(), "not before it happens");
-    let wild = ended(On::Torque, "a*q", &[("a", 1e9)], 0.5).unwrap_err().to_string();
+    assert!(ended(FormulaTarget::Torque, "a*sqrt(0.1 - t)", &[("a", 2.0)], 0.05).is_ok(), "not before it happens");
+    let wild = ended(FormulaTarget::Torque, "a*q", &[("a", 1e9)], 0.5).unwrap_err().to_string();
     assert!(wild.contains("blew up") && wild.contains("joint `"), "what is a number is no law's mistake: {wild}");
 }
 
 #[test]
 fn wrong_laws_are_refused() {
-    let refused = |text: &str, params: &[&str]| formula(On::Torque, text, params).unwrap_err();
+    let refused = |text: &str, params: &[&str]| formula(FormulaTarget::Torque, text, params).unwrap_err();
     for text in ["", "-q*", "sin(", "q q", ")q", "1..2", "q +* 2"] {
         assert!(matches!(refused(text, &[]), FormulaError::Syntax(_)), "{text}");
     }
@@ -164,8 +177,8 @@ proptest! {
     /// Whatever is typed is refused, or runs, or ends the simulation with an error.
     #[test]
     fn no_text_makes_it_panic(text in "(q|dq|cmd|t|sin|max|sign|abs|[-+*/^(), {}.0-9eE]|PI|é){0,12}") {
-        if let Ok(effect) = formula(On::Torque, &text, &[]) {
-            let placed = Placed { effect, site: "*".to_owned(), values: vec![] };
+        if let Ok(effect) = formula(FormulaTarget::Torque, &text, &[]) {
+            let placed = PlacedEffect { effect, site: "*".to_owned(), values: vec![] };
             let _ = simulate(&arm(), &[placed], &fast(0.001, 0.01), &hold(0.1), None);
         }
     }

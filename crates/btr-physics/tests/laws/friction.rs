@@ -2,7 +2,7 @@
 
 use crate::scene::{G, fast, fast_weightless, hold, last, placed, run_with};
 use btr_core::log::Log;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
 use btr_physics::setup::Setup;
@@ -17,13 +17,13 @@ fn hanging(start_rad: f64) -> Robot {
 }
 
 /// A pendulum without weight that coasts from a speed for half a second.
-fn coast(effect: Placed, speed: f64) -> Log {
+fn coast(effect: PlacedEffect, speed: f64) -> Log {
     let setup = Setup { start_velocities: vec![speed], ..fast_weightless(0.0005, 0.5) };
     run_with(&hanging(0.0), &[effect], &setup, &hold(0.0))
 }
 
 /// A weightless pendulum that a constant torque drives.
-fn pushed(effect: Placed, torque: f64, duration_s: f64) -> Log {
+fn pushed(effect: PlacedEffect, torque: f64, duration_s: f64) -> Log {
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
     run_with(&robot, &[effect], &fast_weightless(0.0005, duration_s), &hold(torque))

@@ -1,7 +1,7 @@
 //! Joints that swing, stick and resist.
 
 use crate::scene::{G, hold, last, placed, run, run_with, setup, weightless};
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Base, Joint, JointKind, Robot};
 use btr_physics::setup::Setup;
@@ -93,7 +93,7 @@ fn coulomb_friction_brakes_evenly_and_then_holds() {
 #[test]
 fn stiction_holds_against_gravity_up_to_its_bound() {
     let weight = 1.3 * G * 0.7 * 1.0_f64.sin();
-    let moved = |torque: f64, effects: fn(f64) -> Vec<Placed>| {
+    let moved = |torque: f64, effects: fn(f64) -> Vec<PlacedEffect>| {
         (last(&run_with(&hanging(1.0), &effects(torque), &setup(0.002, 10.0), &hold(0.0)), "q_hinge") - 1.0).abs()
     };
     let rub = |torque: f64| vec![placed("coulomb_friction", "*", &[torque])];
@@ -105,7 +105,8 @@ fn stiction_holds_against_gravity_up_to_its_bound() {
 fn armature_adds_to_the_inertia() {
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Torque { max_torque: 100.0 };
-    let end = |effects: &[Placed]| last(&run_with(&robot, effects, &weightless(0.001, 0.5), &hold(2.0)), "dq_hinge");
+    let end =
+        |effects: &[PlacedEffect]| last(&run_with(&robot, effects, &weightless(0.001, 0.5), &hold(2.0)), "dq_hinge");
     let inertia = 1.3 * 0.49;
     assert!((end(&[]) - 0.5 * 2.0 / inertia).abs() < 1e-6);
     let geared = end(&[placed("armature", "hinge", &[0.3])]);

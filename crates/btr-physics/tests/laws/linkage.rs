@@ -3,7 +3,7 @@
 use crate::engines::tree;
 use crate::scene::{G, Told, arm, fast, hold, placed, run, run_with};
 use btr_physics::engine::forward_dynamics;
-use btr_physics::engine::{BaseState, State};
+use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::robot::{Actuator, Base, Mimic, Robot};
 use btr_physics::rollout::simulate;
 use btr_physics::setup::{EngineName, Setup};
@@ -91,7 +91,7 @@ proptest! {
         let free = Robot { base: Base::Floating, ..tree(&Actuator::Passive) };
         let base = BaseState { pose: Isometry3::identity(), velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::x() };
         let joints = vec![(q[0], dq[0]), (q[1], dq[1]), (0.3 * q[0], 0.3 * dq[0]), (-1.5 * q[1] + 0.2, -1.5 * dq[1])];
-        let state = State { joints, base };
+        let state = RobotState { joints, base };
         let gravity = Vector3::new(0.0, 0.0, -G);
         let linked = forward_dynamics(&robot, gravity, &state, &torques);
         prop_assert!((linked[8] - 0.3 * linked[6]).abs() < 1e-9 && (linked[9] + 1.5 * linked[7]).abs() < 1e-9);
@@ -148,7 +148,7 @@ fn a_light_leader_leads_many_heavy_followers_exactly() {
     }
     let base =
         BaseState { pose: Isometry3::identity(), velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
-    let state = State { joints: vec![(0.0, 0.0); 7], base };
+    let state = RobotState { joints: vec![(0.0, 0.0); 7], base };
     let torques = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let found = forward_dynamics(&robot, Vector3::zeros(), &state, &torques);
     let axis = leader.joint.axis;

@@ -1,6 +1,6 @@
 //! Parameters reach what they name.
 
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::model::parameter::{ParameterError, Target, apply};
 use btr_physics::presets::ant;
 use btr_physics::presets::ant::UNCERTAIN_LENGTHS;
@@ -8,7 +8,7 @@ use btr_physics::presets::nao::{UNCERTAIN_MASSES, nao};
 use btr_physics::robot::{Actuator, Geometry};
 use btr_physics::setup::Setup;
 
-fn set(name: &str, value: f64, robot: &mut btr_physics::robot::Robot) -> (Vec<Placed>, Setup) {
+fn set(name: &str, value: f64, robot: &mut btr_physics::robot::Robot) -> (Vec<PlacedEffect>, Setup) {
     let (mut placed, mut setup) = (Vec::new(), Setup::default());
     apply(&[Target::parse(name, robot).unwrap()], &[value], robot, &mut placed, &mut setup);
     (placed, setup)

@@ -1,7 +1,7 @@
 //! Every effect on links, mounting, sensors and clock does what its law says.
 
 use crate::scene::{G, arm, fast, fast_weightless, hold, last, placed, run, run_with};
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::ant;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
@@ -9,7 +9,7 @@ use btr_physics::rollout::simulate;
 use btr_physics::setup::{Sensors, Setup};
 
 /// The position and the motor's torque that a stiff servo settles at.
-fn held(effect: Placed, at_rad: f64) -> (f64, f64) {
+fn held(effect: PlacedEffect, at_rad: f64) -> (f64, f64) {
     let servo = Actuator::Position { kp: 400.0, ki: 0.0, kd: 40.0, max_torque: f64::INFINITY };
     let log = run_with(&pendulum(1.3, 0.7, servo), &[effect], &fast(0.001, 4.0), &hold(at_rad));
     (last(&log, "q_hinge"), last(&log, "tau_hinge"))
@@ -76,7 +76,7 @@ fn a_late_encoder_shifts_the_log_and_nothing_else() {
 
 #[test]
 fn a_log_of_few_samples_shows_a_late_encoder_as_one_of_many_does() {
-    let swing = |sample_s: f64, effects: &[Placed]| {
+    let swing = |sample_s: f64, effects: &[PlacedEffect]| {
         let setup = Setup { sample_s: Some(sample_s), start_velocities: vec![3.0], ..fast(0.001, 1.0) };
         run_with(&pendulum(1.3, 0.7, Actuator::Passive), effects, &setup, &hold(0.0))
     };
@@ -103,7 +103,7 @@ fn a_biased_imu_reads_that_much_more() {
     let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
     let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.2, sensors, ..Setup::default() };
     let bias = [0.1, -0.2, 0.3, -1.0, 2.0, 0.5];
-    let walk = |effects: &[Placed]| simulate(&ant::ant(), effects, &setup, &ant::tripod(), None).unwrap();
+    let walk = |effects: &[PlacedEffect]| simulate(&ant::ant(), effects, &setup, &ant::tripod(), None).unwrap();
     let (plain, biased) = (walk(&[]), walk(&[placed("imu_bias", "base", &bias)]));
     let names = ["gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"].map(|name| format!("imu_{name}"));
     for (name, channel) in plain.channels() {

@@ -3,7 +3,7 @@
 use crate::scene::{G, Told, arm, fast, fast_weightless, placed, run, run_with};
 use btr_core::log::{Log, Role};
 use btr_physics::drive::Replay;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
 
@@ -23,7 +23,7 @@ fn swing() -> Log {
 }
 
 /// What the swing takes, next to what inverse dynamics says; away from the ends, where smoothing knows less.
-fn needed(effects: &[Placed], steps: usize, extra: impl Fn(f64, f64, f64) -> f64) -> f64 {
+fn needed(effects: &[PlacedEffect], steps: usize, extra: impl Fn(f64, f64, f64) -> f64) -> f64 {
     let robot = pendulum(MASS, LENGTH, Actuator::Prescribed);
     let setup = btr_physics::setup::Setup { sample_s: Some(DT_S), ..fast(DT_S / steps as f64, 1.9) };
     let log = run_with(&robot, effects, &setup, &Replay::new(&swing(), &robot));

@@ -2,7 +2,7 @@
 
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effects::{Placed, find};
+use btr_physics::effects::{PlacedEffect, find};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use btr_physics::rollout::simulate;
 use btr_physics::setup::{EngineName, Setup};
@@ -54,12 +54,12 @@ pub(crate) fn run(robot: &Robot, setup: &Setup, drive: &dyn Drive) -> Log {
     simulate(robot, &[], setup, drive, None).unwrap()
 }
 
-pub(crate) fn run_with(robot: &Robot, effects: &[Placed], setup: &Setup, drive: &dyn Drive) -> Log {
+pub(crate) fn run_with(robot: &Robot, effects: &[PlacedEffect], setup: &Setup, drive: &dyn Drive) -> Log {
     simulate(robot, effects, setup, drive, None).unwrap()
 }
 
-pub(crate) fn placed(name: &str, site: &str, values: &[f64]) -> Placed {
-    Placed { effect: find(name).unwrap(), site: site.to_owned(), values: values.to_vec() }
+pub(crate) fn placed(name: &str, site: &str, values: &[f64]) -> PlacedEffect {
+    PlacedEffect { effect: find(name).unwrap(), site: site.to_owned(), values: values.to_vec() }
 }
 
 pub(crate) fn last(log: &Log, channel: &str) -> f64 {

@@ -2,7 +2,7 @@
 
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
-use btr_physics::effects::Placed;
+use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
 use btr_physics::setup::Setup;
@@ -95,11 +95,11 @@ fn no_stiffness_and_no_step_is_unstable() {
 }
 
 /// Where a link without weight comes to rest after its servo approached 0.3 rad from this side.
-fn approached(effect: &[Placed], side: f64) -> f64 {
+fn approached(effect: &[PlacedEffect], side: f64) -> f64 {
     // So gently in the end that friction holds the link back.
     let ramp = Told(move |t: f64| 0.3 + side * 0.4 * f64::exp(-t));
     let rub = placed("coulomb_friction", "hinge", &[0.3]);
-    let effects: Vec<Placed> = effect.iter().cloned().chain([rub]).collect();
+    let effects: Vec<PlacedEffect> = effect.iter().cloned().chain([rub]).collect();
     let mut robot = driven(servo(300.0, 12.0), 0.02);
     robot.links[1].joint.start = 0.3 + side * 0.4;
     last(&run_with(&robot, &effects, &fast_weightless(0.001, 10.0), &ramp), "q_hinge")

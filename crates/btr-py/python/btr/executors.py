@@ -30,7 +30,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def serve(keys: Sequence[int], batch: bytes, *contents: bytes) -> bytes:
-    """Answers a batch of simulations; called wherever the work is done. `contents` are the parcels of these keys."""
+    """Answers a batch of simulations; called wherever the work is done. `contents` are the payloads of these keys."""
     return _btr.serve(list(zip(keys, contents)), batch)
 
 
@@ -42,7 +42,7 @@ class Hands(Protocol):
     def workers(self) -> int:
         """How many batches are worked on at once."""
 
-    def work(self, parcels: Sequence[_btr.Parcel], batch: bytes) -> bytes:
+    def work(self, payloads: Sequence[_btr.Payload], batch: bytes) -> bytes:
         """What `serve` answers to a batch; waits for it. Called from `workers` threads at once."""
 
 
@@ -70,10 +70,10 @@ class Futures:
     def _scatter(self, content: bytes) -> Any:
         return self._executor.scatter(content, broadcast=False)
 
-    def work(self, parcels: Sequence[_btr.Parcel], batch: bytes) -> bytes:
+    def work(self, payloads: Sequence[_btr.Payload], batch: bytes) -> bytes:
         """What `serve` answers to a batch."""
-        keys = [parcel.key for parcel in parcels]
-        future = self._executor.submit(serve, keys, batch, *map(self._shared, parcels))
+        keys = [payload.key for payload in payloads]
+        future = self._executor.submit(serve, keys, batch, *map(self._shared, payloads))
         answer: bytes = future.result()
         return answer
 
@@ -120,31 +120,31 @@ class Ray:
         """How many batches are worked on at once."""
         return self._workers
 
-    def work(self, parcels: Sequence[_btr.Parcel], batch: bytes) -> bytes:
+    def work(self, payloads: Sequence[_btr.Payload], batch: bytes) -> bytes:
         """What `serve` answers to a batch."""
-        keys = [parcel.key for parcel in parcels]
-        answer: bytes = self._ray.get(self._serve.remote(keys, batch, *map(self._shared, parcels)))
+        keys = [payload.key for payload in payloads]
+        answer: bytes = self._ray.get(self._serve.remote(keys, batch, *map(self._shared, payloads)))
         return answer
 
 
 class _Shared:
-    """What parcels are handed over as: their content, or what `put` made of it, once."""
+    """What payloads are handed over as: their content, or what `put` made of it, once."""
 
     def __init__(self, put: Callable[[bytes], Any] | None) -> None:
         self._put = put
         self._known: dict[int, Any] = {}
         self._lock = threading.Lock()
 
-    def __call__(self, parcel: _btr.Parcel) -> Any:
+    def __call__(self, payload: _btr.Payload) -> Any:
         if self._put is None:
-            return parcel.content
+            return payload.content
         with self._lock:
             # The last ones used stay: a long run has many real tests.
-            shared = self._known.pop(parcel.key, None)
-            self._known[parcel.key] = self._put(parcel.content) if shared is None else shared
+            shared = self._known.pop(payload.key, None)
+            self._known[payload.key] = self._put(payload.content) if shared is None else shared
             while len(self._known) > _MOST_SHARED:
                 self._known.pop(next(iter(self._known)))
-            return self._known[parcel.key]
+            return self._known[payload.key]
 
 
 ExecutorLike = Union[None, int, str, Hands, Any]

@@ -1,25 +1,25 @@
 //! The report of `btr compare`.
 
-use super::joints::{Beside, LOGS_SHOWN, joints};
+use super::joints::{ComparedLogs, LOGS_SHOWN, joints};
 use super::{Block, Report, Section};
 use crate::plot::heat::{Heat, heat};
 use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
-use btr_identify::compare::{Cell, Regime, Track};
-use btr_lab::verbs::Compared;
+use btr_identify::compare::{JointTrack, Regime, RegimeCell};
+use btr_lab::verbs::CompareReport;
 
 /// Columns of the map over time.
 const WINDOWS: usize = 12;
 
 /// The page of `btr compare`.
-pub fn compare(outcome: &Compared) -> String {
+pub fn compare(outcome: &CompareReport) -> String {
     let mut sections = vec![summary(outcome), failures(outcome)];
     let names = outcome.names.iter().map(String::as_str).collect();
-    let beside = Beside { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
+    let beside = ComparedLogs { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
     sections.extend(beside.sections());
     Report { title: format!("{}: where the model fails", outcome.model), sections }.html()
 }
 
-fn summary(outcome: &Compared) -> Section {
+fn summary(outcome: &CompareReport) -> Section {
     let logs = outcome.names.join(", ");
     let model = &outcome.model;
     let mut blocks = vec![
@@ -38,12 +38,12 @@ fn summary(outcome: &Compared) -> Section {
     Section { title: "Channels".to_owned(), blocks }
 }
 
-fn failures(outcome: &Compared) -> Section {
+fn failures(outcome: &CompareReport) -> Section {
     const LISTED: usize = 12;
     let failures = outcome.comparison.failures();
-    let line = |cell: &&Cell| {
+    let line = |cell: &&RegimeCell| {
         let share = 100.0 * cell.share;
-        let Cell { hint, log, t0_s, t1_s, .. } = cell;
+        let RegimeCell { hint, log, t0_s, t1_s, .. } = cell;
         format!("{hint}. {share:.0} % of the squared error, most of it in {log} from {t0_s:.2} to {t1_s:.2} s.")
     };
     let list = match failures.len() {
@@ -72,8 +72,8 @@ fn failures(outcome: &Compared) -> Section {
 }
 
 /// The logs, the one with the largest error first.
-fn worst_logs(outcome: &Compared) -> Vec<usize> {
-    let squares = |track: &Track| -> f64 {
+fn worst_logs(outcome: &CompareReport) -> Vec<usize> {
+    let squares = |track: &JointTrack| -> f64 {
         track.error.iter().filter(|e| e.is_finite()).map(|e| (e / track.floor).powi(2)).sum()
     };
     let of_log = |log: usize| outcome.comparison.tracks.iter().filter(|t| t.log == log).map(squares).sum::<f64>();
@@ -83,11 +83,11 @@ fn worst_logs(outcome: &Compared) -> Vec<usize> {
 }
 
 /// The error of every joint in each twelfth of a log.
-fn by_time(outcome: &Compared, log: usize) -> Heat {
-    let tracks: Vec<&Track> = outcome.comparison.tracks.iter().filter(|track| track.log == log).collect();
+fn by_time(outcome: &CompareReport, log: usize) -> Heat {
+    let tracks: Vec<&JointTrack> = outcome.comparison.tracks.iter().filter(|track| track.log == log).collect();
     let long_s = tracks.iter().filter_map(|track| track.clock_s.last().copied()).fold(0.0, f64::max);
     let width_s = long_s / WINDOWS as f64;
-    let chi = |track: &Track, window: usize| {
+    let chi = |track: &JointTrack, window: usize| {
         let (from, to) = (window as f64 * width_s, (window + 1) as f64 * width_s);
         let within = track.clock_s.iter().zip(&track.error).filter(|(t, e)| **t >= from && **t < to && e.is_finite());
         let (n, squares) = within.fold((0.0, 0.0), |(n, sum), (_, e)| (n + 1.0, sum + (e / track.floor).powi(2)));

@@ -2,13 +2,13 @@
 
 use super::ladder::{FLOORS, Subject, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
 use super::{Block, Report, Section};
-use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::fit_command;
 use crate::text::{ESTIMATES, estimate, integrator};
 use btr_core::log::Log;
-use btr_identify::diagnose::{Ranked, Verdict};
+use btr_identify::diagnose::{RankedCandidate, Verdict};
 use btr_lab::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
 use btr_physics::effects;
 
@@ -130,11 +130,11 @@ fn who_was_tried(found: &DiagnoseReport) -> Section {
     Section { title: "Who was tried".to_owned(), blocks: vec![Block::Text(told.to_owned()), Block::Maps(plots)] }
 }
 
-fn ranking(found: &DiagnoseReport, k: usize, round: &[Ranked]) -> String {
+fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> String {
     let held_out = round.iter().any(|ranked| ranked.held_out.is_some());
     let before = base(&found.error_ladder, k).map(|step| step.train);
     let names: Vec<String> = found.effects.iter().flat_map(EffectReport::names).collect();
-    let row = |ranked: &Ranked| {
+    let row = |ranked: &RankedCandidate| {
         let stem = before.map(|before| Pin::Stem(Ink::Truth, before, ranked.train));
         Row {
             name: ranked.name.clone(),
@@ -148,7 +148,7 @@ fn ranking(found: &DiagnoseReport, k: usize, round: &[Ranked]) -> String {
         title: format!("Round {}: the error with each candidate", k + 1),
         label: FLOORS.to_owned(),
         notes: format!("{}, delta BIC", pair_head(held_out)),
-        scale: Scale::Ratio,
+        scale: RowScale::Ratio,
         lines: std::iter::once(noise_floor()).chain(without).collect(),
         legend: legend(held_out),
         rows: round.iter().take(CANDIDATES_SHOWN).map(row).collect(),

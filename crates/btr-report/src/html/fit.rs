@@ -3,11 +3,11 @@
 use super::ladder::{Subject, fall, fine_print};
 use super::{Block, Report, Section};
 use crate::plot::Ink;
-use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};
 use crate::text::{integrator, interval};
 use btr_core::space::Dim;
-use btr_identify::fit::{Ended, Estimate};
+use btr_identify::fit::{Estimate, FitStop};
 use btr_lab::verbs::FitReport;
 
 /// The page of `btr fit`; `u` is the point of the family that was found.
@@ -38,11 +38,11 @@ fn sentence(found: &FitReport) -> String {
     format!("The error on {on} went from {} to {} noise floors: {rest}.", number(from), number(to))
 }
 
-fn why(ended: Ended) -> &'static str {
+fn why(ended: FitStop) -> &'static str {
     match ended {
-        Ended::Converged => "nothing moved any more",
-        Ended::Effort => "its effort was spent",
-        Ended::Stuck => "no direction was left in which the error falls",
+        FitStop::Converged => "nothing moved any more",
+        FitStop::Effort => "its effort was spent",
+        FitStop::Stuck => "no direction was left in which the error falls",
     }
 }
 
@@ -57,7 +57,7 @@ fn values(asked: &Subject, found: &FitReport) -> Section {
         title: "Each value between its bounds".to_owned(),
         label: "share of the way between the bounds".to_owned(),
         notes: "value (95 % interval)".to_owned(),
-        scale: Scale::Bounds,
+        scale: RowScale::Bounds,
         lines: Vec::new(),
         legend: legend.map(|(ink, name)| (ink, name.to_owned())).collect(),
         rows: pairs().map(|(estimate, dim)| row(estimate, dim)).collect(),

@@ -1,17 +1,17 @@
 //! What a joint's residual may follow: velocity, position, load, reversals, a rhythm, itself.
 
-use super::joints::{FINE, View};
+use super::joints::{FINE, JointView};
 use crate::plot::{Ink, Mark, Panel, Series};
 use btr_core::signal::stats::autocorrelation;
-use btr_identify::compare::{Track, spectrum};
+use btr_identify::compare::{JointTrack, spectrum};
 
 /// What is shown around a reversal, in s.
 const AROUND_REVERSAL_S: (f64, f64) = (-0.1, 0.4);
 
 /// What the residual may follow, in all these logs or in the worst of them.
-pub(super) fn follows(views: &[View], worst: &View) -> [Panel; 6] {
+pub(super) fn follows(views: &[JointView], worst: &JointView) -> [Panel; 6] {
     let unit = worst.unit();
-    let against = |title: &str, x_label: &str, x: &dyn Fn(&Track) -> Vec<f64>| Panel {
+    let against = |title: &str, x_label: &str, x: &dyn Fn(&JointTrack) -> Vec<f64>| Panel {
         title: title.to_owned(),
         x_label: x_label.to_owned(),
         y_label: format!("measured − simulated ({unit})"),
@@ -21,8 +21,8 @@ pub(super) fn follows(views: &[View], worst: &View) -> [Panel; 6] {
         }),
         ..Panel::default()
     };
-    let velocity = |track: &Track| track.motion.iter().map(|m| m.velocity).collect();
-    let position = |track: &Track| track.motion.iter().map(|m| m.value).collect();
+    let velocity = |track: &JointTrack| track.motion.iter().map(|m| m.velocity).collect();
+    let position = |track: &JointTrack| track.motion.iter().map(|m| m.value).collect();
     let load = format!("load: {}", worst.after.track.load_label);
     [
         against("Residual against velocity", &format!("velocity ({unit}/s)"), &velocity),
@@ -38,7 +38,7 @@ pub(super) fn follows(views: &[View], worst: &View) -> [Panel; 6] {
 type Directed = Vec<((f64, f64), f64)>;
 
 /// Clouds of points: of one simulation forward and backward motion apart, of two each for itself.
-fn clouds(views: &[View], points: &dyn Fn(&Track) -> Directed) -> Vec<Series> {
+fn clouds(views: &[JointView], points: &dyn Fn(&JointTrack) -> Directed) -> Vec<Series> {
     let mut clouds = [Vec::new(), Vec::new()];
     for view in views {
         for (k, (_, _, version)) in view.versions("").into_iter().enumerate() {
@@ -58,8 +58,8 @@ fn clouds(views: &[View], points: &dyn Fn(&Track) -> Directed) -> Vec<Series> {
 }
 
 /// The residual before and after each reversal, by the direction afterwards.
-fn around_reversals(views: &[View], unit: &str) -> Panel {
-    let points = |track: &Track| -> Directed {
+fn around_reversals(views: &[JointView], unit: &str) -> Panel {
+    let points = |track: &JointTrack| -> Directed {
         let (clock_s, error, directions) = (&track.clock_s, &track.error, track.directions());
         let around = |at: usize| {
             let (from_s, to_s) = (clock_s[at] + AROUND_REVERSAL_S.0, clock_s[at] + AROUND_REVERSAL_S.1);
@@ -80,7 +80,7 @@ fn around_reversals(views: &[View], unit: &str) -> Panel {
 }
 
 /// One track for each line of a spectrum: of one simulation each log, of two the worst log in both.
-fn lines<'a>(views: &'a [View]) -> Vec<(&'a str, Ink, &'a Track)> {
+fn lines<'a>(views: &'a [JointView]) -> Vec<(&'a str, Ink, &'a JointTrack)> {
     match views {
         [worst, ..] if worst.before.is_some() => {
             worst.versions("").into_iter().map(|(name, ink, version)| (name, ink, version.track)).collect()
@@ -89,9 +89,9 @@ fn lines<'a>(views: &'a [View]) -> Vec<(&'a str, Ink, &'a Track)> {
     }
 }
 
-fn spectra(views: &[View], unit: &str) -> Panel {
+fn spectra(views: &[JointView], unit: &str) -> Panel {
     // The spectrum of white noise is flat: sigma² spread over half the rate.
-    let flat = |track: &Track, to_hz: f64| {
+    let flat = |track: &JointTrack, to_hz: f64| {
         let level = track.floor / to_hz.sqrt();
         vec![(0.0, level.log10()), (to_hz, level.log10())]
     };
@@ -114,7 +114,7 @@ fn spectra(views: &[View], unit: &str) -> Panel {
     }
 }
 
-fn autocorrelations(views: &[View]) -> Panel {
+fn autocorrelations(views: &[JointView]) -> Panel {
     const MOST: usize = 200;
     let mut series = Vec::new();
     for (k, (name, ink, track)) in lines(views).into_iter().enumerate() {

@@ -4,14 +4,14 @@ use super::follows::follows;
 use super::{Block, Section};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use btr_core::log::Log;
-use btr_identify::compare::{Comparison, Regime, Residual, Track};
+use btr_identify::compare::{ChannelResidual, Comparison, JointTrack, Regime};
 
 /// Logs of a joint that are drawn, the worst first.
 pub(super) const LOGS_SHOWN: usize = 3;
 /// Points of a line and dots of a cloud, at most.
 pub(super) const FINE: usize = 1200;
 /// Logs beside simulations of them.
-pub(super) struct Beside<'a> {
+pub(super) struct ComparedLogs<'a> {
     /// What the logs are called.
     pub(super) names: Vec<&'a str>,
     /// What was recorded.
@@ -33,7 +33,7 @@ pub(super) fn joints(comparison: &Comparison) -> Vec<String> {
     joints
 }
 
-impl Beside<'_> {
+impl ComparedLogs<'_> {
     /// A section for every joint.
     pub(super) fn sections(&self) -> Vec<Section> {
         joints(self.after).iter().map(|joint| self.section(joint)).collect()
@@ -65,13 +65,18 @@ impl Beside<'_> {
         Section { title: joint.to_owned(), blocks }
     }
 
-    fn views(&self, joint: &str) -> Vec<View<'_>> {
+    fn views(&self, joint: &str) -> Vec<JointView<'_>> {
         let of = |log: usize| {
             let measured = &self.logs[log].channel(&format!("q_{joint}"))?.values;
-            let before = self.before.and_then(|before| Version::of(before, log, joint));
-            Some(View { name: self.names[log], measured, before, after: Version::of(self.after, log, joint)? })
+            let before = self.before.and_then(|before| SimulatedJoint::of(before, log, joint));
+            Some(JointView {
+                name: self.names[log],
+                measured,
+                before,
+                after: SimulatedJoint::of(self.after, log, joint)?,
+            })
         };
-        let mut views: Vec<View> = (0..self.logs.len()).filter_map(of).collect();
+        let mut views: Vec<JointView> = (0..self.logs.len()).filter_map(of).collect();
         views.sort_by(|a, b| b.after.chi().total_cmp(&a.after.chi()));
         views.truncate(LOGS_SHOWN);
         views
@@ -79,25 +84,25 @@ impl Beside<'_> {
 }
 
 /// A joint in one log.
-pub(super) struct View<'a> {
+pub(super) struct JointView<'a> {
     pub(super) name: &'a str,
     measured: &'a [f64],
-    pub(super) before: Option<Version<'a>>,
-    pub(super) after: Version<'a>,
+    pub(super) before: Option<SimulatedJoint<'a>>,
+    pub(super) after: SimulatedJoint<'a>,
 }
 
 /// What one simulation makes of it.
-pub(super) struct Version<'a> {
-    pub(super) track: &'a Track,
-    residual: &'a Residual,
+pub(super) struct SimulatedJoint<'a> {
+    pub(super) track: &'a JointTrack,
+    residual: &'a ChannelResidual,
 }
 
-impl<'a> Version<'a> {
+impl<'a> SimulatedJoint<'a> {
     fn of(comparison: &'a Comparison, log: usize, joint: &str) -> Option<Self> {
         let channel = format!("q_{joint}");
         let track = comparison.tracks.iter().find(|track| track.log == log && track.joint == joint)?;
         let residual = comparison.residuals.iter().find(|r| r.log == log && r.channel == channel)?;
-        Some(Version { track, residual })
+        Some(SimulatedJoint { track, residual })
     }
 
     fn chi(&self) -> f64 {
@@ -107,9 +112,9 @@ impl<'a> Version<'a> {
     }
 }
 
-impl<'a> View<'a> {
+impl<'a> JointView<'a> {
     /// The simulations with their names and inks, the latest last. Where there is one, it is called `alone`.
-    pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &Version<'a>)> {
+    pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &SimulatedJoint<'a>)> {
         match &self.before {
             None => vec![(alone, Ink::Main, &self.after)],
             Some(before) => vec![("before", Ink::Third, before), ("after", Ink::Main, &self.after)],
@@ -125,7 +130,7 @@ fn alone(panel: &Panel) -> String {
     figure(std::slice::from_ref(panel), 1)
 }
 
-fn over_time(view: &View) -> Panel {
+fn over_time(view: &JointView) -> Panel {
     let track = view.after.track;
     let line = |values: &[f64]| thin_line(&track.clock_s, values);
     let mut series = Vec::new();
@@ -149,7 +154,7 @@ fn over_time(view: &View) -> Panel {
     }
 }
 
-fn residual_over_time(view: &View) -> Panel {
+fn residual_over_time(view: &JointView) -> Panel {
     let (clock, floor) = (&view.after.track.clock_s, view.after.track.floor);
     let ends = [clock.first(), clock.last()].map(|t| t.copied().unwrap_or(0.0));
     let level = |y: f64| ends.map(|t| (t, y)).to_vec();

@@ -1,21 +1,21 @@
 //! What the reports of `diagnose` and `fit` share: what was asked, how the error fell, the model before and after, the
 //! fine print.
 
-use super::joints::Beside;
+use super::joints::ComparedLogs;
 use super::{Block, Section};
 use crate::plot::Ink;
-use crate::plot::rows::{Pin, Row, Rows, Scale, rows};
+use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::number;
 use crate::text::{line, reserve};
 use btr_core::world::WorldError;
-use btr_lab::verbs::{Floor, LadderStep, Problem};
+use btr_lab::verbs::{LadderStep, NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
 /// What a page is about: a question to `diagnose` or `fit`.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The model beside the logs.
-    pub problem: &'a Problem,
+    pub problem: &'a VerbInput,
     /// The logs to learn from: files, or what they are called.
     pub logs: &'a [PathBuf],
     /// The logs to judge on.
@@ -83,7 +83,7 @@ impl Subject<'_> {
              floors; those above leave out what uncertain starts and the time step explain."
         );
         let blocks = vec![Block::Text(text), table];
-        let beside = Beside { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
+        let beside = ComparedLogs { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
         Ok(std::iter::once(Section { title: "Before and after".to_owned(), blocks }).chain(beside.sections()).collect())
     }
 }
@@ -100,7 +100,7 @@ pub(super) fn fall(ladder: &[LadderStep]) -> Section {
         title: "The error, step by step".to_owned(),
         label: FLOORS.to_owned(),
         notes: pair_head(ladder.iter().any(|step| step.held_out.is_some())).to_owned(),
-        scale: Scale::Ratio,
+        scale: RowScale::Ratio,
         lines: vec![noise_floor()],
         legend: legend(ladder.iter().any(|step| step.held_out.is_some())),
         rows: ladder.iter().map(row).collect(),
@@ -136,7 +136,7 @@ pub(super) fn noise_floor() -> (Ink, f64, String) {
 }
 
 /// What the numbers rest on.
-pub(super) fn fine_print(problem: &Problem, floors: &[Floor], integrator: &str, rollouts: usize) -> Section {
+pub(super) fn fine_print(problem: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
     let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
     let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
@@ -155,14 +155,14 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use btr_identify::residual_model::Family;
+    use btr_identify::residual_model::ResidualModel;
     use btr_lab::experiment::Source;
 
     #[test]
     fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {
         let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
         let logs = [robots.join("arm/learn_1.csv")];
-        let problem = Problem::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
+        let problem = VerbInput::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
         let asked = Subject { problem: &problem, logs: &logs, held_out: &[] };
         let knobs = problem.beside.knobs().len();
         let shown = |u: f64| {

@@ -4,7 +4,7 @@ use super::{Ink, Mark, Panel, Series, figure};
 
 /// One generation of the search for controllers, or for simulations.
 #[derive(Clone, Debug)]
-pub(crate) struct Generation {
+pub(crate) struct GenerationTrace {
     /// The Back-to-Reality iteration it belongs to, from 1.
     pub(crate) iteration: usize,
     /// The best of the generation: largest fitness, or smallest phi.
@@ -41,11 +41,11 @@ pub(crate) struct Parameter {
 #[derive(Clone, Debug)]
 pub(crate) struct Figure3 {
     /// The search for controllers, generation by generation over the whole run.
-    pub(crate) fitness: Vec<Generation>,
+    pub(crate) fitness: Vec<GenerationTrace>,
     /// What fitness is, with its unit.
     pub(crate) fitness_label: String,
     /// The search for simulations, generation by generation over the whole run.
-    pub(crate) phi: Vec<Generation>,
+    pub(crate) phi: Vec<GenerationTrace>,
     /// What phi is, with its unit.
     pub(crate) phi_label: String,
     /// The searched parameters.
@@ -71,8 +71,8 @@ pub(crate) fn figure3(data: &Figure3) -> String {
     figure(&panels, 2)
 }
 
-fn progress(title: &str, label: &str, best: &str, generations: &[Generation]) -> Panel {
-    let curve = |value: fn(&Generation) -> f64| {
+fn progress(title: &str, label: &str, best: &str, generations: &[GenerationTrace]) -> Panel {
+    let curve = |value: fn(&GenerationTrace) -> f64| {
         generations.iter().enumerate().map(|(i, g)| (i as f64, value(g))).collect::<Vec<_>>()
     };
     Panel {
@@ -89,7 +89,7 @@ fn progress(title: &str, label: &str, best: &str, generations: &[Generation]) ->
 }
 
 /// Between the last generation of an iteration and the first of the next.
-fn ends(generations: &[Generation]) -> Vec<f64> {
+fn ends(generations: &[GenerationTrace]) -> Vec<f64> {
     let pairs = generations.windows(2).enumerate();
     pairs.filter(|(_, pair)| pair[0].iteration != pair[1].iteration).map(|(i, _)| i as f64 + 0.5).collect()
 }
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn iterations_end_between_generations() {
-        let generation = |iteration| Generation { iteration, best: 0.0, mean: 0.0 };
+        let generation = |iteration| GenerationTrace { iteration, best: 0.0, mean: 0.0 };
         assert_eq!(ends(&[1, 1, 2, 2, 3].map(generation)), [1.5, 3.5]);
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct Row {
 
 /// The scale of all rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Scale {
+pub(crate) enum RowScale {
     /// Equal ratios are equally far apart; what is not positive is left out.
     Ratio,
     /// From one bound (0) to the other (1).
@@ -48,7 +48,7 @@ pub(crate) struct Rows {
     /// Above the notes.
     pub(crate) notes: String,
     /// The scale.
-    pub(crate) scale: Scale,
+    pub(crate) scale: RowScale,
     /// Vertical lines, with what they mean.
     pub(crate) lines: Vec<(Ink, f64, String)>,
     /// What the dots of an ink mean.
@@ -75,20 +75,20 @@ const LETTER: f64 = 8.0;
 
 /// The rows as an SVG document.
 pub(crate) fn rows(of: &Rows) -> String {
-    Frame::new(of).draw(of)
+    RowFrame::new(of).draw(of)
 }
 
 /// Where things lie on the paper.
-struct Frame {
+struct RowFrame {
     left: f64,
     right: f64,
     bottom: f64,
     width: f64,
-    scale: Scale,
+    scale: RowScale,
     axis: Axis,
 }
 
-impl Frame {
+impl RowFrame {
     fn new(of: &Rows) -> Self {
         let widest = |texts: &mut dyn Iterator<Item = &String>| {
             texts.map(|text| text.chars().count()).max().unwrap_or(0) as f64 * LETTER
@@ -102,20 +102,20 @@ impl Frame {
         });
         let values = values.chain(of.lines.iter().map(|line| line.1));
         let axis = match of.scale {
-            Scale::Ratio => Axis::over(values.chain(LEAST_RATIO).filter(|x| *x > 0.0).map(f64::log10), 6, 0.03),
-            Scale::Bounds => Axis::over([0.0, 1.0].into_iter(), 4, 0.03),
+            RowScale::Ratio => Axis::over(values.chain(LEAST_RATIO).filter(|x| *x > 0.0).map(f64::log10), 6, 0.03),
+            RowScale::Bounds => Axis::over([0.0, 1.0].into_iter(), 4, 0.03),
         };
         let legend = of.legend.iter().map(|(_, name)| name).chain(of.lines.iter().map(|(.., name)| name));
         let legend = left + legend.map(|name| entry_width(name)).sum::<f64>();
         let width = (right + GAP + notes + 8.0).max(8.8 * of.title.chars().count() as f64).max(legend);
-        Frame { left, right, bottom: TOP + ROW * of.rows.len() as f64 + 8.0, width, scale: of.scale, axis }
+        RowFrame { left, right, bottom: TOP + ROW * of.rows.len() as f64 + 8.0, width, scale: of.scale, axis }
     }
 
     /// `None` where a value has no place on the scale.
     fn at(&self, x: f64) -> Option<f64> {
         let place = match self.scale {
-            Scale::Ratio => x.log10(),
-            Scale::Bounds => x,
+            RowScale::Ratio => x.log10(),
+            RowScale::Bounds => x,
         };
         place.is_finite().then(|| self.left + SCALE * self.axis.share(place).clamp(0.0, 1.0))
     }
@@ -146,8 +146,8 @@ impl Frame {
 
     fn grid(&self, out: &mut String) {
         let ticks = match self.scale {
-            Scale::Ratio => decades(&self.axis),
-            Scale::Bounds => [(0.0, "lower bound"), (0.5, "middle"), (1.0, "upper bound")]
+            RowScale::Ratio => decades(&self.axis),
+            RowScale::Bounds => [(0.0, "lower bound"), (0.5, "middle"), (1.0, "upper bound")]
                 .map(|(x, name)| (x, name.to_owned()))
                 .to_vec(),
         };
@@ -250,7 +250,7 @@ fn dot(ink: Ink, x: f64, y: f64) -> String {
 mod tests {
     use super::*;
 
-    fn drawn(scale: Scale, pins: Vec<Pin>) -> String {
+    fn drawn(scale: RowScale, pins: Vec<Pin>) -> String {
         let row = Row { name: "a < b".into(), pins, note: "1.0".into(), strong: true };
         let lines = vec![(Ink::Truth, 1.0, "noise floor".into())];
         let legend = vec![(Ink::Main, "learnt".into())];
@@ -261,9 +261,10 @@ mod tests {
 
     #[test]
     fn what_has_no_place_on_the_scale_is_left_out() {
-        let svg = drawn(Scale::Ratio, vec![Pin::Dot(Ink::Main, 10.0), Pin::Dot(Ink::Second, 0.0)]);
+        let svg = drawn(RowScale::Ratio, vec![Pin::Dot(Ink::Main, 10.0), Pin::Dot(Ink::Second, 0.0)]);
         assert_eq!(svg.matches("dots pin").count(), 2 + 1, "two rows and the legend: {svg}");
-        let svg = drawn(Scale::Ratio, vec![Pin::Span(Ink::Main, f64::INFINITY, 1.0), Pin::Stem(Ink::Main, 1.0, 2.0)]);
+        let svg =
+            drawn(RowScale::Ratio, vec![Pin::Span(Ink::Main, f64::INFINITY, 1.0), Pin::Stem(Ink::Main, 1.0, 2.0)]);
         assert!(
             !svg.contains("span\"") && svg.contains("stem\"") && !svg.contains("NaN") && !svg.contains("inf"),
             "{svg}"
@@ -272,7 +273,7 @@ mod tests {
 
     #[test]
     fn names_are_text_and_lines_are_in_the_legend() {
-        let svg = drawn(Scale::Bounds, vec![Pin::Dot(Ink::Main, 0.3)]);
+        let svg = drawn(RowScale::Bounds, vec![Pin::Dot(Ink::Main, 0.3)]);
         for text in [">a &lt; b<", ">noise floor<", ">learnt<", ">lower bound<", "<title>Fall</title>"] {
             assert!(svg.contains(text), "{text}: {svg}");
         }

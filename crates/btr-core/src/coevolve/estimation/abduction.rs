@@ -5,8 +5,8 @@
 //! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
 
 use super::posterior::Posterior;
-use super::probed::Probed;
-use super::{Estimated, Means, Setting, Surprise};
+use super::probed::ProbedTest;
+use super::{Estimated, EstimationContext, EstimationProblem, PriorPredictive};
 use crate::coevolve::evaluate::{self, Cost};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
@@ -74,7 +74,7 @@ pub struct Suspect {
 
 /// An extension with its numbers, and how well it explains the tests.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fitted {
+pub struct FittedExtension {
     /// On the beginnings of the tests to learn from.
     pub early: Estimated,
     /// On all of these tests.
@@ -91,8 +91,13 @@ impl Abduction<'_> {
         Posterior::new(prior.mean().clone(), prior.covariance() * ASTRAY.powi(2))
     }
 
-    fn setting<'a>(&'a self, simulator: &'a dyn Simulator, prior: &Posterior, tests: &[&'a Entry]) -> Setting<'a> {
-        Setting { simulator, distance: self.distance, tests: tests.to_vec(), prior: prior.clone() }
+    fn setting<'a>(
+        &'a self,
+        simulator: &'a dyn Simulator,
+        prior: &Posterior,
+        tests: &[&'a Entry],
+    ) -> EstimationProblem<'a> {
+        EstimationProblem { simulator, distance: self.distance, tests: tests.to_vec(), prior: prior.clone() }
     }
 
     /// Estimates S, from a belief to begin with; `prior` is what is known of it without any test.
@@ -102,14 +107,14 @@ impl Abduction<'_> {
         prior: &Posterior,
         from: &Posterior,
         cost: &mut Cost,
-    ) -> Option<Fitted> {
+    ) -> Option<FittedExtension> {
         let (early, estimated) = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
         let (seen, _) = self.setting(simulator, prior, &self.held_out).seen(&draws, cost);
-        let held_out = Surprise::of(&seen);
+        let held_out = PriorPredictive::of(&seen);
         let judged = !self.held_out.is_empty();
-        Some(Fitted {
+        Some(FittedExtension {
             early,
             estimated,
             held_out: judged.then_some(held_out.chi),
@@ -126,7 +131,7 @@ impl Abduction<'_> {
         from: &Posterior,
         cost: &mut Cost,
     ) -> Option<(Estimated, Estimated)> {
-        let means = Means { phase: &self.phase, seed: self.seed };
+        let means = EstimationContext { phase: &self.phase, seed: self.seed };
         let (first, longer) = self.learn.split_first()?;
         let early = self.setting(simulator, prior, first).settle(from, &means, cost)?;
         let mut estimated = early.clone();
@@ -152,7 +157,7 @@ impl Abduction<'_> {
         let phase = PosteriorPhase { turns, ..self.phase.clone() };
         self.setting(simulator, prior, self.learn.first()?).settle(
             from,
-            &Means { phase: &phase, seed: self.seed },
+            &EstimationContext { phase: &phase, seed: self.seed },
             cost,
         )
     }
@@ -168,7 +173,8 @@ impl Abduction<'_> {
         cost: &mut Cost,
     ) -> Vec<Suspect> {
         let here = simulator.simulations().from_unit(belief.mean().as_slice());
-        let mut sums: Vec<Vec<Normal>> = extensions.iter().map(|e| vec![Normal::default(); e.probes.len()]).collect();
+        let mut sums: Vec<Vec<ProbeEquations>> =
+            extensions.iter().map(|e| vec![ProbeEquations::default(); e.probes.len()]).collect();
         let mut information = prior.covariance().clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(0, 0));
         let mut gradient = &information * (belief.mean() - prior.mean());
         let mut chi2 = 0.0;
@@ -177,7 +183,7 @@ impl Abduction<'_> {
             chi2 += probed.chi2();
             information += probed.information();
             gradient += probed.gradient();
-            let along = |(extension, sums): (&Extension, &mut Vec<Normal>)| {
+            let along = |(extension, sums): (&Extension, &mut Vec<ProbeEquations>)| {
                 let mut cost = Cost::default();
                 let residuals = self.residuals(extension, &here, entry, &mut cost);
                 sums.iter_mut().zip(residuals).for_each(|(sum, r)| sum.add(r.and_then(|r| probed.along(&r))));
@@ -187,8 +193,9 @@ impl Abduction<'_> {
             costs.into_iter().for_each(|spent| cost.add(spent));
         }
         let Some(factor) = information.cholesky() else { return Vec::new() };
-        let promise = |(k, sums): (usize, &Vec<Normal>)| {
-            let best = |(probe, sum): (&Vec<f64>, &Normal)| Some((probe.clone(), sum.best(&factor, &gradient)?));
+        let promise = |(k, sums): (usize, &Vec<ProbeEquations>)| {
+            let best =
+                |(probe, sum): (&Vec<f64>, &ProbeEquations)| Some((probe.clone(), sum.best(&factor, &gradient)?));
             let bests = extensions[k].probes.iter().zip(sums).filter_map(best);
             let (probe, (multiple, fall)) = bests.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
             Some(Suspect {
@@ -202,14 +209,20 @@ impl Abduction<'_> {
         suspects
     }
 
-    fn probed(&self, simulator: &dyn Simulator, belief: &Posterior, entry: &Entry, cost: &mut Cost) -> Option<Probed> {
+    fn probed(
+        &self,
+        simulator: &dyn Simulator,
+        belief: &Posterior,
+        entry: &Entry,
+        cost: &mut Cost,
+    ) -> Option<ProbedTest> {
         let members = self.phase.members(belief.mean().len());
         let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();
         let squares = self.distance.as_squares()?;
         let results = evaluate::residuals(simulator, (self.distance, squares), &points, &[entry], cost);
         let errors: Option<Vec<Residuals>> = results.into_iter().map(|(_, residuals)| residuals).collect();
-        Probed::of(&draws, &errors?, belief.mean())
+        ProbedTest::of(&draws, &errors?, belief.mean())
     }
 
     fn residuals(&self, of: &Extension, here: &[f64], entry: &Entry, cost: &mut Cost) -> Vec<Option<Residuals>> {
@@ -237,14 +250,14 @@ impl Abduction<'_> {
 
 /// What the tests say along one probe: products of its change of the errors with itself, the errors and the slopes of S.
 #[derive(Clone, Default)]
-struct Normal {
+struct ProbeEquations {
     failed: bool,
     own: f64,
     pull: f64,
     across: Option<DVector<f64>>,
 }
 
-impl Normal {
+impl ProbeEquations {
     fn add(&mut self, along: Option<(f64, f64, DVector<f64>)>) {
         let Some((own, pull, across)) = along else {
             self.failed = true;

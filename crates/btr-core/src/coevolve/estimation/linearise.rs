@@ -16,7 +16,7 @@
 //! of its members' errors.
 
 use crate::optimize::Residuals;
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ const FORESEEN: f64 = 0.9;
 const CHUNK: usize = 1024;
 
 /// An ensemble's errors on one test: their inner products, member by member.
-pub(crate) struct Shown {
+pub(crate) struct EnsembleErrors {
     gram: DMatrix<f64>,
     /// Covariance of the gradient by the sensors' noise alone.
     heard: DMatrix<f64>,
@@ -42,15 +42,15 @@ pub(crate) struct Shown {
     log_variances: f64,
 }
 
-impl Shown {
+impl EnsembleErrors {
     /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
     pub(crate) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
-        let Weighted { rows, variances, gram, .. } = Weighted::of(ensemble, residuals)?;
+        let WhitenedErrors { rows, variances, gram, .. } = WhitenedErrors::of(ensemble, residuals)?;
         let heard = ensemble.heard(&rows, &variances, &gram);
         let samples = variances.iter().map(|variance| 1.0 / (1.0 + variance)).sum();
         let unpredictable = (variances.iter().sum::<f64>() / variances.len() as f64).sqrt();
         let log_variances = variances.iter().map(|variance| variance.ln_1p()).sum();
-        Some(Shown { gram, heard, samples, unpredictable, log_variances })
+        Some(EnsembleErrors { gram, heard, samples, unpredictable, log_variances })
     }
 
     /// How many readings were compared; one that is unpredictable counts for less.
@@ -94,7 +94,7 @@ pub(crate) struct Ensemble {
 
 impl Ensemble {
     /// Of points of the unit cube; `None` for fewer than two more than there are dimensions.
-    pub(crate) fn of(members: &[Unit]) -> Option<Self> {
+    pub(crate) fn of(members: &[UnitPoint]) -> Option<Self> {
         let dims = members.first()?.len();
         Self::at(DMatrix::from_fn(members.len(), dims, |i, k| members[i][k]))
     }
@@ -141,7 +141,7 @@ impl Ensemble {
     }
 
     /// What a test says: an information matrix and a gradient at the ensemble's mean.
-    pub(crate) fn told(&self, shown: &Shown) -> Told {
+    pub(crate) fn told(&self, shown: &EnsembleErrors) -> TestInformation {
         let count = shown.gram.nrows();
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
         let average = DVector::from_element(count, 1.0 / count as f64);
@@ -152,7 +152,7 @@ impl Ensemble {
             || DMatrix::zeros(gradient.len(), gradient.len()),
             |astray| astray + &shown.heard - &information,
         );
-        Told { information, gradient, astray }
+        TestInformation { information, gradient, astray }
     }
 
     /// Covariance of the gradient that [`told`](Self::told) gives by the sensors' noise alone, whose variance is a share
@@ -181,21 +181,21 @@ impl Ensemble {
     /// How far simulations would lead the gradient astray if one of them were the robot, by what no slope foretells: its mean
     /// outer product, over members that did not take part in the regression. `None` for an ensemble with too few members to
     /// leave some out.
-    fn astray(&self, shown: &Shown) -> Option<DMatrix<f64>> {
+    fn astray(&self, shown: &EnsembleErrors) -> Option<DMatrix<f64>> {
         let pulls: Vec<DMatrix<f64>> = self.left_out(shown).iter().map(LeftOut::pulls).collect();
         let count: usize = pulls.iter().map(DMatrix::ncols).sum();
         (count > 0).then(|| pulls.iter().map(|pulls| pulls * pulls.transpose() / count as f64).sum())
     }
 
     /// Every member once beside a regression that it did not take part in. None for an ensemble with too few members.
-    fn left_out(&self, shown: &Shown) -> Vec<LeftOut> {
+    fn left_out(&self, shown: &EnsembleErrors) -> Vec<LeftOut> {
         // Draws come in pairs about the mean, which stay together.
         let of_fold = |fold: usize| (0..self.places.nrows()).partition(|i| i / 2 % FOLDS != fold);
         let folds: Vec<(Vec<usize>, Vec<usize>)> = (0..FOLDS).map(of_fold).collect();
         folds.par_iter().filter_map(|(taking_part, others)| self.without(shown, taking_part, others)).collect()
     }
 
-    fn without(&self, shown: &Shown, taking_part: &[usize], others: &[usize]) -> Option<LeftOut> {
+    fn without(&self, shown: &EnsembleErrors, taking_part: &[usize], others: &[usize]) -> Option<LeftOut> {
         let regression = Ensemble::at(self.places.select_rows(taking_part))?;
         let beside = shown.gram.select_rows(taking_part);
         let among = beside.select_columns(taking_part);
@@ -211,7 +211,7 @@ impl Ensemble {
     }
 
     /// What is foretold of a test of the point `at`.
-    pub(crate) fn foretold(&self, shown: &Shown, at: &DVector<f64>) -> Foretold {
+    pub(crate) fn foretold(&self, shown: &EnsembleErrors, at: &DVector<f64>) -> Prediction {
         let noise = Unpredictable::of(&self.leftover, &shown.gram, self.freedom);
         let combined = DMatrix::from_columns(&[self.regressed(at)]);
         let chi2 = noise.product(&combined, &combined)[(0, 0)];
@@ -220,7 +220,7 @@ impl Ensemble {
         excesses.sort_by(f64::total_cmp);
         let last = excesses.len().saturating_sub(1) as f64;
         let excess = excesses.get((FORESEEN * last) as usize).copied().unwrap_or(0.0);
-        Foretold { chi2, samples: shown.samples, excess, deviance }
+        Prediction { chi2, samples: shown.samples, excess, deviance }
     }
 
     /// The variance of each sample's errors that no place in S accounts for.
@@ -283,7 +283,7 @@ impl LeftOut {
 }
 
 /// A test as a regression foretells it for some point.
-pub(crate) struct Foretold {
+pub(crate) struct Prediction {
     /// chi-squared beside what is unpredictable.
     pub chi2: f64,
     /// How many readings that is over.
@@ -302,7 +302,7 @@ pub(crate) fn add_scaled(sums: &mut [f64], numbers: &[f64], multiple: f64) {
 }
 
 /// The ensemble's mean on a test, where all that its members differ in counts as not known.
-pub(crate) fn surprise(shown: &Shown) -> Foretold {
+pub(crate) fn surprise(shown: &EnsembleErrors) -> Prediction {
     Ensemble::nowhere(shown.gram.nrows()).foretold(shown, &DVector::zeros(0))
 }
 
@@ -337,7 +337,7 @@ impl<'a> Unpredictable<'a> {
 }
 
 /// What a test says about S.
-pub(crate) struct Told {
+pub(crate) struct TestInformation {
     /// Expected curvature of half its chi-squared.
     pub information: DMatrix<f64>,
     /// Slope of half its chi-squared at the ensemble's mean.
@@ -347,7 +347,7 @@ pub(crate) struct Told {
 }
 
 /// Members' errors on one test, each reading's divided by its noise and by what is unpredictable of it.
-pub(crate) struct Weighted {
+pub(crate) struct WhitenedErrors {
     pub rows: Vec<Vec<f64>>,
     /// Which samples of the residuals these are, and by how much they were scaled to count in multiples of the noise.
     pub there: Vec<usize>,
@@ -358,7 +358,7 @@ pub(crate) struct Weighted {
     pub gram: DMatrix<f64>,
 }
 
-impl Weighted {
+impl WhitenedErrors {
     /// Of each member's residuals, whose squares add up to chi-squared per sample; `None` without any.
     pub(crate) fn of(ensemble: &Ensemble, residuals: &[Residuals]) -> Option<Self> {
         let (mut rows, there, scale) = rows_of(residuals)?;
@@ -367,7 +367,7 @@ impl Weighted {
             row.iter_mut().zip(&variances).for_each(|(error, variance)| *error /= (1.0 + variance).sqrt());
         }
         let gram = gram_of(&rows);
-        Some(Weighted { rows, there, scale, variances, gram })
+        Some(WhitenedErrors { rows, there, scale, variances, gram })
     }
 }
 

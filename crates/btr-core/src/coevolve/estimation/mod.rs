@@ -15,10 +15,10 @@ use super::plan::PosteriorPhase;
 use crate::distance::Distance;
 use crate::optimize::Residuals;
 use crate::random;
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use crate::space::Space;
 use crate::world::Simulator;
-use linearise::{Ensemble, Foretold, Shown, Told, surprise};
+use linearise::{Ensemble, EnsembleErrors, Prediction, TestInformation, surprise};
 use nalgebra::{DMatrix, DVector};
 use posterior::{Posterior, root};
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ const ROUNDED: f64 = 0.01;
 const WORST: f64 = 1.1;
 
 /// What is estimated from what.
-pub(super) struct Setting<'a> {
+pub(super) struct EstimationProblem<'a> {
     pub simulator: &'a dyn Simulator,
     /// A likelihood: see [`Distance::whitens`].
     pub distance: &'a dyn Distance,
@@ -56,7 +56,7 @@ pub(super) struct Setting<'a> {
 }
 
 /// How it is estimated.
-pub(super) struct Means<'a> {
+pub(super) struct EstimationContext<'a> {
     pub phase: &'a PosteriorPhase,
     /// Of all ensembles.
     pub seed: u64,
@@ -89,7 +89,7 @@ pub struct Explanation {
 }
 
 /// What a turn came to.
-pub(super) struct Turned {
+pub(super) struct TurnResult {
     pub estimated: Estimated,
     pub settled: bool,
     /// Whether the tests are like what simulations foresee of each other: less than [`Estimated::explains`] asks where they are
@@ -98,28 +98,28 @@ pub(super) struct Turned {
 }
 
 /// An ensemble's view of a test.
-pub(super) struct Seen {
+pub(super) struct TestView {
     pub ensemble: Ensemble,
-    pub shown: Shown,
+    pub shown: EnsembleErrors,
 }
 
-impl Setting<'_> {
+impl EstimationProblem<'_> {
     /// Turn after turn, from a belief to where it rests, or to where the turns end or no longer help. `None` where nothing could
     /// be simulated.
-    pub(super) fn settle(&self, from: &Posterior, by: &Means<'_>, cost: &mut Cost) -> Option<Estimated> {
+    pub(super) fn settle(&self, from: &Posterior, by: &EstimationContext<'_>, cost: &mut Cost) -> Option<Estimated> {
         let first = self.next(from, 1, by, cost)?;
         self.go_on(first, by, cost).map(|turned| turned.estimated)
     }
 
     /// [`settle`](Self::settle), from a belief that explains parts of these tests. Where all of them are as it foresees, nothing
     /// is less known for them: a chaotic rest, which would only widen what is believed, is left alone.
-    pub(super) fn narrow(&self, from: &Posterior, by: &Means<'_>, cost: &mut Cost) -> Option<Estimated> {
+    pub(super) fn narrow(&self, from: &Posterior, by: &EstimationContext<'_>, cost: &mut Cost) -> Option<Estimated> {
         let first = self.next(from, 1, by, cost)?;
         if !first.foreseen {
             return self.go_on(first, by, cost).map(|turned| turned.estimated);
         }
         let kept = Estimated { belief: from.clone(), explains: true, ..first.estimated.clone() };
-        let narrower = |other: &Turned| other.foreseen && other.estimated.belief.volume() <= from.volume();
+        let narrower = |other: &TurnResult| other.foreseen && other.estimated.belief.volume() <= from.volume();
         if !narrower(&first) {
             return Some(kept);
         }
@@ -128,7 +128,7 @@ impl Setting<'_> {
     }
 
     /// Further turns after a first one.
-    fn go_on(&self, first: Turned, by: &Means<'_>, cost: &mut Cost) -> Option<Turned> {
+    fn go_on(&self, first: TurnResult, by: &EstimationContext<'_>, cost: &mut Cost) -> Option<TurnResult> {
         let (mut last, mut chis) = (first, Vec::new());
         for turn in 2..=by.phase.turns as u64 {
             chis.push(last.estimated.chi);
@@ -144,14 +144,14 @@ impl Setting<'_> {
     }
 
     /// One turn, with an ensemble of its own.
-    fn next(&self, belief: &Posterior, turn: u64, by: &Means<'_>, cost: &mut Cost) -> Option<Turned> {
+    fn next(&self, belief: &Posterior, turn: u64, by: &EstimationContext<'_>, cost: &mut Cost) -> Option<TurnResult> {
         let members = by.phase.members(belief.mean().len());
         let draws = belief.wider(WIDER).draws(members, &mut random::stream(by.seed, &[turn]));
         self.turn(belief, &self.seen(&draws, cost).0)
     }
 
     /// Runs an ensemble on the tests: what each test shows, and each member's phi.
-    pub(super) fn seen(&self, draws: &[Unit], cost: &mut Cost) -> (Vec<Option<Seen>>, Vec<f64>) {
+    pub(super) fn seen(&self, draws: &[UnitPoint], cost: &mut Cost) -> (Vec<Option<TestView>>, Vec<f64>) {
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| self.simulator.simulations().from_unit(unit)).collect();
         let mut phis = vec![0.0; draws.len()];
         let Some(squares) = self.distance.as_squares() else { return (Vec::new(), phis) };
@@ -165,10 +165,10 @@ impl Setting<'_> {
     }
 
     /// Where the tests move a belief; `None` where none of them could be simulated.
-    pub(super) fn turn(&self, belief: &Posterior, seen: &[Option<Seen>]) -> Option<Turned> {
+    pub(super) fn turn(&self, belief: &Posterior, seen: &[Option<TestView>]) -> Option<TurnResult> {
         let known = self.prior.covariance().clone().try_inverse()?;
-        let there: Vec<&Seen> = seen.iter().flatten().collect();
-        let told: Vec<Told> = there.par_iter().map(|seen| seen.ensemble.told(&seen.shown)).collect();
+        let there: Vec<&TestView> = seen.iter().flatten().collect();
+        let told: Vec<TestInformation> = there.par_iter().map(|seen| seen.ensemble.told(&seen.shown)).collect();
         let best = |tempered: f64| {
             let mut information = known.clone();
             let mut pull = &known * self.prior.mean();
@@ -181,7 +181,7 @@ impl Setting<'_> {
         };
         let samples: f64 = there.iter().map(|seen| seen.shown.samples()).sum();
         let at = best(1.0)?.0;
-        let of_tests: Vec<Foretold> = there.iter().map(|seen| seen.ensemble.foretold(&seen.shown, &at)).collect();
+        let of_tests: Vec<Prediction> = there.iter().map(|seen| seen.ensemble.foretold(&seen.shown, &at)).collect();
         let chi2 = of_tests.iter().map(|test| test.chi2).sum::<f64>() / samples;
         if !chi2.is_finite() {
             return None;
@@ -191,13 +191,13 @@ impl Setting<'_> {
         let (mean, covariance) = best(chi2.max(1.0))?;
         let astray: DMatrix<f64> = told.iter().map(|told| &told.astray).sum();
         let covariance = &covariance + &covariance * astray * &covariance / chi2.max(1.0);
-        let of_test = |seen: &Option<Seen>| seen.as_ref().map_or(f64::NAN, |seen| seen.shown.unpredictable());
+        let of_test = |seen: &Option<TestView>| seen.as_ref().map_or(f64::NAN, |seen| seen.shown.unpredictable());
         let unpredictable = seen.iter().map(of_test).collect();
         let (belief, settled) = moved(belief, &mean, &covariance);
         let (chi, deviance) = (chi2.sqrt(), of_tests.iter().map(|test| test.deviance).sum());
         let explains = explained(&of_tests);
         let foreseen = foreseen(&of_tests);
-        Some(Turned {
+        Some(TurnResult {
             estimated: Estimated { belief, chi, unpredictable, samples, deviance, explains },
             settled,
             foreseen,
@@ -206,9 +206,9 @@ impl Setting<'_> {
 }
 
 /// chi-squared of some tests, over how many readings, and by how much it may exceed what noise leaves.
-fn sums(tests: &[Foretold]) -> (f64, f64, f64) {
+fn sums(tests: &[Prediction]) -> (f64, f64, f64) {
     let add =
-        |(chi2, samples, excess), test: &Foretold| (chi2 + test.chi2, samples + test.samples, excess + test.excess);
+        |(chi2, samples, excess), test: &Prediction| (chi2 + test.chi2, samples + test.samples, excess + test.excess);
     tests.iter().fold((0.0, 0.0, 0.0), add)
 }
 
@@ -218,19 +218,19 @@ fn noise_alone(samples: f64) -> f64 {
 }
 
 /// Whether noise alone leaves as much, beside what is unpredictable.
-fn explained(tests: &[Foretold]) -> bool {
+fn explained(tests: &[Prediction]) -> bool {
     let (chi2, samples, _) = sums(tests);
     chi2 <= noise_alone(samples) && tests.iter().all(|test| test.chi2 <= WORST.powi(2) * test.samples)
 }
 
 /// Whether each test, and all of them, are like what simulations foresee of each other.
-fn foreseen(tests: &[Foretold]) -> bool {
+fn foreseen(tests: &[Prediction]) -> bool {
     let as_foreseen = |(chi2, samples, excess): (f64, f64, f64)| chi2 <= noise_alone(samples) + excess;
     !tests.is_empty() && (0..tests.len()).all(|k| as_foreseen(sums(&tests[k..=k]))) && as_foreseen(sums(tests))
 }
 
 /// Some tests before anything is learnt from them, all that an ensemble leaves open taken for noise.
-pub(super) struct Surprise {
+pub(super) struct PriorPredictive {
     /// Root of chi-squared per sample.
     pub chi: f64,
     /// Whether that is what noise leaves.
@@ -239,21 +239,25 @@ pub(super) struct Surprise {
     pub foreseen: bool,
 }
 
-impl Surprise {
+impl PriorPredictive {
     /// Of an ensemble's view of the tests.
-    pub(super) fn of(seen: &[Option<Seen>]) -> Self {
-        let tests: Vec<Foretold> = seen.iter().flatten().map(|seen| surprise(&seen.shown)).collect();
+    pub(super) fn of(seen: &[Option<TestView>]) -> Self {
+        let tests: Vec<Prediction> = seen.iter().flatten().map(|seen| surprise(&seen.shown)).collect();
         let (chi2, samples, _) = sums(&tests);
-        Surprise { chi: (chi2 / samples).sqrt(), at_noise: chi2 <= noise_alone(samples), foreseen: foreseen(&tests) }
+        PriorPredictive {
+            chi: (chi2 / samples).sqrt(),
+            at_noise: chi2 <= noise_alone(samples),
+            foreseen: foreseen(&tests),
+        }
     }
 }
 
 /// Those members of an ensemble that could be simulated on a test, and what it shows.
-fn view(draws: &[Unit], residuals: Vec<Option<Residuals>>) -> Option<Seen> {
-    let (members, errors): (Vec<Unit>, Vec<Residuals>) =
+fn view(draws: &[UnitPoint], residuals: Vec<Option<Residuals>>) -> Option<TestView> {
+    let (members, errors): (Vec<UnitPoint>, Vec<Residuals>) =
         draws.iter().cloned().zip(residuals).filter_map(|(unit, errors)| Some((unit, errors?))).unzip();
     let ensemble = Ensemble::of(&members)?;
-    Some(Seen { shown: Shown::of(&ensemble, &errors)?, ensemble })
+    Some(TestView { shown: EnsembleErrors::of(&ensemble, &errors)?, ensemble })
 }
 
 /// A belief on its way to another one, as far as one turn goes; and whether it is there.

@@ -1,7 +1,7 @@
 //! What is believed of S: a normal distribution on the unit cube, from the bounds alone to what the real tests leave open.
 
 use crate::random::Rng;
-use crate::search::{Unit, normal};
+use crate::search::{UnitPoint, normal};
 use crate::space::{Dim, Space};
 use indexmap::IndexMap;
 use nalgebra::{DMatrix, DVector};
@@ -109,7 +109,7 @@ impl Posterior {
     }
 
     /// Points of the cube drawn from it; each has a partner on the other side of the mean, so that the sample is centred.
-    pub(crate) fn draws(&self, count: usize, rng: &mut Rng) -> Vec<Unit> {
+    pub(crate) fn draws(&self, count: usize, rng: &mut Rng) -> Vec<UnitPoint> {
         let root = root(&self.covariance);
         let mut draws = Vec::with_capacity(count + 1);
         while draws.len() < count {

@@ -1,32 +1,32 @@
 //! Simulations of a larger S held beside what an ensemble shows of a test.
 
-use super::linearise::{Ensemble, Unpredictable, Weighted, add_scaled, dot};
+use super::linearise::{Ensemble, Unpredictable, WhitenedErrors, add_scaled, dot};
 use crate::optimize::Residuals;
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 
-/// An ensemble's view of one test beside which further simulations are held: see [`along`](Probed::along).
-pub(crate) struct Probed {
+/// An ensemble's view of one test beside which further simulations are held: see [`along`](ProbedTest::along).
+pub(crate) struct ProbedTest {
     ensemble: Ensemble,
-    weighted: Weighted,
+    weighted: WhitenedErrors,
     /// Members' combinations: the slopes, and where the regression has the point.
     here: DMatrix<f64>,
     /// The errors there.
     errors: Vec<f64>,
 }
 
-impl Probed {
+impl ProbedTest {
     /// Of members with their residuals, about a point of the cube.
-    pub(crate) fn of(members: &[Unit], residuals: &[Residuals], at: &DVector<f64>) -> Option<Self> {
+    pub(crate) fn of(members: &[UnitPoint], residuals: &[Residuals], at: &DVector<f64>) -> Option<Self> {
         let ensemble = Ensemble::of(members)?;
-        let weighted = Weighted::of(&ensemble, residuals)?;
+        let weighted = WhitenedErrors::of(&ensemble, residuals)?;
         let here = ensemble.regressed(at);
         let mut errors = vec![0.0; weighted.variances.len()];
         for (row, share) in weighted.rows.iter().zip(here.iter()) {
             add_scaled(&mut errors, row, *share);
         }
         let here = DMatrix::from_columns(&[here]);
-        Some(Probed { ensemble, weighted, here, errors })
+        Some(ProbedTest { ensemble, weighted, here, errors })
     }
 
     fn noise(&self) -> Unpredictable<'_> {
@@ -52,7 +52,7 @@ impl Probed {
     /// point, and with the slopes of S. `None` where it cannot be compared.
     pub(crate) fn along(&self, residuals: &Residuals) -> Option<(f64, f64, DVector<f64>)> {
         let flat = residuals.concat();
-        let Weighted { rows, there, scale, variances, .. } = &self.weighted;
+        let WhitenedErrors { rows, there, scale, variances, .. } = &self.weighted;
         let there = there.iter().zip(variances).zip(&self.errors);
         let change = there.map(|((&k, variance), error)| scale * flat[k] / (1.0 + variance).sqrt() - error);
         let change: Vec<f64> = change.collect();

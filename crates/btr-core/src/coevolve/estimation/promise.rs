@@ -19,7 +19,7 @@ pub(crate) fn interval(draws: &[f64]) -> Option<[f64; 2]> {
 
 /// The reality gap: real fitness less what was promised, over the real tests of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Gap {
+pub struct RealityGap {
     /// Mean over the tests, in the unit of fitness; below zero where reality falls short.
     pub mean: f64,
     /// 95 % interval of that mean (Student's t); `None` for fewer than three tests.
@@ -30,7 +30,7 @@ pub struct Gap {
     pub within: [usize; 2],
 }
 
-impl Gap {
+impl RealityGap {
     /// Over a ledger; `None` where no test had a promise.
     pub fn of(ledger: &Ledger) -> Option<Self> {
         let gap = |entry: &Entry| Some(entry.fitness()? - entry.promised?);
@@ -44,7 +44,7 @@ impl Gap {
             .collect();
         let mean = stats::mean(&gaps);
         let half = student_95(gaps.len()).map(|t| t * spread(&gaps, mean) / (gaps.len() as f64).sqrt());
-        (!gaps.is_empty()).then(|| Gap {
+        (!gaps.is_empty()).then(|| RealityGap {
             mean,
             ci95: half.map(|half| [mean - half, mean + half]),
             tests: gaps.len(),

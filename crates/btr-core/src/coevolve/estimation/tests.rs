@@ -3,17 +3,23 @@
 
 use super::abduction::{Abduction, Extension};
 use super::*;
-use crate::coevolve::toy::{Made, Robot, Toy, tested, whitened};
+use crate::coevolve::toy::{DerivedSpace, Toy, ToyRobot, tested, whitened};
 use crate::space::Dim;
 use rand::RngExt;
 
 fn estimated(toy: &Toy, truth: &[f64], seed: u64) -> Estimated {
-    let ledger = tested(&mut Robot::new(toy, truth, seed), 1);
+    let ledger = tested(&mut ToyRobot::new(toy, truth, seed), 1);
     let distance = whitened();
     let prior = Posterior::of_bounds(&[0.5, 0.5]);
-    let setting =
-        Setting { simulator: toy, distance: &distance, tests: ledger.entries().iter().collect(), prior: prior.clone() };
-    setting.settle(&prior, &Means { phase: &PosteriorPhase::default(), seed }, &mut Cost::default()).unwrap()
+    let setting = EstimationProblem {
+        simulator: toy,
+        distance: &distance,
+        tests: ledger.entries().iter().collect(),
+        prior: prior.clone(),
+    };
+    setting
+        .settle(&prior, &EstimationContext { phase: &PosteriorPhase::default(), seed }, &mut Cost::default())
+        .unwrap()
 }
 
 fn drawn(seed: u64) -> [f64; 2] {
@@ -59,10 +65,10 @@ fn what_nobody_can_foretell_teaches_nothing_and_is_no_misfit() {
 fn foreseen(toy: &Toy, robot: &Toy, hidden: &[f64], seeds: std::ops::Range<u64>) -> usize {
     let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
     let look = |seed: &u64| {
-        let ledger = tested(&mut Robot::new(robot, &[&drawn(*seed)[..], hidden].concat(), *seed), 1);
+        let ledger = tested(&mut ToyRobot::new(robot, &[&drawn(*seed)[..], hidden].concat(), *seed), 1);
         let tests = ledger.entries().iter().collect();
-        let setting = Setting { simulator: toy, distance: &distance, tests, prior: prior.clone() };
-        let by = Means { phase: &phase, seed: *seed };
+        let setting = EstimationProblem { simulator: toy, distance: &distance, tests, prior: prior.clone() };
+        let by = EstimationContext { phase: &phase, seed: *seed };
         setting.next(&prior, 1, &by, &mut Cost::default()).unwrap().foreseen
     };
     seeds.filter(look).count()
@@ -82,12 +88,12 @@ fn a_robot_is_foreseen_as_often_as_simulations_are() {
 #[test]
 fn a_chaotic_rest_leaves_what_the_beginning_has_told() {
     let toy = Toy::new(true, &[]);
-    let ledger = tested(&mut Robot::new(&toy, &[1.7, 1.13], 3), 1);
+    let ledger = tested(&mut ToyRobot::new(&toy, &[1.7, 1.13], 3), 1);
     let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
     let whole = &ledger.entries()[0];
     let begun = whole.beginning(0.4);
-    let of = |test| Setting { simulator: &toy, distance: &distance, tests: vec![test], prior: prior.clone() };
-    let (by, cost) = (Means { phase: &phase, seed: 3 }, &mut Cost::default());
+    let of = |test| EstimationProblem { simulator: &toy, distance: &distance, tests: vec![test], prior: prior.clone() };
+    let (by, cost) = (EstimationContext { phase: &phase, seed: 3 }, &mut Cost::default());
     let first = of(&begun).settle(&prior, &by, cost).unwrap();
     let then = of(whole).narrow(&first.belief, &by, cost).unwrap();
     assert!(first.explains && then.explains, "{} {}", first.chi, then.chi);
@@ -97,17 +103,18 @@ fn a_chaotic_rest_leaves_what_the_beginning_has_told() {
 #[test]
 fn a_number_that_does_nothing_is_not_told() {
     let idle = Toy::new(false, &[Dim::new("idle", "1", 0.0, 1.0).nominal(0.3)]).space;
-    let deaf = Made { space: idle, of: Toy::new(false, &[]), by: |s: &[f64]| s[..2].to_vec() };
-    let ledger = tested(&mut Robot::new(&deaf.of, &[1.7, 1.1], 5), 1);
+    let deaf = DerivedSpace { space: idle, of: Toy::new(false, &[]), by: |s: &[f64]| s[..2].to_vec() };
+    let ledger = tested(&mut ToyRobot::new(&deaf.of, &[1.7, 1.1], 5), 1);
     let (distance, prior) = (whitened(), Posterior::of_bounds(&[0.5, 0.5, 0.3]));
-    let setting = Setting {
+    let setting = EstimationProblem {
         simulator: &deaf,
         distance: &distance,
         tests: ledger.entries().iter().collect(),
         prior: prior.clone(),
     };
-    let estimated =
-        setting.settle(&prior, &Means { phase: &PosteriorPhase::default(), seed: 5 }, &mut Cost::default()).unwrap();
+    let estimated = setting
+        .settle(&prior, &EstimationContext { phase: &PosteriorPhase::default(), seed: 5 }, &mut Cost::default())
+        .unwrap();
     let beliefs = estimated.belief.beliefs(&deaf.space, 0.05, true);
     assert!(beliefs["rate"].told && beliefs["gain"].told && !beliefs["idle"].told, "{beliefs:?}");
     let open = estimated.belief.open_directions(&deaf.space);
@@ -120,7 +127,7 @@ fn what_s_lacks_is_not_explained_and_is_named() {
     let drift = || Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0);
     let bend = || Dim::new("gain_again", "1", 0.0, 1.0).nominal(0.0);
     let (small, robot) = (Toy::new(false, &[]), Toy::new(false, &[drift()]));
-    let ledger = tested(&mut Robot::new(&robot, &[1.7, 1.13, 0.05], 8), 2);
+    let ledger = tested(&mut ToyRobot::new(&robot, &[1.7, 1.13, 0.05], 8), 2);
     let distance = whitened();
     let (learn, held_out) = ledger.entries().split_at(1);
     let abduction = Abduction {
@@ -134,7 +141,7 @@ fn what_s_lacks_is_not_explained_and_is_named() {
     let without = abduction.fit(&small, &prior, &prior, cost).unwrap();
     assert!(!without.estimated.explains && !without.confirmed, "{}", without.estimated.chi);
     // Another extension that changes nothing that a gain would not.
-    let again = Made {
+    let again = DerivedSpace {
         space: Toy::new(false, &[bend()]).space,
         of: Toy::new(false, &[]),
         by: |s: &[f64]| vec![s[0], s[1] + s[2]],

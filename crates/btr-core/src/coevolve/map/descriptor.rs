@@ -2,24 +2,24 @@
 
 use crate::coevolve::evaluate::{self, Cost};
 use crate::distance::matches;
-use crate::search::Unit;
-use crate::world::{Job, Made, Measure, Simulator, Wanted, WorldError};
+use crate::search::UnitPoint;
+use crate::world::{Job, Measure, Output, OutputRequest, Simulator, WorldError};
 
 /// An axis of a map.
-pub(in crate::coevolve) struct Axis {
-    of: Of,
+pub(in crate::coevolve) struct DescriptorAxis {
+    of: DescriptorQuantity,
     bounds: [f64; 2],
 }
 
 /// What an axis looks at.
-enum Of {
+enum DescriptorQuantity {
     /// The mean of these parameters of the controller.
     Controller(Vec<usize>),
     /// A number that is read off a behaviour.
     Behaviour(Measure),
 }
 
-impl Axis {
+impl DescriptorAxis {
     /// From the axis' own unit to [0, 1] within its bounds.
     fn to_unit(&self, x: f64) -> f64 {
         let [least, most] = self.bounds;
@@ -33,60 +33,60 @@ impl Axis {
     }
 
     fn looks(&self) -> bool {
-        matches!(self.of, Of::Behaviour(_))
+        matches!(self.of, DescriptorQuantity::Behaviour(_))
     }
 
     /// Where a controller and what it did lie on the axis; `None` where that cannot be read.
-    fn place(&self, c: &[f64], made: &Made) -> Option<f64> {
+    fn place(&self, c: &[f64], made: &Output) -> Option<f64> {
         let x = match (&self.of, made) {
-            (Of::Controller(dims), _) => dims.iter().map(|&k| c[k]).sum::<f64>() / dims.len() as f64,
-            (Of::Behaviour(measure), Made::Behaviour(behaviour)) => measure(&behaviour.log).ok()?,
-            (Of::Behaviour(_), _) => return None,
+            (DescriptorQuantity::Controller(dims), _) => dims.iter().map(|&k| c[k]).sum::<f64>() / dims.len() as f64,
+            (DescriptorQuantity::Behaviour(measure), Output::Behaviour(behaviour)) => measure(&behaviour.log).ok()?,
+            (DescriptorQuantity::Behaviour(_), _) => return None,
         };
         Some(self.to_unit(x))
     }
 }
 
 /// The axis of this name: what the simulator measures under it, or parameters of the controller; `None` where it is neither.
-pub(super) fn axis(name: &str, bounds: [f64; 2], simulator: &dyn Simulator) -> Option<Axis> {
+pub(super) fn axis(name: &str, bounds: [f64; 2], simulator: &dyn Simulator) -> Option<DescriptorAxis> {
     if let Some(measure) = simulator.measure(name) {
-        return Some(Axis { of: Of::Behaviour(measure), bounds });
+        return Some(DescriptorAxis { of: DescriptorQuantity::Behaviour(measure), bounds });
     }
     let dims = simulator.controllers().dims().iter().enumerate();
     let fitting: Vec<usize> = dims.filter(|(_, dim)| matches(name, &dim.name)).map(|(k, _)| k).collect();
-    (!fitting.is_empty()).then_some(Axis { of: Of::Controller(fitting), bounds })
+    (!fitting.is_empty()).then_some(DescriptorAxis { of: DescriptorQuantity::Controller(fitting), bounds })
 }
 
 /// Of each controller in a simulation: the mean fitness over all scenarios, −∞ where one of them failed, and the mean place
 /// on each axis, 0 and 1 at its bounds; no place where one of them failed.
 pub(in crate::coevolve) fn judged(
     simulator: &dyn Simulator,
-    (s, axes): (&[f64], &[Axis]),
-    controllers: &[Unit],
+    (s, axes): (&[f64], &[DescriptorAxis]),
+    controllers: &[UnitPoint],
     cost: &mut Cost,
 ) -> (Vec<f64>, Vec<Vec<f64>>) {
     let scenarios = simulator.scenarios();
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
     let jobs: Vec<Job> = (0..points.len() * scenarios).map(job).collect();
-    let wanted = if axes.iter().any(Axis::looks) { Wanted::Behaviour } else { Wanted::Fitness };
-    let made = evaluate::make_all(simulator, &jobs, &vec![wanted; jobs.len()]);
+    let wanted = if axes.iter().any(DescriptorAxis::looks) { OutputRequest::Behaviour } else { OutputRequest::Fitness };
+    let made = evaluate::evaluate_all(simulator, &jobs, &vec![wanted; jobs.len()]);
     cost.count(&made);
-    let one = |(c, made): (&Vec<f64>, &[Result<Made, WorldError>])| {
+    let one = |(c, made): (&Vec<f64>, &[Result<Output, WorldError>])| {
         mean(c, axes, made).unwrap_or_else(|| (f64::NEG_INFINITY, Vec::new()))
     };
     points.iter().zip(made.chunks(scenarios)).map(one).unzip()
 }
 
 /// Means over the scenarios of one controller; `None` where one of them failed.
-fn mean(c: &[f64], axes: &[Axis], made: &[Result<Made, WorldError>]) -> Option<(f64, Vec<f64>)> {
+fn mean(c: &[f64], axes: &[DescriptorAxis], made: &[Result<Output, WorldError>]) -> Option<(f64, Vec<f64>)> {
     let (mut fitness, mut places) = (0.0, vec![0.0; axes.len()]);
     for made in made {
         let made = made.as_ref().ok()?;
         fitness += match made {
-            Made::Behaviour(behaviour) => behaviour.fitness,
-            Made::Fitness(fitness) => *fitness,
-            Made::Distance(_) => return None,
+            Output::Behaviour(behaviour) => behaviour.fitness,
+            Output::Fitness(fitness) => *fitness,
+            Output::Distance(_) => return None,
         };
         for (place, axis) in places.iter_mut().zip(axes) {
             *place += axis.place(c, made)?;

@@ -1,12 +1,12 @@
 //! What a map promises of its controllers, by the real tests there are.
 
-use super::descriptor::Axis;
+use super::descriptor::DescriptorAxis;
 use super::gaussian_process::GaussianProcess;
 use super::phase::MapPhase;
 use crate::coevolve::estimation::promise::student_95;
 use crate::coevolve::ledger::Entry;
 use crate::search::map_elites::Elite;
-use crate::search::{MapElites, Unit};
+use crate::search::{MapElites, UnitPoint};
 use crate::signal::stats;
 use crate::world::Simulator;
 use serde::Serialize;
@@ -27,7 +27,7 @@ pub struct Promise {
     /// Its real fitness, the mean over its scenarios; `None` where it was not tried, or a test of it failed.
     pub real: Option<f64>,
     #[serde(skip)]
-    pub(in crate::coevolve) unit: Unit,
+    pub(in crate::coevolve) unit: UnitPoint,
     #[serde(skip)]
     deviation: f64,
     #[serde(skip)]
@@ -44,7 +44,7 @@ pub struct Outlook {
 }
 
 /// What came of trying a controller: no test, a failure, or its fitness.
-enum Tried {
+enum TestResult {
     Never,
     Failed,
     Real(f64),
@@ -59,7 +59,7 @@ impl Outlook {
         tests: &[&Entry],
     ) -> Self {
         let axes = phase.axes(simulator);
-        let known: Vec<(&Elite, Vec<f64>, Tried)> = map
+        let known: Vec<(&Elite, Vec<f64>, TestResult)> = map
             .elites()
             .map(|(_, elite)| {
                 let controller = simulator.controllers().from_unit(&elite.unit);
@@ -72,9 +72,9 @@ impl Outlook {
         let differences: Vec<(&[f64], f64)> = known
             .iter()
             .filter_map(|(elite, _, tried)| match tried {
-                Tried::Never => None,
-                Tried::Failed => Some((elite.descriptor.as_slice(), least + elite.cost)),
-                Tried::Real(real) => Some((elite.descriptor.as_slice(), real + elite.cost)),
+                TestResult::Never => None,
+                TestResult::Failed => Some((elite.descriptor.as_slice(), least + elite.cost)),
+                TestResult::Real(real) => Some((elite.descriptor.as_slice(), real + elite.cost)),
             })
             .collect();
         // Before any test, reality may differ from the map by as much as the map's controllers do from each other.
@@ -107,17 +107,23 @@ impl Outlook {
     }
 }
 
-fn tried(controller: &[f64], tests: &[&Entry]) -> Tried {
+fn tried(controller: &[f64], tests: &[&Entry]) -> TestResult {
     let mine = tests.iter().filter(|entry| entry.trial.controller == controller);
     let fitness: Option<Vec<f64>> = mine.map(|entry| entry.fitness().filter(|f| f.is_finite())).collect();
     match fitness.as_deref() {
-        None => Tried::Failed,
-        Some([]) => Tried::Never,
-        Some(fitness) => Tried::Real(stats::mean(fitness)),
+        None => TestResult::Failed,
+        Some([]) => TestResult::Never,
+        Some(fitness) => TestResult::Real(stats::mean(fitness)),
     }
 }
 
-fn promise(process: &GaussianProcess, axes: &[Axis], elite: &Elite, controller: Vec<f64>, tried: &Tried) -> Promise {
+fn promise(
+    process: &GaussianProcess,
+    axes: &[DescriptorAxis],
+    elite: &Elite,
+    controller: Vec<f64>,
+    tried: &TestResult,
+) -> Promise {
     let (difference, deviation) = process.at(&elite.descriptor);
     let promised = difference - elite.cost;
     let half = student_95(process.numbers()).map(|t| t * process.of_a_test(deviation));
@@ -127,9 +133,9 @@ fn promise(process: &GaussianProcess, axes: &[Axis], elite: &Elite, controller: 
         simulated: -elite.cost,
         promised,
         promised_ci95: half.map(|half| [promised - half, promised + half]),
-        real: if let Tried::Real(real) = tried { Some(*real) } else { None },
+        real: if let TestResult::Real(real) = tried { Some(*real) } else { None },
         unit: elite.unit.clone(),
         deviation,
-        tried: !matches!(tried, Tried::Never),
+        tried: !matches!(tried, TestResult::Never),
     }
 }

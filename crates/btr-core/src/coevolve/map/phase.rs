@@ -1,6 +1,6 @@
 //! The settings of a map, and what may be wrong with them.
 
-use super::descriptor::{self, Axis};
+use super::descriptor::{self, DescriptorAxis};
 use crate::search::MapElites;
 use crate::search::map_elites::{Grid, Variation};
 use crate::settings;
@@ -127,7 +127,7 @@ impl MapPhase {
     }
 
     /// The axes, in their order.
-    pub(in crate::coevolve) fn axes(&self, simulator: &dyn Simulator) -> Vec<Axis> {
+    pub(in crate::coevolve) fn axes(&self, simulator: &dyn Simulator) -> Vec<DescriptorAxis> {
         self.descriptors.iter().filter_map(|(name, bounds)| descriptor::axis(name, *bounds, simulator)).collect()
     }
 }

@@ -1,20 +1,20 @@
 //! Step 1: the search for controllers in s_{i−1}, and the choice of those that are transferred.
 
-use super::{Coevolution, On, Phase, Step, Stream, best_index, stream, uniform};
+use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index, stream, uniform};
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::plan::{Method, Rule};
-use crate::coevolve::transfer::{self, Choice, Scored};
-use crate::search::{AnySearch, Search, Unit};
+use crate::coevolve::transfer::{self, ScoredController, TransferChoice};
+use crate::search::{AnySearch, Search, UnitPoint};
 
 impl Coevolution {
     pub(super) fn controllers(
         &mut self,
-        on: &mut On<'_>,
+        on: &mut Environment<'_>,
         mut search: AnySearch,
-        mut archive: Vec<Scored>,
+        mut archive: Vec<ScoredController>,
         generation: usize,
-    ) -> Step {
+    ) -> StepOutcome {
         let units = search.ask(&mut self.stream(Stream::Controllers, generation));
         let scores = self.score_controllers(on, &units);
         search.tell(&units, &scores.iter().map(|f| -f).collect::<Vec<_>>());
@@ -25,18 +25,22 @@ impl Coevolution {
             vec![point],
             &scores,
         ));
-        archive.extend(units.into_iter().zip(scores).map(|(unit, fitness)| Scored { unit, fitness, generation }));
+        archive.extend(units.into_iter().zip(scores).map(|(unit, fitness)| ScoredController {
+            unit,
+            fitness,
+            generation,
+        }));
         self.state.phase = match &self.plan.controllers {
             Some(phase) if generation < phase.generations => {
                 Phase::Controllers { search, archive, generation: generation + 1 }
             }
             _ => self.choose(on, &archive),
         };
-        Step::Generation
+        StepOutcome::Generation
     }
 
     /// Fitness in s_{i−1}, corrected or replaced as the method wants.
-    pub(super) fn score_controllers(&mut self, on: &On<'_>, units: &[Unit]) -> Vec<f64> {
+    pub(super) fn score_controllers(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Vec<f64> {
         if self.explores() {
             let rivals = self.rivals(on);
             return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
@@ -50,7 +54,7 @@ impl Coevolution {
         self.plan.method == Method::EstimationExploration && self.state.iteration < self.plan.iterations
     }
 
-    pub(super) fn choose(&mut self, on: &On<'_>, archive: &[Scored]) -> Phase {
+    pub(super) fn choose(&mut self, on: &Environment<'_>, archive: &[ScoredController]) -> Phase {
         let m = self
             .plan
             .transfers(on.simulator.controllers().len())
@@ -64,7 +68,7 @@ impl Coevolution {
         let fittest = candidates.first().map(|c| c.unit.clone());
         let mut queue = self.chosen(on, candidates, m);
         if self.explores() {
-            let units: Vec<Unit> = queue.iter().map(|c| c.unit.clone()).collect();
+            let units: Vec<UnitPoint> = queue.iter().map(|c| c.unit.clone()).collect();
             let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
             queue.iter_mut().zip(fitness).for_each(|(c, f)| c.fitness = f);
         }
@@ -77,12 +81,12 @@ impl Coevolution {
     }
 
     /// Those of the candidates that the plan's rule tries.
-    fn chosen(&mut self, on: &On<'_>, candidates: Vec<Scored>, m: usize) -> Vec<Scored> {
+    fn chosen(&mut self, on: &Environment<'_>, candidates: Vec<ScoredController>, m: usize) -> Vec<ScoredController> {
         if self.plan.transfer.rule == Rule::Informative {
             return self.instructive(on, candidates, m);
         }
         let rivals = self.rivals(on);
-        let choice = Choice {
+        let choice = TransferChoice {
             plan: &self.plan,
             simulator: on.simulator,
             distance: on.distance,
@@ -96,7 +100,7 @@ impl Coevolution {
     }
 
     /// Simulations that explain the past about equally well; before there is a past, random ones.
-    pub(super) fn rivals(&self, on: &On<'_>) -> Vec<Vec<f64>> {
+    pub(super) fn rivals(&self, on: &Environment<'_>) -> Vec<Vec<f64>> {
         if self.plan.posterior.is_some() {
             return self.doubtful(on, Stream::FirstRivals, self.plan.transfer.rivals);
         }

@@ -1,14 +1,14 @@
 //! What a posterior over S does to the choice of controllers: they are judged by what it leaves open, and tried where that
 //! teaches most.
 
-use super::{Coevolution, On, Stream, stream};
-use crate::coevolve::estimation::linearise::{Ensemble, Shown};
+use super::{Coevolution, Environment, Stream, stream};
+use crate::coevolve::estimation::linearise::{Ensemble, EnsembleErrors};
 use crate::coevolve::estimation::posterior::root;
 use crate::coevolve::evaluate;
 use crate::coevolve::plan::PosteriorPhase;
-use crate::coevolve::transfer::Scored;
+use crate::coevolve::transfer::ScoredController;
 use crate::optimize::Residuals;
-use crate::search::{Unit, uniform};
+use crate::search::{UnitPoint, uniform};
 use crate::world::Behaviour;
 use nalgebra::DMatrix;
 use std::cmp::Ordering;
@@ -22,7 +22,7 @@ const FITTEST: usize = 4;
 
 impl Coevolution {
     /// Fitness that counts in the search for controllers: in s_{i−1}, or a quantile over what the posterior leaves open.
-    pub(super) fn doubted_fitness(&mut self, on: &On<'_>, units: &[Unit]) -> Vec<f64> {
+    pub(super) fn doubted_fitness(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Vec<f64> {
         let Some(phase) = self.plan.posterior.clone() else {
             return evaluate::fitness(on.simulator, &self.state.simulation, units, &mut self.state.cost);
         };
@@ -32,7 +32,7 @@ impl Coevolution {
     }
 
     /// Simulations that may be right, drawn from the posterior.
-    pub(super) fn doubtful(&self, on: &On<'_>, what: Stream, count: usize) -> Vec<Vec<f64>> {
+    pub(super) fn doubtful(&self, on: &Environment<'_>, what: Stream, count: usize) -> Vec<Vec<f64>> {
         let least = self.plan.posterior.as_ref().map_or(0.0, |phase| phase.least_doubt);
         let mut rng = self.stream(what, self.state.ledger.spent());
         let draws = self.belief().at_least(least).draws(count, &mut rng);
@@ -47,14 +47,19 @@ impl Coevolution {
     }
 
     /// The controllers of an iteration, the most instructive first as long as something is to be learnt.
-    pub(super) fn instructive(&mut self, on: &On<'_>, fittest: Vec<Scored>, count: usize) -> Vec<Scored> {
+    pub(super) fn instructive(
+        &mut self,
+        on: &Environment<'_>,
+        fittest: Vec<ScoredController>,
+        count: usize,
+    ) -> Vec<ScoredController> {
         let Some(phase) = self.plan.posterior.clone() else { return fittest.into_iter().take(count).collect() };
         if self.all_is_told(&phase) {
             return fittest.into_iter().take(count).collect();
         }
         let candidates = self.candidates(on, &fittest);
         let members = (phase.members(self.state.simulation.len()) / GLANCE).max(self.state.simulation.len() + 8);
-        let lessons: Vec<Lesson> =
+        let lessons: Vec<ExpectedGain> =
             candidates.iter().map(|candidate| self.lesson(on, &candidate.unit, members)).collect();
         let best = (0..candidates.len()).max_by(|&a, &b| lessons[a].order(&lessons[b]).then(b.cmp(&a)));
         let first = best.map(|k| candidates[k].clone());
@@ -63,22 +68,22 @@ impl Coevolution {
     }
 
     /// Controllers to learn from: the fittest, and those of others drawn from C that are no worse than half of these.
-    fn candidates(&mut self, on: &On<'_>, fittest: &[Scored]) -> Vec<Scored> {
+    fn candidates(&mut self, on: &Environment<'_>, fittest: &[ScoredController]) -> Vec<ScoredController> {
         let count = self.plan.transfer.candidates.max(1);
-        let best: Vec<Scored> = fittest.iter().take(count.div_ceil(FITTEST)).cloned().collect();
+        let best: Vec<ScoredController> = fittest.iter().take(count.div_ceil(FITTEST)).cloned().collect();
         let mut rng = self.stream(Stream::Candidates, 0);
         let dims = on.simulator.controllers().len();
-        let units: Vec<Unit> = (best.len()..count).map(|_| uniform(dims, &mut rng)).collect();
+        let units: Vec<UnitPoint> = (best.len()..count).map(|_| uniform(dims, &mut rng)).collect();
         let fitness = self.doubted_fitness(on, &units);
         let mut sorted = fitness.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NEG_INFINITY);
         let drawn = units.into_iter().zip(fitness).filter(|(_, fitness)| *fitness >= median && fitness.is_finite());
-        best.into_iter().chain(drawn.map(|(unit, fitness)| Scored { unit, fitness, generation: 0 })).collect()
+        best.into_iter().chain(drawn.map(|(unit, fitness)| ScoredController { unit, fitness, generation: 0 })).collect()
     }
 
     /// What a test of this controller is expected to tell about S.
-    fn lesson(&mut self, on: &On<'_>, unit: &Unit, members: usize) -> Lesson {
+    fn lesson(&mut self, on: &Environment<'_>, unit: &UnitPoint, members: usize) -> ExpectedGain {
         let belief = self.belief();
         let mut rng = stream(self.state.seed, Stream::Candidates, self.state.iteration as u64, 1);
         let draws = belief.draws(members, &mut rng);
@@ -95,35 +100,39 @@ impl Coevolution {
         let frame = root(belief.covariance());
         let share = DMatrix::identity(told.nrows(), told.ncols()) + frame.transpose() * told * &frame;
         let gain_nats = share.cholesky().map_or(0.0, |factor| factor.l().diagonal().iter().map(|x| x.ln()).sum());
-        Lesson { gain_nats, unpredictable }
+        ExpectedGain { gain_nats, unpredictable }
     }
 }
 
 /// What a test is expected to tell.
-struct Lesson {
+struct ExpectedGain {
     /// Information about S.
     gain_nats: f64,
     /// What of its readings nobody can foretell, in multiples of the noise.
     unpredictable: f64,
 }
 
-impl Lesson {
+impl ExpectedGain {
     /// The more it tells the better. A regression over a motion that is mostly unpredictable promises what it cannot keep:
     /// such tests come last, the most orderly of them first.
     fn order(&self, other: &Self) -> Ordering {
-        let excess = |lesson: &Lesson| (lesson.unpredictable - ORDERLY).max(0.0);
+        let excess = |lesson: &ExpectedGain| (lesson.unpredictable - ORDERLY).max(0.0);
         excess(other).total_cmp(&excess(self)).then(self.gain_nats.total_cmp(&other.gain_nats))
     }
 }
 
 /// What behaviours of an ensemble would tell, and what of them is unpredictable, if one of them were the robot's.
-fn information(on: &On<'_>, draws: &[Unit], behaviours: &[Option<Behaviour>]) -> Option<(DMatrix<f64>, f64)> {
+fn information(
+    on: &Environment<'_>,
+    draws: &[UnitPoint],
+    behaviours: &[Option<Behaviour>],
+) -> Option<(DMatrix<f64>, f64)> {
     let squares = on.distance.as_squares()?;
     let there = || draws.iter().zip(behaviours).filter_map(|(unit, behaviour)| Some((unit, behaviour.as_ref()?)));
     let (_, robot) = there().next()?;
     let errors: Vec<Residuals> = there().map(|(_, behaviour)| squares.residuals(robot, behaviour)).collect();
-    let members: Vec<Unit> = there().map(|(unit, _)| unit.clone()).collect();
+    let members: Vec<UnitPoint> = there().map(|(unit, _)| unit.clone()).collect();
     let ensemble = Ensemble::of(&members)?;
-    let shown = Shown::of(&ensemble, &errors)?;
+    let shown = EnsembleErrors::of(&ensemble, &errors)?;
     Some((ensemble.told(&shown).information, shown.unpredictable()))
 }

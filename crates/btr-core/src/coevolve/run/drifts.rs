@@ -2,11 +2,11 @@
 //! or had foretold one, either the robot is another one, or the fresh test shows what S lacks. The test before it is repeated: if
 //! that comes as it was foretold once more, the robot is the same.
 
-use super::{Coevolution, On};
+use super::{Coevolution, Environment};
 use crate::coevolve::drift::Drift;
 use crate::coevolve::estimation::posterior::Posterior;
 use crate::coevolve::ledger::Entry;
-use crate::coevolve::transfer::Scored;
+use crate::coevolve::transfer::ScoredController;
 
 impl Coevolution {
     /// The real tests of the robot as it is now: all, unless it has changed.
@@ -30,10 +30,10 @@ impl Coevolution {
     }
 
     /// The controller of the test before the suspicious one.
-    pub(super) fn to_repeat(&self, on: &On<'_>) -> Option<Scored> {
+    pub(super) fn to_repeat(&self, on: &Environment<'_>) -> Option<ScoredController> {
         let before = self.state.ledger.entries().get(self.state.suspicion?.checked_sub(1)?)?;
         let unit = on.simulator.controllers().to_unit(&before.trial.controller);
-        Some(Scored { unit, fitness: before.promised.unwrap_or(f64::NAN), generation: 0 })
+        Some(ScoredController { unit, fitness: before.promised.unwrap_or(f64::NAN), generation: 0 })
     }
 
     /// The repeated test has been made. Where it was not `as_foretold`, the robot has changed: from the suspicious test on, only
@@ -53,7 +53,7 @@ impl Coevolution {
     }
 
     /// Brings the record of the last change up to date with what is believed now.
-    pub(super) fn compare_with_before(&mut self, on: &On<'_>) {
+    pub(super) fn compare_with_before(&mut self, on: &Environment<'_>) {
         let (Some(drift), Some(now)) = (self.state.history.drifts.last_mut(), &self.state.estimated) else { return };
         drift.compare(on.simulator.simulations(), &now.belief, now.explains);
     }
@@ -63,15 +63,15 @@ impl Coevolution {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::coevolve::run::Step;
-    use crate::coevolve::toy::{Robot, Toy, estimating, whitened};
+    use crate::coevolve::run::StepOutcome;
+    use crate::coevolve::toy::{Toy, ToyRobot, estimating, whitened};
 
     /// Eight iterations of one test each with `simulator`, on `robot`.
-    fn run(simulator: &Toy, mut robot: Robot) -> Coevolution {
+    fn run(simulator: &Toy, mut robot: ToyRobot) -> Coevolution {
         let distance = whitened();
         let mut run = Coevolution::new(estimating(8), robot.seed, simulator).unwrap();
-        let mut on = On { simulator, distance: &distance, reality: &mut robot };
-        while !matches!(run.step(&mut on), Step::Stopped(_)) {}
+        let mut on = Environment { simulator, distance: &distance, reality: &mut robot };
+        while !matches!(run.step(&mut on), StepOutcome::Stopped(_)) {}
         run
     }
 
@@ -79,12 +79,12 @@ mod tests {
     fn a_robot_that_changes_is_told_from_one_that_does_not() {
         let toy = Toy::driven(0.0, &[]);
         for seed in 0..4 {
-            let robot = Robot::new(&toy, &[1.7, 1.13], seed);
-            assert_eq!(run(&toy, Robot { later: None, ..robot }).history().drifts, []);
+            let robot = ToyRobot::new(&toy, &[1.7, 1.13], seed);
+            assert_eq!(run(&toy, ToyRobot { later: None, ..robot }).history().drifts, []);
             // Before anything was foretold, and after.
             for from in [2, 4] {
-                let robot = Robot::new(&toy, &[1.7, 1.13], seed);
-                let changed = run(&toy, Robot { later: Some((from, vec![1.7, 1.25])), ..robot });
+                let robot = ToyRobot::new(&toy, &[1.7, 1.13], seed);
+                let changed = run(&toy, ToyRobot { later: Some((from, vec![1.7, 1.25])), ..robot });
                 let drifts = &changed.history().drifts;
                 assert_eq!(drifts.len(), 1, "{drifts:?}");
                 let drift = &drifts[0];
@@ -103,7 +103,7 @@ mod tests {
         let (simulator, stuck) = (Toy::driven(0.0, &[]), Toy::driven(0.5008, &[]));
         let mut repeats = 0;
         for seed in 0..8 {
-            let run = run(&simulator, Robot::new(&stuck, &[1.7, 1.13], seed));
+            let run = run(&simulator, ToyRobot::new(&stuck, &[1.7, 1.13], seed));
             assert_eq!(run.history().drifts, []);
             let tests = run.ledger().entries();
             let again =

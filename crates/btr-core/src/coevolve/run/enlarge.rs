@@ -2,7 +2,7 @@
 //! The run goes on with everything it has learnt; what was estimated before stands in the larger S with the new dimensions at
 //! their nominal values, which is where an effect is off.
 
-use super::{Coevolution, On, Phase, Step};
+use super::{Coevolution, Environment, Phase, StepOutcome};
 use crate::coevolve::estimation::{Estimated, Explanation};
 use crate::coevolve::history::{Augmentation, Side};
 use crate::space::{Dim, Space};
@@ -61,7 +61,7 @@ impl Coevolution {
     }
 
     /// Step 3 on the tests there are.
-    pub(super) fn enlarged(&mut self, on: &mut On<'_>, known: Option<Estimated>) -> Step {
+    pub(super) fn enlarged(&mut self, on: &mut Environment<'_>, known: Option<Estimated>) -> StepOutcome {
         if known.is_some() {
             return self.settled(on, known);
         }
@@ -78,13 +78,13 @@ mod tests {
     use super::*;
     use crate::coevolve::estimation::posterior::Posterior;
     use crate::coevolve::history::StopReason;
-    use crate::coevolve::toy::{Robot, Toy, estimating, whitened};
+    use crate::coevolve::toy::{Toy, ToyRobot, estimating, whitened};
     use nalgebra::{DMatrix, DVector};
 
     /// Steps until it stops.
-    fn stopped(run: &mut Coevolution, on: &mut On<'_>) -> StopReason {
+    fn stopped(run: &mut Coevolution, on: &mut Environment<'_>) -> StopReason {
         loop {
-            if let Step::Stopped(reason) = run.step(on) {
+            if let StepOutcome::Stopped(reason) = run.step(on) {
                 return reason;
             }
         }
@@ -100,10 +100,11 @@ mod tests {
         let truth = [1.7, 1.13, 0.05];
         let drift = Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0);
         let (small, larger) = (Toy::driven(0.0, &[]), Toy::driven(0.0, &[drift]));
-        let mut robot = Robot::new(&larger, &truth, 3);
+        let mut robot = ToyRobot::new(&larger, &truth, 3);
         let distance = whitened();
         let mut run = Coevolution::new(estimating(4), 3, &small).unwrap();
-        let reason = stopped(&mut run, &mut On { simulator: &small, distance: &distance, reality: &mut robot });
+        let reason =
+            stopped(&mut run, &mut Environment { simulator: &small, distance: &distance, reality: &mut robot });
         assert_eq!(reason, StopReason::Disengaged);
 
         // Whoever found it had the parameters in another order and within other bounds.
@@ -119,7 +120,8 @@ mod tests {
         let looked = turns(&run);
         run.enlarge(&larger.space);
         assert!(run.explain(&larger.space, &known));
-        let reason = stopped(&mut run, &mut On { simulator: &larger, distance: &distance, reality: &mut robot });
+        let reason =
+            stopped(&mut run, &mut Environment { simulator: &larger, distance: &distance, reality: &mut robot });
         assert_ne!(reason, StopReason::Disengaged);
         assert_eq!(turns(&run), looked, "what is known need not be sought");
         for (found, truth) in run.simulation().iter().zip(truth) {

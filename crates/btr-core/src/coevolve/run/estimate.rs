@@ -2,9 +2,9 @@
 //! tests, it is sought again from other starts; but where what was believed was confirmed by tests before, [`drifts`](super::drifts)
 //! asks whether it is still the same robot.
 
-use super::{Coevolution, On, Phase, Step, Stream};
+use super::{Coevolution, Environment, Phase, StepOutcome, Stream};
 use crate::coevolve::estimation::posterior::Posterior;
-use crate::coevolve::estimation::{Estimated, Setting, Surprise, Turned, WIDER};
+use crate::coevolve::estimation::{Estimated, EstimationProblem, PriorPredictive, TurnResult, WIDER};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use nalgebra::DVector;
@@ -28,7 +28,7 @@ pub(super) struct Estimation {
 impl Coevolution {
     /// Step 3 begins: all tests that count, from what is believed so far. It rests where everything is told already and the
     /// fresh tests came as foretold.
-    pub(super) fn begin_estimation(&mut self, on: &On<'_>, mut tests: Vec<usize>) -> Phase {
+    pub(super) fn begin_estimation(&mut self, on: &Environment<'_>, mut tests: Vec<usize>) -> Phase {
         let Some(phase) = self.plan.posterior.clone() else { return Phase::End };
         let is_fresh = |&k: &usize| self.state.ledger.entries()[k].trial.iteration == self.state.iteration;
         let fresh: Vec<usize> = tests.iter().copied().filter(is_fresh).collect();
@@ -37,7 +37,7 @@ impl Coevolution {
         let mut cost = self.state.cost;
         let (seen, _) = self.setting(on, &fresh).seen(&draws, &mut cost);
         self.state.cost = cost;
-        let Surprise { chi, at_noise: as_foretold, .. } = Surprise::of(&seen);
+        let PriorPredictive { chi, at_noise: as_foretold, .. } = PriorPredictive::of(&seen);
         self.state.phi_predicted = Some(chi).filter(|phi| phi.is_finite());
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
         self.resolve(as_foretold);
@@ -54,9 +54,9 @@ impl Coevolution {
     }
 
     /// What is estimated from some tests of the ledger.
-    fn setting<'a>(&'a self, on: &'a On<'_>, tests: &[usize]) -> Setting<'a> {
+    fn setting<'a>(&'a self, on: &'a Environment<'_>, tests: &[usize]) -> EstimationProblem<'a> {
         let tests: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
-        Setting { simulator: on.simulator, distance: on.distance, tests, prior: self.prior() }
+        EstimationProblem { simulator: on.simulator, distance: on.distance, tests, prior: self.prior() }
     }
 
     /// What is believed of S.
@@ -70,7 +70,7 @@ impl Coevolution {
     }
 
     /// One turn.
-    pub(super) fn estimate(&mut self, on: &On<'_>, estimation: Estimation) -> Step {
+    pub(super) fn estimate(&mut self, on: &Environment<'_>, estimation: Estimation) -> StepOutcome {
         let Some(phase) = self.plan.posterior.clone() else { return self.settled(on, None) };
         let number = estimation.start * phase.turns + estimation.turn;
         let members = phase.members(self.state.simulation.len());
@@ -82,17 +82,23 @@ impl Coevolution {
         self.state.cost = cost;
         let points = draws.iter().map(|unit| on.simulator.simulations().from_unit(unit)).collect();
         self.write_down(number, points, &scores);
-        let Some(Turned { estimated, settled, .. }) = turned else { return self.settled(on, estimation.best) };
+        let Some(TurnResult { estimated, settled, .. }) = turned else { return self.settled(on, estimation.best) };
         if !settled && estimation.turn < phase.turns {
             let (belief, turn) = (estimated.belief, estimation.turn + 1);
             self.state.phase = Phase::Estimate(Estimation { belief, turn, ..estimation });
-            return Step::Generation;
+            return StepOutcome::Generation;
         }
         self.ended(on, estimation, estimated, &phase)
     }
 
     /// A start has come to its end: on with the best of all, or with another start.
-    fn ended(&mut self, on: &On<'_>, of: Estimation, estimated: Estimated, phase: &PosteriorPhase) -> Step {
+    fn ended(
+        &mut self,
+        on: &Environment<'_>,
+        of: Estimation,
+        estimated: Estimated,
+        phase: &PosteriorPhase,
+    ) -> StepOutcome {
         let better = |other: &Estimated| (estimated.explains, -estimated.chi) >= (other.explains, -other.chi);
         let best = if of.best.as_ref().is_none_or(better) { estimated } else { of.best.unwrap_or(estimated) };
         let told = self.all_is_told(phase);
@@ -118,11 +124,11 @@ impl Coevolution {
         let about = prior.draws(1, &mut self.stream(Stream::Ensembles, start * phase.turns)).remove(0);
         let belief = Posterior::new(DVector::from_vec(about), prior.covariance().clone());
         self.state.phase = Phase::Estimate(Estimation { belief, turn: 1, start, best: Some(best), ..of });
-        Step::Generation
+        StepOutcome::Generation
     }
 
     /// Step 3 ends with this belief.
-    pub(super) fn settled(&mut self, on: &On<'_>, best: Option<Estimated>) -> Step {
+    pub(super) fn settled(&mut self, on: &Environment<'_>, best: Option<Estimated>) -> StepOutcome {
         if let Some(best) = best {
             let space = on.simulator.simulations();
             self.state.simulation = space.from_unit(best.belief.mean().as_slice());
@@ -130,6 +136,6 @@ impl Coevolution {
             self.state.estimated = Some(best);
         }
         self.state.phase = Phase::End;
-        Step::Generation
+        StepOutcome::Generation
     }
 }

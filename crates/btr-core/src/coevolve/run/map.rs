@@ -1,11 +1,11 @@
 //! Transfer by quality diversity: a map of controllers in s_0, then one real test per iteration.
 
-use super::{Coevolution, On, Phase, Step, Stream, best_index};
+use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index};
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::map::{self, Outlook};
 use crate::coevolve::plan::Method;
-use crate::coevolve::transfer::Scored;
+use crate::coevolve::transfer::ScoredController;
 use crate::world::Simulator;
 
 impl Coevolution {
@@ -24,7 +24,7 @@ impl Coevolution {
     }
 
     /// Begins the map, or chooses from it what is tried next.
-    pub(super) fn begin_map(&mut self, on: &mut On<'_>) -> Step {
+    pub(super) fn begin_map(&mut self, on: &mut Environment<'_>) -> StepOutcome {
         if self.state.map.is_none() {
             self.state.map = self.plan.map.as_ref().and_then(|phase| phase.start(on.simulator.controllers().len()));
             self.state.phase = Phase::Map { generation: 1 };
@@ -33,14 +33,15 @@ impl Coevolution {
         let explore = self.plan.map.as_ref().map_or(0.0, |phase| phase.explore);
         let outlook = self.outlook(on.simulator);
         let next = outlook.as_ref().and_then(|outlook| outlook.next(explore));
-        let chosen = next.map(|next| Scored { unit: next.unit.clone(), fitness: next.promised, generation: 0 });
+        let chosen =
+            next.map(|next| ScoredController { unit: next.unit.clone(), fitness: next.promised, generation: 0 });
         self.state.controller = chosen.as_ref().map(|chosen| chosen.unit.clone()).or(self.state.controller.take());
         self.state.phase = Phase::Transfer { queue: chosen.into_iter().collect(), next: 0, testing: None };
         self.step(on)
     }
 
     /// A generation of the map.
-    pub(super) fn fill_map(&mut self, on: &mut On<'_>, generation: usize) -> Step {
+    pub(super) fn fill_map(&mut self, on: &mut Environment<'_>, generation: usize) -> StepOutcome {
         let (Some(mut map), Some(phase)) = (self.state.map.take(), self.plan.map.as_ref()) else {
             self.state.phase = Phase::End;
             return self.step(on);
@@ -57,18 +58,22 @@ impl Coevolution {
         self.state.history.generations.push(Generation::new(label, vec![best], &scores));
         self.state.phase =
             if generation < generations { Phase::Map { generation: generation + 1 } } else { Phase::Begin };
-        Step::Generation
+        StepOutcome::Generation
     }
 
     /// What a controller of the map promised before this iteration's tests.
-    pub(super) fn promised_by_map(&self, on: &On<'_>, controller: &Scored) -> (Option<f64>, Option<[f64; 2]>) {
+    pub(super) fn promised_by_map(
+        &self,
+        on: &Environment<'_>,
+        controller: &ScoredController,
+    ) -> (Option<f64>, Option<[f64; 2]>) {
         let outlook = self.outlook_after(on.simulator, self.state.iteration - 1);
         let promise = outlook.as_ref().and_then(|outlook| outlook.promise(&controller.unit));
         (promise.map(|promise| promise.promised), promise.and_then(|promise| promise.promised_ci95))
     }
 
     /// Whether the map promises nothing better than what was tried.
-    pub(super) fn nothing_better(&self, on: &On<'_>) -> bool {
+    pub(super) fn nothing_better(&self, on: &Environment<'_>) -> bool {
         let enough = self.plan.map.as_ref().map(|phase| phase.enough);
         let outlook = self.outlook(on.simulator).filter(|_| self.plan.method == Method::QualityDiversity);
         outlook.zip(enough).is_some_and(|(outlook, enough)| outlook.satisfied(enough))

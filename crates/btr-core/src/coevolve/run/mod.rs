@@ -20,11 +20,11 @@ use super::evaluate::Cost;
 use super::history::{History, StopReason};
 use super::ledger::{Entry, Ledger};
 use super::plan::{Initial, Method, Plan};
-use super::transfer::Scored;
+use super::transfer::ScoredController;
 use crate::distance::Distance;
 use crate::optimize::LeastSquares;
 use crate::random::{self, Rng};
-use crate::search::{AnySearch, MapElites, Unit};
+use crate::search::{AnySearch, MapElites, UnitPoint};
 use crate::world::{Reality, Simulator};
 use estimate::Estimation;
 use rand::RngExt;
@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 pub use validate::PlanError;
 
 /// What a run acts on. Not part of its state: the caller builds it anew when a run is resumed.
-pub struct On<'a> {
+pub struct Environment<'a> {
     /// S, C and how they behave.
     pub simulator: &'a dyn Simulator,
     /// phi.
@@ -43,7 +43,7 @@ pub struct On<'a> {
 
 /// What one step did.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Step {
+pub enum StepOutcome {
     /// Evaluated a generation; it is the last of the history.
     Generation,
     /// Carried out a real test; it is the last of the ledger.
@@ -78,13 +78,13 @@ enum Phase {
     /// Step 1 of the first iteration, where the method makes a map of controllers.
     Map { generation: usize },
     /// Step 1.
-    Controllers { search: AnySearch, archive: Vec<Scored>, generation: usize },
+    Controllers { search: AnySearch, archive: Vec<ScoredController>, generation: usize },
     /// Step 2. `testing` is there when reality itself is the environment of the controller search.
-    Transfer { queue: Vec<Scored>, next: usize, testing: Option<AnySearch> },
+    Transfer { queue: Vec<ScoredController>, next: usize, testing: Option<AnySearch> },
     /// Step 3. `tried` begins with s_{i−1}.
-    Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(UnitPoint, f64)>, generation: usize },
     /// Step 3, continued by least squares from the best that was tried.
-    Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(Unit, f64)>, generation: usize },
+    Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(UnitPoint, f64)>, generation: usize },
     /// Step 3 as estimation.
     Estimate(Estimation),
     /// S has grown: step 3 on the tests there are, before any new one is asked for; or what explains them is known.
@@ -99,12 +99,12 @@ enum Phase {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coevolution {
     plan: Plan,
-    state: State,
+    state: RunState,
 }
 
 /// How far a run has come: all that has to be written down to go on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct RunState {
     seed: u64,
     /// s_0.
     start: Vec<f64>,
@@ -113,13 +113,13 @@ pub struct State {
     /// s_{i−1}, then s_i.
     simulation: Vec<f64>,
     /// c_{i−1}, then c_i, on the unit cube.
-    controller: Option<Unit>,
+    controller: Option<UnitPoint>,
     /// Where the next search for controllers begins.
-    ahead: Option<Unit>,
+    ahead: Option<UnitPoint>,
     /// The simulator search as the last iteration left it.
     carried: Option<AnySearch>,
     /// s_0 on the unit cube: about what S is believed before any test.
-    prior: Unit,
+    prior: UnitPoint,
     /// What the real tests say of S, where the plan asks for a posterior.
     estimated: Option<Estimated>,
     /// Whether that explains several tests, or has foretold one that came after it.
@@ -160,7 +160,7 @@ impl Coevolution {
         };
         let nominal = simulator.controllers().dims().iter().all(|d| d.nominal.is_some());
         let controller = nominal.then(|| simulator.controllers().to_unit(&simulator.controllers().nominal()));
-        let state = State {
+        let state = RunState {
             seed,
             start: simulation.clone(),
             prior: space.to_unit(&simulation),
@@ -188,17 +188,17 @@ impl Coevolution {
     }
 
     /// Takes up a run where its state was written down; [`recall`](Self::recall) comes next.
-    pub fn resumed(plan: Plan, state: State) -> Self {
+    pub fn resumed(plan: Plan, state: RunState) -> Self {
         Coevolution { plan, state }
     }
 
     /// What has to be written down to go on later.
-    pub fn state(&self) -> &State {
+    pub fn state(&self) -> &RunState {
         &self.state
     }
 
     /// Does the next unit of work.
-    pub fn step(&mut self, on: &mut On<'_>) -> Step {
+    pub fn step(&mut self, on: &mut Environment<'_>) -> StepOutcome {
         match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
             Phase::Map { generation } => self.fill_map(on, generation),
@@ -269,7 +269,7 @@ impl Coevolution {
         tested.max_by(|a, b| a.fitness().unwrap_or(f64::NAN).total_cmp(&b.fitness().unwrap_or(f64::NAN)))
     }
 
-    fn begin(&mut self, on: &mut On<'_>) -> Step {
+    fn begin(&mut self, on: &mut Environment<'_>) -> StepOutcome {
         if self.tests_left() == 0 {
             return self.stop(StopReason::RealTestsSpent);
         }
@@ -280,7 +280,7 @@ impl Coevolution {
         if self.plan.method == Method::QualityDiversity {
             return self.begin_map(on);
         }
-        let fixed_drive = Scored { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
+        let fixed_drive = ScoredController { unit: Vec::new(), fitness: f64::NAN, generation: 0 };
         match &self.plan.controllers {
             Some(phase) if !on.simulator.controllers().is_empty() => {
                 let search = phase.search.start(on.simulator.controllers().len(), self.state.ahead.as_deref());
@@ -297,7 +297,7 @@ impl Coevolution {
         self.step(on)
     }
 
-    fn end(&mut self, on: &mut On<'_>) -> Step {
+    fn end(&mut self, on: &mut Environment<'_>) -> StepOutcome {
         let record = self.record(on);
         self.state.history.iterations.push(record);
         let goal = self.plan.fitness_goal;
@@ -314,7 +314,7 @@ impl Coevolution {
             self.state.iteration += 1;
             Phase::Begin
         };
-        Step::Iteration
+        StepOutcome::Iteration
     }
 
     /// What the real tests say of S, where the plan asks for a posterior and there has been a test.
@@ -331,9 +331,9 @@ impl Coevolution {
         disengage::disengaged(&history.iterations[since..], &self.plan.disengagement, self.plan.phi_goal)
     }
 
-    fn stop(&mut self, reason: StopReason) -> Step {
+    fn stop(&mut self, reason: StopReason) -> StepOutcome {
         self.state.phase = Phase::Stopped(reason.clone());
-        Step::Stopped(reason)
+        StepOutcome::Stopped(reason)
     }
 
     fn tests_left(&self) -> usize {
@@ -349,7 +349,7 @@ fn stream(seed: u64, what: Stream, iteration: u64, generation: u64) -> Rng {
     random::stream(seed, &[what as u64, iteration, generation])
 }
 
-fn uniform(dims: usize, rng: &mut Rng) -> Unit {
+fn uniform(dims: usize, rng: &mut Rng) -> UnitPoint {
     (0..dims).map(|_| rng.random::<f64>()).collect()
 }
 

@@ -1,21 +1,26 @@
 //! The baseline without a simulation: reality is the environment of the controller search.
 
-use super::{Coevolution, On, Phase, Step, Stream, best_index};
+use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index};
 use crate::coevolve::history::{Generation, Side, StopReason};
-use crate::coevolve::transfer::Scored;
-use crate::search::{AnySearch, Search, Unit};
+use crate::coevolve::transfer::ScoredController;
+use crate::search::{AnySearch, Search, UnitPoint};
 
 impl Coevolution {
     /// Reality as the environment of the controller search: the next population goes to the robot.
-    pub(super) fn next_real_generation(&mut self, on: &mut On<'_>, mut search: AnySearch) -> Step {
+    pub(super) fn next_real_generation(&mut self, on: &mut Environment<'_>, mut search: AnySearch) -> StepOutcome {
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
-        let queue = units.into_iter().map(|unit| Scored { unit, fitness: f64::NAN, generation: 1 }).collect();
+        let queue = units.into_iter().map(|unit| ScoredController { unit, fitness: f64::NAN, generation: 1 }).collect();
         self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
         self.step(on)
     }
 
     /// The robot has judged a whole population (or the budget ended within it).
-    pub(super) fn told(&mut self, on: &mut On<'_>, queue: &[Scored], mut search: AnySearch) -> Step {
+    pub(super) fn told(
+        &mut self,
+        on: &mut Environment<'_>,
+        queue: &[ScoredController],
+        mut search: AnySearch,
+    ) -> StepOutcome {
         let scenarios = on.simulator.scenarios();
         let mine: Vec<f64> = (self.state.ledger.entries().iter())
             .filter(|e| e.trial.iteration == self.state.iteration)
@@ -23,7 +28,7 @@ impl Coevolution {
             .collect();
         let fitness: Vec<f64> =
             mine.chunks_exact(scenarios).map(|f| f.iter().sum::<f64>() / scenarios as f64).collect();
-        let units: Vec<Unit> = queue.iter().take(fitness.len()).map(|c| c.unit.clone()).collect();
+        let units: Vec<UnitPoint> = queue.iter().take(fitness.len()).map(|c| c.unit.clone()).collect();
         let costs: Vec<f64> = fitness.iter().map(|f| -f).collect();
         if !units.is_empty() {
             let best = best_index(&costs);
@@ -37,17 +42,17 @@ impl Coevolution {
         self.state.history.iterations.push(record);
         if self.state.iteration >= self.plan.iterations {
             self.state.phase = Phase::Stopped(StopReason::IterationsDone);
-            return Step::Iteration;
+            return StepOutcome::Iteration;
         }
         if units.len() < queue.len() || self.tests_left() == 0 {
             self.state.phase = Phase::Stopped(StopReason::RealTestsSpent);
-            return Step::Iteration;
+            return StepOutcome::Iteration;
         }
         search.tell(&units, &costs);
         self.state.iteration += 1;
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
-        let queue = units.into_iter().map(|unit| Scored { unit, fitness: f64::NAN, generation: 1 }).collect();
+        let queue = units.into_iter().map(|unit| ScoredController { unit, fitness: f64::NAN, generation: 1 }).collect();
         self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
-        Step::Iteration
+        StepOutcome::Iteration
     }
 }

@@ -1,18 +1,18 @@
 //! The end of an iteration: what it found, and what speaks for or against disengagement.
 
-use super::{Coevolution, On};
+use super::{Coevolution, Environment};
 use crate::coevolve::disengage::Evidence;
 use crate::coevolve::evaluate;
-use crate::coevolve::history::{Estimate, Generation, Iteration, Side};
+use crate::coevolve::history::{EstimateRecord, Generation, Iteration, Side};
 use crate::coevolve::ledger::Entry;
-use crate::search::Unit;
+use crate::search::UnitPoint;
 use crate::signal::stats;
 
 /// A parameter this close to a bound, as a share of its range, lies on it: no search gets there exactly.
 const AT_BOUND: f64 = 1e-3;
 
 impl Coevolution {
-    pub(super) fn record(&mut self, on: &On<'_>) -> Iteration {
+    pub(super) fn record(&mut self, on: &Environment<'_>) -> Iteration {
         let evidence = self.evidence(on);
         self.compare_with_before(on);
         let mine = self.state.ledger.of_iteration(self.state.iteration);
@@ -42,12 +42,12 @@ impl Coevolution {
     }
 
     /// What the real tests say of S by now.
-    fn believed(&self, on: &On<'_>) -> Option<Estimate> {
+    fn believed(&self, on: &Environment<'_>) -> Option<EstimateRecord> {
         let (phase, estimated) = (self.plan.posterior.as_ref()?, self.state.estimated.as_ref()?);
         let space = on.simulator.simulations();
         let parameters = estimated.belief.beliefs(space, phase.resolution, estimated.explains);
         let known = || estimated.unpredictable.iter().filter(|x| x.is_finite());
-        Some(Estimate {
+        Some(EstimateRecord {
             explained: estimated.explains,
             unpredictable: known().sum::<f64>() / known().count().max(1) as f64,
             not_told: parameters.iter().filter(|(_, belief)| !belief.told).map(|(name, _)| name.clone()).collect(),
@@ -56,11 +56,11 @@ impl Coevolution {
         })
     }
 
-    pub(super) fn evidence(&mut self, on: &On<'_>) -> Evidence {
+    pub(super) fn evidence(&mut self, on: &Environment<'_>) -> Evidence {
         let share =
             |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
         let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
-        let pairs: Vec<(Unit, f64, f64)> = self
+        let pairs: Vec<(UnitPoint, f64, f64)> = self
             .state
             .ledger
             .of_iteration(self.state.iteration)
@@ -69,7 +69,7 @@ impl Coevolution {
             .collect();
         let promised: Vec<f64> = pairs.iter().map(|p| p.1).collect();
         let real: Vec<f64> = pairs.iter().map(|p| p.2).collect();
-        let units: Vec<Unit> = pairs.into_iter().map(|p| p.0).collect();
+        let units: Vec<UnitPoint> = pairs.into_iter().map(|p| p.0).collect();
         let renewed = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
         Evidence {
             phi_share,
@@ -87,7 +87,7 @@ impl Coevolution {
         Some((first.mean - first.best) / first.mean.max(f64::MIN_POSITIVE)).filter(|p| p.is_finite())
     }
 
-    pub(super) fn at_bound(&self, on: &On<'_>) -> Vec<String> {
+    pub(super) fn at_bound(&self, on: &Environment<'_>) -> Vec<String> {
         let dims = on.simulator.simulations().dims().iter().zip(&self.state.simulation);
         dims.filter(|(d, x)| !(AT_BOUND..=1.0 - AT_BOUND).contains(&d.to_unit(**x)))
             .map(|(d, _)| d.name.clone())

@@ -1,22 +1,22 @@
 //! Step 3: the search for the simulation that explains the real tests best.
 
-use super::{Coevolution, On, Phase, State, Step, Stream, best_index};
+use super::{Coevolution, Environment, Phase, RunState, StepOutcome, Stream, best_index};
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
 use crate::coevolve::plan::Initial;
 use crate::coevolve::transfer;
 use crate::optimize::{LeastSquares, Residuals};
-use crate::search::{AnySearch, Search, Unit};
+use crate::search::{AnySearch, Search, UnitPoint};
 
 impl Coevolution {
     /// Step 3; the tests of iteration `latest` are those that always count.
-    pub(super) fn begin_simulators(&mut self, on: &On<'_>, latest: usize) -> Phase {
+    pub(super) fn begin_simulators(&mut self, on: &Environment<'_>, latest: usize) -> Phase {
         if self.plan.posterior.is_none() && self.plan.simulators.is_none() {
             return Phase::End;
         }
         let now = self.distances_now(on);
-        let State { ledger, iteration, .. } = &self.state;
+        let RunState { ledger, iteration, .. } = &self.state;
         let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
         let tests: Vec<usize> = indices(ledger, &ledger.counting(latest, self.plan.memory, &now)).collect();
         if tests.is_empty() {
@@ -43,20 +43,20 @@ impl Coevolution {
     }
 
     /// How far the present simulation is from every test of the ledger; infinite where a test failed.
-    pub(super) fn distances_now(&mut self, on: &On<'_>) -> Vec<f64> {
-        let State { ledger, simulation, cost, .. } = &mut self.state;
+    pub(super) fn distances_now(&mut self, on: &Environment<'_>) -> Vec<f64> {
+        let RunState { ledger, simulation, cost, .. } = &mut self.state;
         let all: Vec<&Entry> = ledger.entries().iter().collect();
         evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost).remove(0)
     }
 
     pub(super) fn simulators(
         &mut self,
-        on: &mut On<'_>,
+        on: &mut Environment<'_>,
         mut search: AnySearch,
         tests: Vec<usize>,
-        mut tried: Vec<(Unit, f64)>,
+        mut tried: Vec<(UnitPoint, f64)>,
         generation: usize,
-    ) -> Step {
+    ) -> StepOutcome {
         let units = search.ask(&mut self.stream(Stream::Simulators, generation));
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
         let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
@@ -68,7 +68,7 @@ impl Coevolution {
         let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
         if generation < generations && !self.found(&tried) {
             self.state.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
-            return Step::Generation;
+            return StepOutcome::Generation;
         }
         self.state.carried = Some(search);
         let refines = generation < self.plan.simulator_generations() && !self.found(&tried);
@@ -78,18 +78,18 @@ impl Coevolution {
         } else {
             self.settle_simulation(on, &tried);
         }
-        Step::Generation
+        StepOutcome::Generation
     }
 
     /// One turn of least squares, or a new start where the last turn got nowhere.
     pub(super) fn refine(
         &mut self,
-        on: &mut On<'_>,
+        on: &mut Environment<'_>,
         mut search: LeastSquares,
         tests: Vec<usize>,
-        mut tried: Vec<(Unit, f64)>,
+        mut tried: Vec<(UnitPoint, f64)>,
         generation: usize,
-    ) -> Step {
+    ) -> StepOutcome {
         if search.done() {
             search = LeastSquares::near(&best(&tried).0, &mut self.stream(Stream::Simulators, generation));
         }
@@ -110,16 +110,16 @@ impl Coevolution {
         } else {
             self.settle_simulation(on, &tried);
         }
-        Step::Generation
+        StepOutcome::Generation
     }
 
     /// The residuals of some points on some tests; each point joins what was tried.
     fn residuals(
         &mut self,
-        on: &On<'_>,
+        on: &Environment<'_>,
         tests: &[usize],
-        units: &[Unit],
-        tried: &mut Vec<(Unit, f64)>,
+        units: &[UnitPoint],
+        tried: &mut Vec<(UnitPoint, f64)>,
     ) -> Vec<Option<Residuals>> {
         let Some(squares) = on.distance.as_squares() else { return vec![None; units.len()] };
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
@@ -137,12 +137,12 @@ impl Coevolution {
     }
 
     /// Whether what was tried is good enough.
-    fn found(&self, tried: &[(Unit, f64)]) -> bool {
+    fn found(&self, tried: &[(UnitPoint, f64)]) -> bool {
         self.plan.phi_goal.is_some_and(|goal| best(tried).1 <= goal)
     }
 
     /// Ends step 3 with the best that was tried.
-    fn settle_simulation(&mut self, on: &On<'_>, tried: &[(Unit, f64)]) {
+    fn settle_simulation(&mut self, on: &Environment<'_>, tried: &[(UnitPoint, f64)]) {
         let (space, best) = (on.simulator.simulations(), best(tried));
         (self.state.simulation, self.state.phi) = (space.from_unit(&best.0), Some(best.1));
         let rivals = transfer::rivals(tried, self.plan.transfer.rivals);
@@ -152,7 +152,7 @@ impl Coevolution {
 }
 
 /// The best that was tried, which is never nothing.
-fn best(tried: &[(Unit, f64)]) -> &(Unit, f64) {
+fn best(tried: &[(UnitPoint, f64)]) -> &(UnitPoint, f64) {
     &tried[best_index(&tried.iter().map(|t| t.1).collect::<Vec<_>>())]
 }
 

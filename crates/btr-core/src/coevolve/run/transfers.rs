@@ -1,14 +1,14 @@
 //! Step 2: the chosen controllers are tried in reality.
 
-use super::{Coevolution, On, Phase, Step, Stream};
+use super::{Coevolution, Environment, Phase, StepOutcome, Stream};
 use crate::coevolve::correction::LinearCorrection;
 use crate::coevolve::estimation::promise;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
-use crate::coevolve::transfer::Scored;
-use crate::search::{AnySearch, Unit};
+use crate::coevolve::transfer::ScoredController;
+use crate::search::{AnySearch, UnitPoint};
 use crate::world::Trial;
 
 /// Tests wear a robot out: where so many gave nothing, and none anything, somebody has to look before there are more.
@@ -17,11 +17,11 @@ const VAIN: usize = 3;
 impl Coevolution {
     pub(super) fn transfer(
         &mut self,
-        on: &mut On<'_>,
-        queue: Vec<Scored>,
+        on: &mut Environment<'_>,
+        queue: Vec<ScoredController>,
         next: usize,
         testing: Option<AnySearch>,
-    ) -> Step {
+    ) -> StepOutcome {
         let explores = testing.is_none();
         if self.state.ledger.spent() >= VAIN && self.in_vain(on, explores) {
             return self.stop(StopReason::NoRealData);
@@ -33,13 +33,13 @@ impl Coevolution {
             on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, promised, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
-            Ok(()) => Step::Tested,
-            Err(what) => Step::Waiting(what),
+            Ok(()) => StepOutcome::Tested,
+            Err(what) => StepOutcome::Waiting(what),
         }
     }
 
     /// Whether no real test gave anything that could be used: to find a simulation with, or a fitness alone.
-    fn in_vain(&self, on: &On<'_>, explores: bool) -> bool {
+    fn in_vain(&self, on: &Environment<'_>, explores: bool) -> bool {
         let compares = explores && !matches!(self.plan.method, Method::LinearCorrection | Method::QualityDiversity);
         let is_of_use = |entry: &Entry| match entry.behaviour() {
             // What cannot be compared with itself cannot be compared with anything.
@@ -51,7 +51,7 @@ impl Coevolution {
     }
 
     /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior or a map.
-    fn promised(&mut self, on: &On<'_>, controller: &Scored) -> (Option<f64>, Option<[f64; 2]>) {
+    fn promised(&mut self, on: &Environment<'_>, controller: &ScoredController) -> (Option<f64>, Option<[f64; 2]>) {
         if self.plan.method == Method::QualityDiversity {
             return self.promised_by_map(on, controller);
         }
@@ -67,7 +67,7 @@ impl Coevolution {
     }
 
     /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
-    pub(super) fn trials(&self, on: &On<'_>, queue: &[Scored], next: usize) -> Vec<Trial> {
+    pub(super) fn trials(&self, on: &Environment<'_>, queue: &[ScoredController], next: usize) -> Vec<Trial> {
         let scenarios = on.simulator.scenarios();
         let left = (next..queue.len() * scenarios).take(self.tests_left());
         left.map(|k| Trial {
@@ -80,7 +80,12 @@ impl Coevolution {
     }
 
     /// All tests of the iteration are done: tell the search that waited for them, or go on to step 3.
-    pub(super) fn transferred(&mut self, on: &mut On<'_>, queue: &[Scored], testing: Option<AnySearch>) -> Step {
+    pub(super) fn transferred(
+        &mut self,
+        on: &mut Environment<'_>,
+        queue: &[ScoredController],
+        testing: Option<AnySearch>,
+    ) -> StepOutcome {
         if let Some(search) = testing {
             return self.told(on, queue, search);
         }
@@ -105,12 +110,12 @@ impl Coevolution {
 
     /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: what was promised when a test was asked
     /// for has the estimate of that time in it.
-    fn correct(&mut self, on: &On<'_>) {
+    fn correct(&mut self, on: &Environment<'_>) {
         let entries = self.state.ledger.entries().iter();
-        let tested: Vec<(Unit, f64)> = entries
+        let tested: Vec<(UnitPoint, f64)> = entries
             .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.fitness()?)))
             .collect();
-        let units: Vec<Unit> = tested.iter().map(|(unit, _)| unit.clone()).collect();
+        let units: Vec<UnitPoint> = tested.iter().map(|(unit, _)| unit.clone()).collect();
         let simulated = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
         let gaps = tested.into_iter().zip(simulated).map(|((unit, real), sim)| (unit, real - sim));
         self.state.correction = LinearCorrection::fit(&gaps.collect::<Vec<_>>());

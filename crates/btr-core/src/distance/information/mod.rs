@@ -39,8 +39,8 @@ impl Distance for Information {
     }
 
     fn distance(&self, real: &Behaviour, sim: &Behaviour) -> f64 {
-        let mut joint = Joint::new(self.bins);
-        let bits = |pair: super::channels::Pair| {
+        let mut joint = JointHistogram::new(self.bins);
+        let bits = |pair: super::channels::ChannelPair| {
             let bins = Bins::spanning(pair.real, &pair.sim, self.bins)?;
             joint.count(pair.real, &pair.sim, &bins);
             Some(joint.entropies().distance())
@@ -73,7 +73,7 @@ impl InformationDistance {
 /// missing or infinite sample are ignored; `None` when nothing is left.
 pub fn information_distance(x: &[f64], y: &[f64], bins: usize) -> Option<InformationDistance> {
     let shared = Bins::spanning(x, y, bins)?;
-    let mut joint = Joint::new(bins);
+    let mut joint = JointHistogram::new(bins);
     joint.count(x, y, &shared);
     Some(joint.entropies())
 }
@@ -120,17 +120,17 @@ fn clamp(bins: usize) -> usize {
 }
 
 /// How often each pair of symbols occurs.
-struct Joint {
+struct JointHistogram {
     side: usize,
     counts: Vec<u32>,
     x: Vec<u32>,
     y: Vec<u32>,
 }
 
-impl Joint {
+impl JointHistogram {
     fn new(bins: usize) -> Self {
         let side = clamp(bins);
-        Joint { side, counts: vec![0; side * side], x: vec![0; side], y: vec![0; side] }
+        JointHistogram { side, counts: vec![0; side * side], x: vec![0; side], y: vec![0; side] }
     }
 
     fn count(&mut self, x: &[f64], y: &[f64], bins: &Bins) {

@@ -16,7 +16,7 @@ fn d(x: &[f64], y: &[f64]) -> f64 {
 }
 
 fn d_in(x: &[f64], y: &[f64], bins: &Bins) -> f64 {
-    let mut joint = Joint::new(bins.last + 1);
+    let mut joint = JointHistogram::new(bins.last + 1);
     joint.count(x, y, bins);
     joint.entropies().distance()
 }

@@ -8,12 +8,12 @@ mod stop;
 mod weights;
 
 use super::best::Best;
-use super::{Search, Unit, sample};
+use super::{Search, UnitPoint, sample};
 use crate::random::Rng;
 use crate::settings;
-use run::Run;
+use run::Distribution;
 use serde::{Deserialize, Serialize};
-pub use stop::Ended;
+pub use stop::CmaStop;
 
 /// Settings of [`CmaEs`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -54,7 +54,7 @@ pub struct CmaEs {
     settings: CmaEsSettings,
     dims: usize,
     restarts: u32,
-    run: Run,
+    run: Distribution,
     best: Best,
 }
 
@@ -63,7 +63,7 @@ impl CmaEs {
     pub fn new(settings: CmaEsSettings, dims: usize, seed: Option<&[f64]>) -> Self {
         let mean = sample::on_cube(dims, seed.unwrap_or(&[]));
         let sigma = seed.and(settings.seeded_sigma).unwrap_or(settings.sigma);
-        let run = Run::new(mean, sigma, settings.population(dims));
+        let run = Distribution::new(mean, sigma, settings.population(dims));
         CmaEs { settings, dims, restarts: 0, run, best: Best::default() }
     }
 
@@ -73,13 +73,13 @@ impl CmaEs {
     }
 
     /// Why it learns nothing more; `None` while there is something to find, or a restart left.
-    pub fn ended(&self) -> Option<Ended> {
+    pub fn ended(&self) -> Option<CmaStop> {
         let restarts_left = self.restarts < self.settings.restarts;
         if self.dims == 0 || restarts_left { None } else { self.run.ended() }
     }
 
     /// Where the search is on the unit cube: the mean of its distribution, and the standard deviation along each dimension.
-    pub fn distribution(&self) -> (Unit, Vec<f64>) {
+    pub fn distribution(&self) -> (UnitPoint, Vec<f64>) {
         self.run.distribution()
     }
 
@@ -87,12 +87,12 @@ impl CmaEs {
         self.restarts += 1;
         // Doubling stops long before a population could not be held in memory.
         let lambda = self.settings.population(self.dims) << self.restarts.min(16);
-        self.run = Run::new(sample::uniform(self.dims, rng), self.settings.sigma, lambda);
+        self.run = Distribution::new(sample::uniform(self.dims, rng), self.settings.sigma, lambda);
     }
 }
 
 impl Search for CmaEs {
-    fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+    fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         if self.dims == 0 {
             return vec![Vec::new(); self.settings.population(0)];
         }
@@ -102,7 +102,7 @@ impl Search for CmaEs {
         self.run.ask(rng)
     }
 
-    fn tell(&mut self, population: &[Unit], costs: &[f64]) {
+    fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.best.see(population, costs);
         if self.dims > 0 && self.run.ended().is_none() {
             self.run.tell(costs);

@@ -3,10 +3,10 @@
 //! N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772; equation numbers are the tutorial's. The
 //! covariance update is active: bad steps shrink the variance along their direction.
 
-use super::stop::{Ended, History};
+use super::stop::{CmaStop, CostHistory};
 use super::weights::Weights;
 use crate::random::Rng;
-use crate::search::{Unit, sample};
+use crate::search::{UnitPoint, sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// harm), no point is drawn twice as resampling would, and an optimum on the bound becomes an ordinary optimum with
 /// descent from both sides. pycma folds in the same way, except that it also rounds the crease.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Run {
+pub(super) struct Distribution {
     lambda: usize,
     generation: u32,
     mean: DVector<f64>,
@@ -31,14 +31,14 @@ pub(super) struct Run {
     path_c: DVector<f64>,
     /// The steps y of the population last asked for, in units of sigma.
     steps: Vec<DVector<f64>>,
-    history: History,
+    history: CostHistory,
 }
 
-impl Run {
+impl Distribution {
     /// A round distribution about `mean`; needs at least one dimension.
-    pub(super) fn new(mean: Unit, sigma: f64, lambda: usize) -> Self {
+    pub(super) fn new(mean: UnitPoint, sigma: f64, lambda: usize) -> Self {
         let n = mean.len();
-        Run {
+        Distribution {
             lambda: lambda.max(2),
             generation: 0,
             mean: DVector::from_vec(mean),
@@ -49,12 +49,12 @@ impl Run {
             path_sigma: DVector::zeros(n),
             path_c: DVector::zeros(n),
             steps: Vec::new(),
-            history: History::default(),
+            history: CostHistory::default(),
         }
     }
 
     /// Draws a population (eqs. 38-40), folded into the cube.
-    pub(super) fn ask(&mut self, rng: &mut Rng) -> Vec<Unit> {
+    pub(super) fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         let n = self.mean.len();
         self.steps.clear();
         for _ in 0..self.lambda {
@@ -129,7 +129,7 @@ impl Run {
     }
 
     /// C = B·D²·Bᵀ. Rounding may leave eigenvalues at or below zero; they are kept a little above it. A matrix that does
-    /// not decompose keeps the old axes, and [`Run::ended`] ends the run.
+    /// not decompose keeps the old axes, and [`Distribution::ended`] ends the run.
     fn decompose(&mut self) {
         let symmetric = (&self.covariance + self.covariance.transpose()) * 0.5;
         match SymmetricEigen::try_new(symmetric.clone(), f64::EPSILON, 1000) {
@@ -150,7 +150,7 @@ impl Run {
 
     /// Why the run has nothing more to find: its steps are too small to matter, its axes too unlike to compute with, or
     /// its costs have stopped moving.
-    pub(super) fn ended(&self) -> Option<Ended> {
+    pub(super) fn ended(&self) -> Option<CmaStop> {
         const SMALLEST_STEP: f64 = 1e-11;
         const WORST_AXIS_RATIO: f64 = 1e7;
         let (longest, shortest) = (self.lengths.max(), self.lengths.min());
@@ -158,14 +158,14 @@ impl Run {
         let moves = self.sigma * longest > SMALLEST_STEP;
         let even = longest < WORST_AXIS_RATIO * shortest;
         match (moves, even) {
-            (false, _) => Some(Ended::SmallSteps),
-            (true, false) => Some(Ended::UnlikeAxes),
+            (false, _) => Some(CmaStop::SmallSteps),
+            (true, false) => Some(CmaStop::UnlikeAxes),
             (true, true) => self.history.ended(self.mean.len(), self.lambda),
         }
     }
 
     /// The mean, folded into the cube, and the standard deviation along each dimension.
-    pub(super) fn distribution(&self) -> (Unit, Vec<f64>) {
+    pub(super) fn distribution(&self) -> (UnitPoint, Vec<f64>) {
         let mean = self.mean.iter().map(|x| fold(*x)).collect();
         let variances = self.covariance.diagonal();
         (mean, variances.iter().map(|variance| self.sigma * variance.max(0.0).sqrt()).collect())

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Why a run has nothing more to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum CmaStop {
     /// Its steps are too small to matter.
     SmallSteps,
     /// The axes of its distribution are too unlike to compute with.
@@ -19,7 +19,7 @@ pub enum Ended {
 
 /// The best costs of past generations, newest last, and how long everything has failed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct History {
+pub(super) struct CostHistory {
     costs: Vec<f64>,
     failures: u32,
 }
@@ -29,7 +29,7 @@ const PATIENCE: u32 = 10;
 /// Costs are remembered for this many generations at most.
 const MEMORY: usize = 20_000;
 
-impl History {
+impl CostHistory {
     /// Notes the best cost of a generation; infinite when everything failed.
     pub(super) fn see(&mut self, cost: f64) {
         if cost == f64::INFINITY {
@@ -45,17 +45,17 @@ impl History {
 
     /// Ends when nothing succeeds, when the latest costs are equal to 12 digits, or when the newest fifth of a long
     /// history is in its median no better than the oldest fifth.
-    pub(super) fn ended(&self, dims: usize, lambda: usize) -> Option<Ended> {
+    pub(super) fn ended(&self, dims: usize, lambda: usize) -> Option<CmaStop> {
         let per_generation = dims as f64 / lambda as f64;
         let short = 10 + (30.0 * per_generation).ceil() as usize;
         let long = 120 + (30.0 * per_generation).ceil() as usize;
         let seen = self.costs.len();
         if self.failures >= PATIENCE {
-            Some(Ended::Failures)
+            Some(CmaStop::Failures)
         } else if seen >= short && flat(&self.costs[seen - short..]) {
-            Some(Ended::FlatCosts)
+            Some(CmaStop::FlatCosts)
         } else if seen >= long && ageing(&self.costs[seen - (seen * 3 / 10).max(long)..]) {
-            Some(Ended::Stagnation)
+            Some(CmaStop::Stagnation)
         } else {
             None
         }
@@ -82,8 +82,8 @@ fn median(costs: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn history(costs: impl Iterator<Item = f64>) -> History {
-        let mut history = History::default();
+    fn history(costs: impl Iterator<Item = f64>) -> CostHistory {
+        let mut history = CostHistory::default();
         costs.for_each(|cost| history.see(cost));
         history
     }
@@ -91,14 +91,14 @@ mod tests {
     #[test]
     fn progress_goes_on() {
         assert_eq!(history((0..1000).map(|i| 0.9f64.powi(i))).ended(5, 8), None);
-        assert_eq!(History::default().ended(5, 8), None);
+        assert_eq!(CostHistory::default().ended(5, 8), None);
     }
 
     #[test]
     fn equal_costs_noise_and_failures_stop() {
-        assert_eq!(history((0..40).map(|_| 3.0)).ended(5, 8), Some(Ended::FlatCosts));
-        assert_eq!(history((0..1000).map(|i| f64::from(i * 7919 % 101))).ended(5, 8), Some(Ended::Stagnation));
-        assert_eq!(history((0..10).map(|_| f64::INFINITY)).ended(5, 8), Some(Ended::Failures));
+        assert_eq!(history((0..40).map(|_| 3.0)).ended(5, 8), Some(CmaStop::FlatCosts));
+        assert_eq!(history((0..1000).map(|i| f64::from(i * 7919 % 101))).ended(5, 8), Some(CmaStop::Stagnation));
+        assert_eq!(history((0..10).map(|_| f64::INFINITY)).ended(5, 8), Some(CmaStop::Failures));
         assert_eq!(history((0..9).map(|_| f64::INFINITY)).ended(5, 8), None);
     }
 }

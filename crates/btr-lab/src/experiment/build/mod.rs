@@ -6,10 +6,10 @@ mod reality;
 
 use super::file::{File, RealitySection};
 use super::logs::scenarios;
-use super::logs::scenarios::Situations;
+use super::logs::scenarios::ScenarioSet;
 use super::parse::{FileError, Source, suggestion};
-use crate::distributed::Way;
-use crate::reality::{Asked, Called, Revealing, Unanswered};
+use crate::distributed::ExecutionContext;
+use crate::reality::{FunctionReality, Revealing, TestFailure, TestRequest};
 use btr_core::coevolve::{Coevolution, Plan};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
@@ -40,13 +40,13 @@ pub struct Experiment {
     /// What the readers of the recorded logs noticed and could live with.
     pub warnings: Vec<String>,
     /// How long it is worked on, and by whom.
-    pub way: Arc<Way>,
+    pub way: Arc<ExecutionContext>,
     source: Source,
-    robot: Option<Robotic>,
+    robot: Option<RobotFunction>,
 }
 
 /// A robot, or whatever stands for one: plays the references of a controller and gives back what it did.
-pub type Robotic = Arc<dyn Fn(&Asked) -> Result<Log, Unanswered> + Send + Sync>;
+pub type RobotFunction = Arc<dyn Fn(&TestRequest) -> Result<Log, TestFailure> + Send + Sync>;
 
 impl Experiment {
     /// Builds the experiment; real tests are kept under `folder`.
@@ -65,8 +65,8 @@ impl Experiment {
         source: Source,
         seed: Option<u64>,
         folder: &Path,
-        robot: Option<Robotic>,
-        way: Arc<Way>,
+        robot: Option<RobotFunction>,
+        way: Arc<ExecutionContext>,
     ) -> Result<Self, FileError> {
         let file = source.parse()?;
         let seed = seed.unwrap_or(file.seed);
@@ -81,7 +81,7 @@ impl Experiment {
         let model = Arc::new(builder.model(situations)?);
         builder.check_plan(&plan, &section, &model, &recorded)?;
         let reality = match &robot {
-            Some(robot) => Box::new(Called::new(robot.clone(), model.clone(), builder.store(&model, folder))),
+            Some(robot) => Box::new(FunctionReality::new(robot.clone(), model.clone(), builder.store(&model, folder))),
             None => builder.reality(&section, &model, &recorded, seed, folder)?,
         };
         let stated = model.setup.noise.by_channel();
@@ -119,7 +119,7 @@ impl Experiment {
     /// Whatever does not make sense, at its line.
     pub fn enlarge(&mut self, text: String) -> Result<(), FileError> {
         let source = Source { text, ..self.source.clone() };
-        let situations = Situations {
+        let situations = ScenarioSet {
             scenarios: self.model.scenarios.clone(),
             learn: self.model.learn,
             logs: self.recorded.clone(),
@@ -141,7 +141,7 @@ impl Experiment {
         let scenarios = tests.iter().map(|(trial, log)| self.scenario(trial, log)).collect::<Result<_, _>>();
         // The setup is the run's own; it must not change with the clock of a log.
         let logs = self.recorded.clone();
-        let situations = Situations { scenarios: scenarios.map_err(refused)?, learn, logs, warnings: Vec::new() };
+        let situations = ScenarioSet { scenarios: scenarios.map_err(refused)?, learn, logs, warnings: Vec::new() };
         let mut model = Builder { file: &file, source }.model(situations)?;
         if let Some((trial, _)) = tests.first() {
             // Where the base is when the motion begins is the drive's business.
@@ -277,21 +277,21 @@ pub fn simulations(source: &Source, robot: bool) -> Result<Model, FileError> {
     let builder = Builder { file: &file, source };
     let situations = match file.reality.as_ref().filter(|_| !robot) {
         Some(section) => builder.situations(section)?,
-        None => Situations::single(file.simulation.duration_s),
+        None => ScenarioSet::single(file.simulation.duration_s),
     };
     builder.model(situations)
 }
 
 impl Builder<'_> {
     /// Recorded logs are a situation each; for other realities there is one.
-    fn situations(&self, reality: &RealitySection) -> Result<Situations, FileError> {
+    fn situations(&self, reality: &RealitySection) -> Result<ScenarioSet, FileError> {
         match reality {
             RealitySection::Logs(logs) => scenarios::from_logs(logs, self.file, self.source, &self.robot()?),
-            _ => Ok(Situations::single(self.file.simulation.duration_s)),
+            _ => Ok(ScenarioSet::single(self.file.simulation.duration_s)),
         }
     }
 
-    pub(super) fn model(&self, situations: Situations) -> Result<Model, FileError> {
+    pub(super) fn model(&self, situations: ScenarioSet) -> Result<Model, FileError> {
         let robot = self.robot()?;
         let setup = self.setup(&robot, &situations.logs)?;
         let effects = self.effects(&self.file.effects, "effects", &robot)?;

@@ -7,16 +7,16 @@ use crate::experiment::parse::FileError;
 use btr_core::log::Log;
 use btr_core::space::{Dim, Space, SpaceError};
 use btr_physics::effects;
-use btr_physics::effects::{Effect, FormulaError, Placed, SiteKind};
+use btr_physics::effects::{Effect, FormulaError, PlacedEffect, SiteKind};
 use btr_physics::model::parameter;
 use btr_physics::model::parameter::Target;
-use btr_physics::model::task::{Fitness, TERMS, Term};
+use btr_physics::model::task::{Fitness, FitnessTerm, TERMS};
 use btr_physics::presets::{ant, nao, pendulum};
 use btr_physics::robot::site;
 use btr_physics::robot::urdf;
 use btr_physics::robot::urdf::UrdfError;
 use btr_physics::robot::{Actuator, Base, DutyLoop, Joint, Robot, Sampling};
-use btr_physics::sensor::Noise;
+use btr_physics::sensor::SensorNoise;
 use btr_physics::setup::{Ball, Ground, Sensors, Setup};
 use nalgebra::{Point3, Vector3};
 use std::path::Path;
@@ -143,11 +143,11 @@ impl Builder<'_> {
         sections: &[EffectSection],
         table: &str,
         robot: &Robot,
-    ) -> Result<Vec<Placed>, FileError> {
+    ) -> Result<Vec<PlacedEffect>, FileError> {
         sections.iter().enumerate().map(|(k, section)| self.effect(section, (table, k), robot)).collect()
     }
 
-    fn effect(&self, section: &EffectSection, at: (&str, usize), robot: &Robot) -> Result<Placed, FileError> {
+    fn effect(&self, section: &EffectSection, at: (&str, usize), robot: &Robot) -> Result<PlacedEffect, FileError> {
         let index = at.1.to_string();
         let keys: Vec<&str> = at.0.split('.').chain([index.as_str()]).collect();
         if section.effect == effects::FORMULA.name {
@@ -177,7 +177,7 @@ impl Builder<'_> {
     }
 
     /// A user's own law.
-    fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<Placed, FileError> {
+    fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<PlacedEffect, FileError> {
         let (Some(on), Some(law)) = (section.on, &section.law) else {
             let help =
                 "on = \"torque\" (or \"command\", \"reading\") and law = \"-a*sin(3*q)\" with a = 0.1".to_owned();
@@ -211,8 +211,8 @@ impl Builder<'_> {
         values: Vec<f64>,
         keys: &[&str],
         robot: &Robot,
-    ) -> Result<Placed, FileError> {
-        let placed = Placed { effect, site: section.site.clone(), values };
+    ) -> Result<PlacedEffect, FileError> {
+        let placed = PlacedEffect { effect, site: section.site.clone(), values };
         if placed.check_site(robot).is_err() {
             let (what, known) = sites(effect.card().site, robot);
             return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
@@ -227,7 +227,7 @@ impl Builder<'_> {
     pub(super) fn parameters(
         &self,
         robot: &Robot,
-        effects: &[Placed],
+        effects: &[PlacedEffect],
         setup: &Setup,
     ) -> Result<(Vec<Target>, Space), FileError> {
         let (mut targets, mut dims) = (Vec::new(), Vec::new());
@@ -255,7 +255,7 @@ impl Builder<'_> {
     }
 
     /// Whether this model has the channels that a term needs, which stands at these keys.
-    pub(crate) fn check_channels_of(&self, term: &Term, robot: &Robot, keys: &[&str]) -> Result<(), FileError> {
+    pub(crate) fn check_channels_of(&self, term: &FitnessTerm, robot: &Robot, keys: &[&str]) -> Result<(), FileError> {
         let lacks = |channel: &&&str| match channel.split_once('_') {
             Some(("base", _)) => robot.base == Base::Fixed,
             Some(("ball", _)) => self.file.simulation.ball.is_none(),
@@ -380,8 +380,8 @@ fn line_of(text: &str, message: &str) -> Option<usize> {
     Some(before.matches('\n').count() + 1)
 }
 
-pub(super) fn noise(section: &NoiseSection) -> Noise {
-    Noise {
+pub(super) fn noise(section: &NoiseSection) -> SensorNoise {
+    SensorNoise {
         position: section.position_rad,
         velocity: section.velocity_rad_s,
         torque: section.torque_n_m,

@@ -3,9 +3,9 @@
 use super::Builder;
 use super::model::noise;
 use crate::experiment::file::{DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection};
-use crate::experiment::logs::scenarios::Situations;
+use crate::experiment::logs::scenarios::ScenarioSet;
 use crate::experiment::parse::FileError;
-use crate::reality::{Command, Logs, Manual, Revealing, Stage, Store, Twin};
+use crate::reality::{CommandReality, ManualReality, RecordedReality, Revealing, Store, TwinReality, TwinStage};
 use btr_core::log::Log;
 use btr_core::random;
 use btr_core::space::{Space, SpaceError};
@@ -31,7 +31,7 @@ impl Builder<'_> {
         let (fitness, store) = (model.fitness.clone(), self.store(model, folder));
         Ok(match section {
             RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
-            RealitySection::Logs(_) => Box::new(Logs::new(recorded[..model.learn].to_vec(), fitness)),
+            RealitySection::Logs(_) => Box::new(RecordedReality::new(recorded[..model.learn].to_vec(), fitness)),
             RealitySection::Command(command) => {
                 let timely = command.timeout_s > 0.0 && command.timeout_s <= LONGEST_TEST_S;
                 if command.run.is_empty() || !timely {
@@ -41,14 +41,14 @@ impl Builder<'_> {
                 if !["csv", "mcap"].contains(&command.log.as_str()) {
                     return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
                 }
-                Box::new(Command::new(command.clone(), model.clone(), store))
+                Box::new(CommandReality::new(command.clone(), model.clone(), store))
             }
             RealitySection::Manual {} if model.drive.senses() => {
                 let why = "nobody can play a policy by hand: its references depend on what the robot senses";
                 let help = "kind = \"command\", with a program that runs the policy on the robot";
                 return Err(self.error(&["reality", "kind"], why, Some(help.to_owned())));
             }
-            RealitySection::Manual {} => Box::new(Manual::new(model.clone(), store)),
+            RealitySection::Manual {} => Box::new(ManualReality::new(model.clone(), store)),
         })
     }
 
@@ -60,7 +60,7 @@ impl Builder<'_> {
         Store::new(folder.join("transfers"), controllers, fitness, mapping, test_s)
     }
 
-    fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<Twin, FileError> {
+    fn twin(&self, twin: &TwinSection, model: &Model, seed: u64, store: Store) -> Result<TwinReality, FileError> {
         let point = self.twin_point(twin, &model.simulations, seed)?;
         let first = self.stage(twin, &[], 0, point)?;
         let mut later = Vec::new();
@@ -71,7 +71,7 @@ impl Builder<'_> {
             later.push(self.stage(twin, &effects, drift.test, point)?);
             before = later.last().unwrap_or(&first);
         }
-        Ok(Twin::new(first, later, random::derive(seed, &[TWIN_STREAM, 1]), store))
+        Ok(TwinReality::new(first, later, random::derive(seed, &[TWIN_STREAM, 1]), store))
     }
 
     /// Where in S a twin stands after a change.
@@ -96,8 +96,8 @@ impl Builder<'_> {
         later: &[EffectSection],
         from_test: usize,
         parameters: Vec<f64>,
-    ) -> Result<Stage, FileError> {
-        let mut hidden = self.model(Situations::single(self.file.simulation.duration_s))?;
+    ) -> Result<TwinStage, FileError> {
+        let mut hidden = self.model(ScenarioSet::single(self.file.simulation.duration_s))?;
         hidden.effects.extend(self.effects(&twin.effects, "reality.effects", &hidden.robot)?);
         hidden.effects.extend(self.effects(later, "reality.drift.effects", &hidden.robot)?);
         hidden.setup.noise = noise(&twin.noise);
@@ -113,7 +113,7 @@ impl Builder<'_> {
         }
         let effects = twin.effects.iter().chain(later);
         let names = effects.map(|e| format!("{}@{}", e.effect, e.site)).collect();
-        Ok(Stage { from_test, model: hidden, parameters, hidden: names })
+        Ok(TwinStage { from_test, model: hidden, parameters, hidden: names })
     }
 
     fn twin_point(&self, twin: &TwinSection, space: &Space, seed: u64) -> Result<Vec<f64>, FileError> {

@@ -13,7 +13,7 @@ const LONGEST_STEP_S: f64 = 0.5;
 const SHORTEST: (f64, usize) = (0.5, 20);
 
 /// A log, or what there is of it between two gaps, from time zero.
-pub(super) struct Piece {
+pub(super) struct LogPiece {
     pub path: PathBuf,
     /// For reports.
     pub name: String,
@@ -61,11 +61,11 @@ fn slow(path: &Path, step_s: f64) -> FileError {
 
 /// Cuts a log at its gaps: nobody knows what the robot was told in one, nor where it is after it. What is too short to tell
 /// anything is left out, which is noticed.
-pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<Piece>, Vec<String>), FileError> {
+pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<String>), FileError> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let runs = silence::pieces(log);
     if runs.len() < 2 {
-        return Ok((vec![Piece::whole(path, log.clone())], Vec::new()));
+        return Ok((vec![LogPiece::whole(path, log.clone())], Vec::new()));
     }
     let (mut pieces, mut noticed) = (Vec::new(), Vec::new());
     for run in runs {
@@ -77,7 +77,7 @@ pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<Piece>, Vec<String>)
             continue;
         }
         let name = format!("{stem} from {begins_s:.1} s");
-        pieces.push(Piece { path: path.to_owned(), name, log: part.from_zero(), begins_s });
+        pieces.push(LogPiece { path: path.to_owned(), name, log: part.from_zero(), begins_s });
     }
     if pieces.is_empty() {
         let message = format!("nothing but gaps: no {} s without one", SHORTEST.0);
@@ -87,10 +87,10 @@ pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<Piece>, Vec<String>)
     Ok((pieces, noticed))
 }
 
-impl Piece {
+impl LogPiece {
     pub(super) fn whole(path: &Path, log: Log) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Piece { path: path.to_owned(), name, log, begins_s: 0.0 }
+        LogPiece { path: path.to_owned(), name, log, begins_s: 0.0 }
     }
 }
 

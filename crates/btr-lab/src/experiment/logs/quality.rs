@@ -4,7 +4,7 @@ use crate::experiment::nearest;
 use btr_core::log::{Channel, Log, Role};
 use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
 use btr_physics::robot::{Actuator, Joint, JointKind, Robot};
-use btr_physics::sensor::Noise;
+use btr_physics::sensor::SensorNoise;
 
 /// A joint that goes beyond its limits by so many times its range is not in these units.
 const FAR: f64 = 1.0;
@@ -12,7 +12,7 @@ const FAR: f64 = 1.0;
 const SLACK: f64 = 0.05;
 
 /// All that is to be said about a log that is compared with this robot, whose sensors err as `noise` says.
-pub(crate) fn quality(log: &Log, robot: &Robot, noise: &Noise) -> Quality {
+pub(crate) fn quality(log: &Log, robot: &Robot, noise: &SensorNoise) -> Quality {
     let mut quality = check(log);
     let mut found = Vec::new();
     for joint in robot.movable().map(|(_, link)| &link.joint) {
@@ -111,7 +111,7 @@ fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
 }
 
 /// Readings without any noise, as simulations make them.
-fn noiseless(log: &Log, joint: &Joint, noise: &Noise) -> Option<Finding> {
+fn noiseless(log: &Log, joint: &Joint, noise: &SensorNoise) -> Option<Finding> {
     let name = format!("q_{}", joint.name);
     let channel = log.channel(&name)?;
     let (least, most) = ends(channel)?;

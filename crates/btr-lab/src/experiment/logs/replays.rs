@@ -3,7 +3,7 @@
 use super::pieces;
 use super::quality;
 use super::scenarios;
-use super::scenarios::{Reader, Row, Situations};
+use super::scenarios::{IndexRow, ScenarioReader, ScenarioSet};
 use super::source::LogSource;
 use crate::experiment::build::Builder;
 use crate::experiment::file::{ColumnSection, File, RealitySection};
@@ -28,12 +28,12 @@ pub struct Replays {
     /// What is odd about the logs, though they can be used.
     pub warnings: Vec<String>,
     /// What the logs are worth, one per file.
-    pub checked: Vec<Checked>,
+    pub checked: Vec<CheckedLog>,
 }
 
 /// What a log is worth.
 #[derive(Clone, Debug)]
-pub struct Checked {
+pub struct CheckedLog {
     /// Its path.
     pub log: String,
     /// All that was found in it.
@@ -86,9 +86,9 @@ where
         let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".to_owned();
         return Err(source.error(&[], "no log to learn from", Some(help)));
     }
-    let known = Known::of(&file, source)?;
-    let reader = Reader { file: &file, source, robot: &robot };
-    let (mut all, mut wholes) = (Situations::none(), Vec::new());
+    let known = IndexEntries::of(&file, source)?;
+    let reader = ScenarioReader { file: &file, source, robot: &robot };
+    let (mut all, mut wholes) = (ScenarioSet::none(), Vec::new());
     let mut floor = 0.0f64;
     for (k, given) in learn.iter().chain(&held_out).enumerate() {
         let (path, (log, noticed)) = (given.path(), pieces::read(given, &file)?);
@@ -111,27 +111,27 @@ where
         model.setup.noise.torque = floor;
     }
     let quality = |log: &Log| quality::quality(log, &model.robot, &model.setup.noise);
-    let checked = wholes.into_iter().map(|(name, log)| Checked { quality: quality(&log), log: name }).collect();
+    let checked = wholes.into_iter().map(|(name, log)| CheckedLog { quality: quality(&log), log: name }).collect();
     Ok(Replays { logs, warnings, checked, model })
 }
 
 /// What an index says about logs.
-pub(super) struct Known<'a> {
+pub(super) struct IndexEntries<'a> {
     section: &'static str,
-    rows: Vec<(PathBuf, Row)>,
+    rows: Vec<(PathBuf, IndexRow)>,
     columns: Option<&'a IndexMap<String, ColumnSection>>,
 }
 
-impl<'a> Known<'a> {
+impl<'a> IndexEntries<'a> {
     pub(super) fn of(file: &'a File, source: &Source) -> Result<Self, FileError> {
         let (section, index, columns) = match (&file.logs, &file.reality) {
             (Some(logs), _) => ("logs", Some(&logs.index), &logs.columns),
             (None, Some(RealitySection::Logs(logs))) => ("reality", logs.index.as_ref(), &logs.columns),
-            _ => return Ok(Known { section: "logs", rows: Vec::new(), columns: None }),
+            _ => return Ok(IndexEntries { section: "logs", rows: Vec::new(), columns: None }),
         };
         // Without columns the index only says which logs there are, and these have been named.
         let Some(index) = index.filter(|_| !columns.is_empty()) else {
-            return Ok(Known { section, rows: Vec::new(), columns: None });
+            return Ok(IndexEntries { section, rows: Vec::new(), columns: None });
         };
         let index = source.folder().join(index);
         let folder = index.parent().unwrap_or(Path::new(""));
@@ -140,11 +140,11 @@ impl<'a> Known<'a> {
             let name = row.get("file").ok_or_else(|| scenarios::no_file_column(&index, line))?;
             rows.push((folder.join(name), row));
         }
-        Ok(Known { section, rows, columns: Some(columns) })
+        Ok(IndexEntries { section, rows, columns: Some(columns) })
     }
 
     /// The row of a log: that of its path, or else that of its name, for logs that were copied elsewhere.
-    fn row(&self, log: &Path) -> Option<&Row> {
+    fn row(&self, log: &Path) -> Option<&IndexRow> {
         let same = |path: &Path| path.canonicalize().ok().is_some_and(|p| log.canonicalize().is_ok_and(|l| l == p));
         let by_path = self.rows.iter().find(|(path, _)| same(path));
         by_path.or_else(|| self.rows.iter().find(|(path, _)| path.file_name() == log.file_name())).map(|(_, row)| row)

@@ -1,13 +1,13 @@
 //! Recorded logs as scenarios: each log brings its commands, its start and whatever the index knows of it.
 
 use super::pieces;
-use super::pieces::{Piece, about};
+use super::pieces::{LogPiece, about};
 use super::source::LogSource;
 use super::start::starts;
 use crate::experiment::file::{Choice, ColumnSection, File, LogsSection};
 use crate::experiment::parse::{FileError, Source, nearest};
 use btr_core::log::{Log, LogError, interpolate};
-use btr_core::signal::noise::Noise;
+use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The situations of an experiment; the first `learn` are there to learn from.
-pub(crate) struct Situations {
+pub(crate) struct ScenarioSet {
     pub scenarios: Vec<Scenario>,
     pub learn: usize,
     pub logs: Vec<Log>,
@@ -26,18 +26,18 @@ pub(crate) struct Situations {
     pub warnings: Vec<String>,
 }
 
-impl Situations {
+impl ScenarioSet {
     /// The usual case: one situation, whatever the controller.
     pub(crate) fn single(duration_s: f64) -> Self {
         let scenario = Scenario { name: "default".to_owned(), duration_s, ..Scenario::default() };
-        Situations { scenarios: vec![scenario], learn: 1, logs: Vec::new(), warnings: Vec::new() }
+        ScenarioSet { scenarios: vec![scenario], learn: 1, logs: Vec::new(), warnings: Vec::new() }
     }
 }
 
 /// A log to be read, with its row of the index.
-struct Wanted {
+struct LogRequest {
     path: PathBuf,
-    row: Row,
+    row: IndexRow,
     held_out: bool,
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn from_logs(
     file: &File,
     source: &Source,
     robot: &Robot,
-) -> Result<Situations, FileError> {
+) -> Result<ScenarioSet, FileError> {
     let mut wanted = listed(section, source);
     if let Some(index) = &section.index {
         wanted.extend(indexed(section, &source.folder().join(index), source)?);
@@ -60,26 +60,26 @@ pub(crate) fn from_logs(
         let help = "name files, or an index with learn = { column = value }".to_owned();
         return Err(source.error(&["reality"], "no log to learn from", Some(help)));
     }
-    let mut all = Situations::none();
+    let mut all = ScenarioSet::none();
     for one in &wanted {
         let (log, noticed) = pieces::read(&LogSource::File(one.path.clone()), file)?;
         all.notice(&one.path, noticed);
         let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
-        all.add(&one.path, &log, !one.held_out, &settings, &Reader { file, source, robot })?;
+        all.add(&one.path, &log, !one.held_out, &settings, &ScenarioReader { file, source, robot })?;
     }
     Ok(all)
 }
 
 /// What it takes to make a situation of a log.
-pub(super) struct Reader<'a> {
+pub(super) struct ScenarioReader<'a> {
     pub file: &'a File,
     pub source: &'a Source,
     pub robot: &'a Robot,
 }
 
-impl Situations {
+impl ScenarioSet {
     pub(super) fn none() -> Self {
-        Situations { scenarios: Vec::new(), learn: 0, logs: Vec::new(), warnings: Vec::new() }
+        ScenarioSet { scenarios: Vec::new(), learn: 0, logs: Vec::new(), warnings: Vec::new() }
     }
 
     pub(super) fn notice(&mut self, path: &Path, noticed: impl IntoIterator<Item = String>) {
@@ -94,7 +94,7 @@ impl Situations {
         log: &Log,
         learn: bool,
         settings: &[(Target, f64)],
-        reader: &Reader,
+        reader: &ScenarioReader,
     ) -> Result<Option<f64>, FileError> {
         self.notice(path, doubts(log, reader.file));
         let (pieces, noticed) = pieces::pieces(path, log)?;
@@ -120,7 +120,7 @@ fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
     let joints = robot.movable().map(|(_, link)| &link.joint);
     for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
         if let Some(torques) = log.values_mut(&format!("tau_{}", joint.name)) {
-            let sigma = Noise::of(torques).map_or(0.0, |noise| noise.sigma());
+            let sigma = NoiseEstimate::of(torques).map_or(0.0, |noise| noise.sigma());
             floor = Some(sigma.max(floor.unwrap_or(0.0)));
             if let Some(sampling) = &joint.sampling {
                 // What is held from its instant on acts half a period later on average.
@@ -154,15 +154,15 @@ pub(crate) fn rarer(period_s: f64, other_s: f64) -> bool {
     period_s > 1.5 * other_s
 }
 
-fn listed(section: &LogsSection, source: &Source) -> Vec<Wanted> {
+fn listed(section: &LogsSection, source: &Source) -> Vec<LogRequest> {
     let wanted = |held_out: bool| {
-        move |path: &PathBuf| Wanted { path: source.folder().join(path), row: IndexMap::new(), held_out }
+        move |path: &PathBuf| LogRequest { path: source.folder().join(path), row: IndexMap::new(), held_out }
     };
     section.files.iter().map(wanted(false)).chain(section.held_out.iter().map(wanted(true))).collect()
 }
 
 /// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt from.
-fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<Wanted>, FileError> {
+fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<LogRequest>, FileError> {
     let rows = read_index(index, source, "reality")?;
     let folder = index.parent().unwrap_or(Path::new(""));
     let mut wanted = Vec::new();
@@ -176,7 +176,7 @@ fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<W
             return Err(at_line(index, line, "both `learn` and `judge` choose this log"));
         }
         if learn || judge {
-            wanted.push(Wanted { path: folder.join(name), row, held_out: judge });
+            wanted.push(LogRequest { path: folder.join(name), row, held_out: judge });
         }
     }
     Ok(wanted)
@@ -191,10 +191,10 @@ pub(super) fn no_file_column(index: &Path, line: usize) -> FileError {
 }
 
 /// A row of an index: cell by column.
-pub(super) type Row = IndexMap<String, String>;
+pub(super) type IndexRow = IndexMap<String, String>;
 
 /// The rows of the index of `section`, with their lines.
-pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, Row)>, FileError> {
+pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, IndexRow)>, FileError> {
     let unreadable = |e: csv::Error| {
         let message = format!("{}: {e}", index.display());
         let help = format!(
@@ -215,7 +215,7 @@ pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result
 }
 
 /// Whether a row meets all conditions; the name of a column that is not there.
-fn chosen(row: &Row, conditions: &IndexMap<String, Choice>) -> Result<bool, String> {
+fn chosen(row: &IndexRow, conditions: &IndexMap<String, Choice>) -> Result<bool, String> {
     for (column, choice) in conditions {
         let cell = row.get(column).ok_or_else(|| column.clone())?;
         let number: Option<f64> = cell.trim().parse().ok();
@@ -233,7 +233,7 @@ fn chosen(row: &Row, conditions: &IndexMap<String, Choice>) -> Result<bool, Stri
     Ok(true)
 }
 
-fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &Row) -> FileError {
+fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &IndexRow) -> FileError {
     let help = match nearest(column, row.keys().map(String::as_str)) {
         Some(name) => format!("did you mean `{name}`?"),
         None => format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", ")),
@@ -244,16 +244,16 @@ fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &
 /// What the columns of a row set.
 pub(super) fn settings(
     (section, columns): (&str, &IndexMap<String, ColumnSection>),
-    row: &Row,
+    row: &IndexRow,
     source: &Source,
     robot: &Robot,
 ) -> Result<Vec<(Target, f64)>, FileError> {
     columns.iter().map(|(target, column)| setting((section, target), column, row, source, robot)).collect()
 }
 
-impl Reader<'_> {
+impl ScenarioReader<'_> {
     /// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
-    fn compared(&self, piece: &Piece) -> Result<Scenario, FileError> {
+    fn compared(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         let replaying = self.replaying(piece)?;
         match self.missing_position(&piece.log) {
             Some(e) => Err(self.lacking(&piece.path, &e)),
@@ -262,7 +262,7 @@ impl Reader<'_> {
     }
 
     /// The situation of a log: its commands, its duration, its start.
-    pub(super) fn replaying(&self, piece: &Piece) -> Result<Scenario, FileError> {
+    pub(super) fn replaying(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         Ok(Scenario {
             name: piece.name.clone(),
             replay: Some(Arc::new(Replay::new(&piece.log, self.robot))),
@@ -303,7 +303,7 @@ impl Reader<'_> {
 fn setting(
     (section, name): (&str, &str),
     column: &ColumnSection,
-    row: &Row,
+    row: &IndexRow,
     source: &Source,
     robot: &Robot,
 ) -> Result<(Target, f64), FileError> {

@@ -1,9 +1,9 @@
 //! Models on their own: with their own drive, with another file's, or replaying a log.
 
 use super::pieces;
-use super::pieces::Piece;
-use super::replays::Known;
-use super::scenarios::{Reader, Situations};
+use super::pieces::LogPiece;
+use super::replays::IndexEntries;
+use super::scenarios::{ScenarioReader, ScenarioSet};
 use super::source::LogSource;
 use crate::experiment::build::Builder;
 use crate::experiment::file::DriveSection;
@@ -17,7 +17,7 @@ use btr_physics::model::{Model, Scenario};
 /// Whatever does not make sense, at its line.
 pub fn model(source: &Source) -> Result<Model, FileError> {
     let file = source.parse()?;
-    Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
+    Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
 }
 
 /// A log as it is compared with simulations of a model file: from time zero, under btr's names.
@@ -43,7 +43,7 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     let folder = std::path::absolute(drive.folder()).unwrap_or_else(|_| drive.folder().to_owned());
     section.log = section.log.map(|log| folder.join(log));
     file.drive = Some(section);
-    Builder { file: &file, source }.model(Situations::single(file.simulation.duration_s))
+    Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
 }
 
 /// The model of a file, told what a log says the robot was told, from where the log starts, with what an index of logs in the
@@ -54,10 +54,10 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
     let (file, log) = (source.parse()?, log.into());
     let builder = Builder { file: &file, source };
-    let whole = Piece::whole(log.path(), pieces::read(&log, &file)?.0);
+    let whole = LogPiece::whole(log.path(), pieces::read(&log, &file)?.0);
     let robot = builder.robot()?;
-    let settings = Known::of(&file, source)?.settings(log.path(), &robot, source)?;
-    let reader = Reader { file: &file, source, robot: &robot };
+    let settings = IndexEntries::of(&file, source)?.settings(log.path(), &robot, source)?;
+    let reader = ScenarioReader { file: &file, source, robot: &robot };
     let scenario = Scenario { settings, ..reader.replaying(&whole)? };
-    builder.model(Situations { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
+    builder.model(ScenarioSet { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
 }

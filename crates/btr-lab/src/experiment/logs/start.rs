@@ -1,7 +1,7 @@
 //! In which state a robot is when a log begins.
 
 use btr_core::log::{Log, LogError};
-use btr_core::signal::noise::Noise;
+use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_physics::robot::{Actuator, Robot};
 
@@ -32,7 +32,7 @@ fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     };
     let reading = (first("q")?, first("dq").unwrap_or(0.0));
     let positions = &log.channel(&format!("q_{joint}"))?.values;
-    let Some(noise) = Noise::of(positions).filter(|noise| !noise.is_negligible()) else { return Some(reading) };
+    let Some(noise) = NoiseEstimate::of(positions).filter(|noise| !noise.is_negligible()) else { return Some(reading) };
     let begin = smooth::start(log.clock_s(), positions, noise.sigma(), first("dq"));
     Some(begin.map_or(reading, |motion| (motion.value, motion.velocity)))
 }

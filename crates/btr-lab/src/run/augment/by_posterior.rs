@@ -4,16 +4,17 @@
 
 use super::Cause;
 use super::extended::{Added, Extended};
-use crate::distributed::Way;
+use crate::distributed::ExecutionContext;
 use crate::experiment::Experiment;
-use crate::identification::scales::Scales;
+use crate::identification::scales::RobotScales;
 use crate::identification::sites;
 use btr_core::coevolve::{
-    Abduction, Coevolution, Cost, Entry, Estimated, Explanation, Extension, Fitted, Posterior, PosteriorPhase, Suspect,
+    Abduction, Coevolution, Cost, Entry, Estimated, Explanation, Extension, FittedExtension, Posterior, PosteriorPhase,
+    Suspect,
 };
 use btr_core::space::{Dim, Space};
 use btr_core::world::{Simulator, WorldError};
-use btr_identify::diagnose::{Found, Rung, Verdict};
+use btr_identify::diagnose::{MissingEffect, Rung, Verdict};
 use btr_identify::fit::Estimate;
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, SiteKind};
@@ -41,15 +42,15 @@ const ALIKE: f64 = 10.0;
 const TWO_SIDED_95: f64 = 1.96;
 
 /// What the present S comes to, and what it is made of.
-struct State<'a> {
+struct PresentExplanation<'a> {
     added: Vec<Added>,
-    fitted: Fitted,
+    fitted: FittedExtension,
     prior: Posterior,
     extended: Extended<'a>,
 }
 
 /// A suspect after a few turns.
-struct Glance {
+struct QuickEstimate {
     added: Vec<Added>,
     belief: Posterior,
     chi: f64,
@@ -58,7 +59,7 @@ struct Glance {
 
 /// What an explanation costs: its deviance, with what each of its numbers costs (Schwarz's criterion).
 #[derive(Clone, Copy)]
-struct Price {
+struct ExplanationCost {
     explains: bool,
     /// In the beginnings of the tests.
     early: f64,
@@ -66,17 +67,17 @@ struct Price {
     whole: f64,
 }
 
-impl Price {
-    fn of(state: &State) -> Self {
+impl ExplanationCost {
+    fn of(state: &PresentExplanation) -> Self {
         let numbers = state.extended.simulations().len() as f64;
         let price = |estimated: &Estimated| estimated.deviance + numbers * estimated.samples.ln();
-        let Fitted { early, estimated, .. } = &state.fitted;
-        Price { explains: estimated.explains, early: price(early), whole: price(estimated) }
+        let FittedExtension { early, estimated, .. } = &state.fitted;
+        ExplanationCost { explains: estimated.explains, early: price(early), whole: price(estimated) }
     }
 
     /// By how much another explanation is dearer. Two that explain everything are compared in the beginnings: further on a
     /// deviance depends on what an ensemble takes for unpredictable, by more than a number costs.
-    fn less_than(self, other: Price) -> f64 {
+    fn less_than(self, other: ExplanationCost) -> f64 {
         match (self.explains, other.explains) {
             (true, true) => other.early - self.early,
             (false, false) => other.whole - self.whole,
@@ -114,9 +115,9 @@ pub(super) fn cause(
     };
     let scales = scales(model, learn).map_err(|e| e.to_string())?;
     let mut cost = Cost::default();
-    let asking = Asking { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
+    let asking = CauseSearch { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
     let mut ladder = Vec::new();
-    let mut said = |step: String, fitted: &Fitted| {
+    let mut said = |step: String, fitted: &FittedExtension| {
         let rung = Rung { step, train: fitted.estimated.chi, held_out: fitted.held_out };
         tell(&rung);
         ladder.push((&rung).into());
@@ -164,35 +165,39 @@ fn chosen(run: &Coevolution) -> Vec<&Entry> {
 }
 
 /// What is large and what is small for this robot in what it was asked to do.
-fn scales(model: &Model, learn: &[&Entry]) -> Result<Scales, WorldError> {
+fn scales(model: &Model, learn: &[&Entry]) -> Result<RobotScales, WorldError> {
     let nominal = model.simulations().nominal();
     let simulated =
         learn.iter().map(|test| model.simulate(&nominal, &test.trial.controller, test.trial.scenario, None));
-    Scales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+    RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
 
-struct Asking<'a> {
+struct CauseSearch<'a> {
     abduction: Abduction<'a>,
     model: &'a Model,
-    scales: Scales,
-    way: &'a Way,
+    scales: RobotScales,
+    way: &'a ExecutionContext,
     /// s_0, about which S is believed to be before any test.
     start: Vec<f64>,
 }
 
-impl<'a> Asking<'a> {
+impl<'a> CauseSearch<'a> {
     /// S as it stands.
-    fn begin(&self, cost: &mut Cost) -> Option<State<'a>> {
+    fn begin(&self, cost: &mut Cost) -> Option<PresentExplanation<'a>> {
         let extended = self.extended(Vec::new())?;
         let prior = self.prior(extended.simulations());
         let fitted = self.abduction.fit(&extended, &prior, &prior, cost)?;
-        Some(State { added: Vec::new(), fitted, prior, extended })
+        Some(PresentExplanation { added: Vec::new(), fitted, prior, extended })
     }
 
     /// One effect more; `None` where none helps enough.
-    fn round(&self, state: &State<'a>, cost: &mut Cost) -> Option<(State<'a>, Found)> {
+    fn round(
+        &self,
+        state: &PresentExplanation<'a>,
+        cost: &mut Cost,
+    ) -> Option<(PresentExplanation<'a>, MissingEffect)> {
         let glances = self.glances(state, cost);
-        let mut fitted: Vec<State> = Vec::new();
+        let mut fitted: Vec<PresentExplanation> = Vec::new();
         for glance in glances.iter().take(FITTED) {
             // Where one explains all, those that do not even explain the beginnings are no rivals.
             if !glance.explains && fitted.iter().any(|tried| tried.fitted.estimated.explains) {
@@ -200,7 +205,7 @@ impl<'a> Asking<'a> {
             }
             fitted.extend(self.tried(&glance.added, &glance.belief, cost));
         }
-        fitted.sort_by(|a, b| 0.0f64.total_cmp(&Price::of(a).less_than(Price::of(b))));
+        fitted.sort_by(|a, b| 0.0f64.total_cmp(&ExplanationCost::of(a).less_than(ExplanationCost::of(b))));
         let before = state.fitted.estimated.chi.powi(2);
         let leader = fitted.first()?;
         let helps = before - leader.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
@@ -209,12 +214,12 @@ impl<'a> Asking<'a> {
     }
 
     /// The suspects after a few turns, best first: those that promise most where S stands now, and where it began.
-    fn glances(&self, state: &State<'a>, cost: &mut Cost) -> Vec<Glance> {
+    fn glances(&self, state: &PresentExplanation<'a>, cost: &mut Cost) -> Vec<QuickEstimate> {
         let spaces: Vec<Extended> =
             self.offered(&state.added).into_iter().filter_map(|added| self.extended(added)).collect();
         let extensions: Vec<Extension> =
             spaces.iter().map(|extended| Extension { simulator: extended, probes: extended.probes() }).collect();
-        let mut glances: Vec<Glance> = Vec::new();
+        let mut glances: Vec<QuickEstimate> = Vec::new();
         for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
             self.way.heed();
             let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
@@ -225,7 +230,7 @@ impl<'a> Asking<'a> {
                 let from = self.abduction.beginning(&base, suspect, &prior);
                 let estimated = self.abduction.glance(extended, &prior, &from, GLANCE_TURNS, cost);
                 let Some(Estimated { chi, belief, explains, .. }) = estimated else { continue };
-                glances.push(Glance { added: extended.added().to_vec(), belief, chi, explains });
+                glances.push(QuickEstimate { added: extended.added().to_vec(), belief, chi, explains });
             }
         }
         glances.sort_by(|a, b| a.chi.total_cmp(&b.chi));
@@ -240,21 +245,26 @@ impl<'a> Asking<'a> {
     }
 
     /// Effects with their numbers.
-    fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<State<'a>> {
+    fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<PresentExplanation<'a>> {
         self.way.heed();
         let extended = self.extended(added.to_vec())?;
         let prior = self.prior(extended.simulations());
         let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
-        Some(State { added: added.to_vec(), fitted, prior, extended })
+        Some(PresentExplanation { added: added.to_vec(), fitted, prior, extended })
     }
 
     /// The same effects but for those that nothing is lost without: what was found first may have stood in for what was found
     /// after it, and what was found last may only have led the estimate out of a local minimum.
-    fn pruned(&self, mut state: State<'a>, effects: &mut Vec<Found>, cost: &mut Cost) -> State<'a> {
+    fn pruned(
+        &self,
+        mut state: PresentExplanation<'a>,
+        effects: &mut Vec<MissingEffect>,
+        cost: &mut Cost,
+    ) -> PresentExplanation<'a> {
         let mut k = 0;
         while k < state.added.len() {
             let tried = self.without(&state, k).and_then(|(added, from)| self.tried(&added, &from, cost));
-            match tried.filter(|tried| Price::of(tried).less_than(Price::of(&state)) > 0.0) {
+            match tried.filter(|tried| ExplanationCost::of(tried).less_than(ExplanationCost::of(&state)) > 0.0) {
                 Some(tried) => {
                     effects.remove(k);
                     state = tried;
@@ -267,7 +277,7 @@ impl<'a> Asking<'a> {
 
     /// The effects of a state but for one of several, and a belief to begin with. `None` for what was found last and is surely
     /// there: that without it more is left unexplained was seen when it was found.
-    fn without(&self, state: &State, k: usize) -> Option<(Vec<Added>, Posterior)> {
+    fn without(&self, state: &PresentExplanation, k: usize) -> Option<(Vec<Added>, Posterior)> {
         let mut added = state.added.clone();
         added.remove(k);
         let (known, belief) = (state.extended.simulations(), &state.fitted.estimated.belief);
@@ -280,7 +290,7 @@ impl<'a> Asking<'a> {
     }
 
     /// Whether all intervals of an effect hold the value at which it does nothing.
-    fn may_be_off(&self, state: &State, k: usize) -> bool {
+    fn may_be_off(&self, state: &PresentExplanation, k: usize) -> bool {
         let places = self.places(state, k);
         let known = &state.extended.simulations().dims()[places.clone()];
         let belief = &state.fitted.estimated.belief;
@@ -292,21 +302,26 @@ impl<'a> Asking<'a> {
     }
 
     /// Where in its space a state has the numbers of the effect that was added as number `k`.
-    fn places(&self, state: &State, k: usize) -> Range<usize> {
+    fn places(&self, state: &PresentExplanation, k: usize) -> Range<usize> {
         let count = |added: &Added| added.effect.card().params.len();
         let from = self.model.simulations().len() + state.added[..k].iter().map(count).sum::<usize>();
         from..from + count(&state.added[k])
     }
 
     /// The same effects with simpler laws in place of those that contain them, where nothing is lost by that.
-    fn simplified(&self, mut state: State<'a>, effects: &mut [Found], cost: &mut Cost) -> State<'a> {
+    fn simplified(
+        &self,
+        mut state: PresentExplanation<'a>,
+        effects: &mut [MissingEffect],
+        cost: &mut Cost,
+    ) -> PresentExplanation<'a> {
         for k in 0..state.added.len() {
             for (name, _) in state.added[k].effect.card().contains {
                 let Some(simpler) = effects::find(name) else { continue };
                 let mut added = state.added.clone();
                 added[k].effect = simpler;
                 let Some(tried) = self.tried(&added, &self.about(&state, &added, Some(k)), cost) else { continue };
-                if Price::of(&tried).less_than(Price::of(&state)) > 0.0 {
+                if ExplanationCost::of(&tried).less_than(ExplanationCost::of(&state)) > 0.0 {
                     (*name).clone_into(&mut effects[k].effect);
                     state = tried;
                     break;
@@ -318,7 +333,7 @@ impl<'a> Asking<'a> {
 
     /// A belief to begin with where some effects of a state remain: their numbers as they are known, and in place of a `replaced`
     /// one's those that have the same unit.
-    fn about(&self, state: &State, added: &[Added], replaced: Option<usize>) -> Posterior {
+    fn about(&self, state: &PresentExplanation, added: &[Added], replaced: Option<usize>) -> Posterior {
         let (known, mean) = (state.extended.simulations(), state.fitted.estimated.belief.mean());
         let own = self.model.simulations().len();
         let base = Posterior::of_bounds(&mean.as_slice()[..own]);
@@ -339,27 +354,27 @@ impl<'a> Asking<'a> {
     }
 
     /// The leader as it is told, beside those that explain as much.
-    fn found(&self, before: &State, tried: &[State]) -> Option<Found> {
+    fn found(&self, before: &PresentExplanation, tried: &[PresentExplanation]) -> Option<MissingEffect> {
         let leader = tried.first()?;
         let last = leader.added.last()?;
-        let price = Price::of(leader);
-        let dearer = |other: &State| price.less_than(Price::of(other));
-        let close = |other: &&State| dearer(other) < ALIKE;
+        let price = ExplanationCost::of(leader);
+        let dearer = |other: &PresentExplanation| price.less_than(ExplanationCost::of(other));
+        let close = |other: &&PresentExplanation| dearer(other) < ALIKE;
         let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.added.last()?.name()));
         let rivals: f64 = tried.iter().skip(1).map(|other| (-0.5 * dearer(other)).exp()).sum();
-        Some(Found {
+        Some(MissingEffect {
             effect: last.effect.card().name.to_owned(),
             site: last.site.clone(),
             alike: alike.collect(),
             probability: 1.0 / (1.0 + rivals),
-            delta_bic: Price::of(before).whole - price.whole,
+            delta_bic: ExplanationCost::of(before).whole - price.whole,
             parameters: Vec::new(),
             candidate: 0,
         })
     }
 
     /// The numbers of the effect that was added as number `k`.
-    fn parameters(&self, state: &State, k: usize) -> Vec<Estimate> {
+    fn parameters(&self, state: &PresentExplanation, k: usize) -> Vec<Estimate> {
         let places = self.places(state, k);
         let known = &state.extended.simulations().dims()[places.clone()];
         let belief = &state.fitted.estimated.belief;

@@ -1,9 +1,9 @@
 //! A model with effects that it lacks: their parameters are further dimensions of S.
 
-use crate::identification::scales::Scales;
+use crate::identification::scales::RobotScales;
 use btr_core::space::{Dim, Scale, Space, SpaceError};
 use btr_core::world::{Behaviour, Job, Simulator, WorldError};
-use btr_physics::effects::{Card, Effect, Param, Placed};
+use btr_physics::effects::{Effect, EffectSpec, Param, PlacedEffect};
 use btr_physics::model::Model;
 
 /// Multiples of its typical size at which an amplitude is tried.
@@ -35,7 +35,7 @@ pub(super) struct Extended<'a> {
 }
 
 impl<'a> Extended<'a> {
-    pub(super) fn new(model: &'a Model, added: Vec<Added>, scales: &Scales) -> Result<Self, SpaceError> {
+    pub(super) fn new(model: &'a Model, added: Vec<Added>, scales: &RobotScales) -> Result<Self, SpaceError> {
         let of = |added: &Added| -> Vec<Dim> {
             let card = added.effect.card();
             card.params.iter().map(|param| dim(card, param, &added.site, scales, model)).collect()
@@ -61,13 +61,13 @@ impl<'a> Extended<'a> {
     }
 
     /// The base's part of a point, and the effects at the rest.
-    fn parted<'s>(&self, s: &'s [f64]) -> (&'s [f64], Vec<Placed>) {
+    fn parted<'s>(&self, s: &'s [f64]) -> (&'s [f64], Vec<PlacedEffect>) {
         let (base, mut rest) = s.split_at(self.model.simulations().len().min(s.len()));
         let mut placed = Vec::with_capacity(self.added.len());
         for Added { effect, site } in &self.added {
             let (values, others) = rest.split_at(effect.card().params.len().min(rest.len()));
             rest = others;
-            placed.push(Placed { effect: *effect, site: site.clone(), values: values.to_vec() });
+            placed.push(PlacedEffect { effect: *effect, site: site.clone(), values: values.to_vec() });
         }
         (base, placed)
     }
@@ -95,16 +95,16 @@ impl Simulator for Extended<'_> {
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
-        let parted: Vec<(&[f64], Vec<Placed>)> = jobs.iter().map(|job| self.parted(job.s)).collect();
+        let parted: Vec<(&[f64], Vec<PlacedEffect>)> = jobs.iter().map(|job| self.parted(job.s)).collect();
         let pairs = jobs.iter().zip(&parted);
-        let with: Vec<(Job, &[Placed])> =
+        let with: Vec<(Job, &[PlacedEffect])> =
             pairs.map(|(job, (s, placed))| (Job { s, ..*job }, placed.as_slice())).collect();
         self.model.behave_with(&with)
     }
 }
 
 /// What a parameter of an effect may be: amplitudes are off at their nominal value, all others have none.
-fn dim(card: &Card, param: &Param, site: &str, scales: &Scales, model: &Model) -> Dim {
+fn dim(card: &EffectSpec, param: &Param, site: &str, scales: &RobotScales, model: &Model) -> Dim {
     let scale = scales.of_unit(param.unit, site);
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let dim = Dim::new(format!("{}.{}@{site}", card.name, param.name), param.unit, least, most);
@@ -123,7 +123,7 @@ fn own(model: &Model) -> Option<f64> {
 }
 
 /// All amplitudes together at their sizes, and each by itself, beside these shapes.
-fn probes_at(card: &Card, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
+fn probes_at(card: &EffectSpec, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
     let mut shapes = shapes.iter();
     // Shapes stand where they start; amplitudes are off.
     let off: Vec<f64> = (card.params.iter().zip(dims))

@@ -4,15 +4,15 @@
 mod by_posterior;
 mod extended;
 
-use crate::distributed::Served;
+use crate::distributed::RemoteModel;
 use crate::experiment::Experiment;
-use crate::identification::Beside;
+use crate::identification::IdentificationProblem;
 use crate::verbs::{AddError, Addition, LadderStep, add};
 use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
 use btr_core::log::Log;
 use btr_core::world::Trial;
-use btr_identify::diagnose::{Found, Question, Rung, Verdict, diagnose};
-use btr_identify::fit::Bench;
+use btr_identify::diagnose::{DiagnoseOptions, MissingEffect, Rung, Verdict, diagnose};
+use btr_identify::fit::Objective;
 use btr_physics::robot::Base;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ pub struct Cause {
     /// The answer in a word; none where the question could not be asked.
     pub verdict: Option<Verdict>,
     /// What is missing; with the verdict `unexplained`, what helps and does not explain.
-    pub effects: Vec<Found>,
+    pub effects: Vec<MissingEffect>,
     /// How the error fell, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
     /// Numbers of the real tests that were learnt from.
@@ -73,10 +73,10 @@ impl Cause {
         let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
         let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
-        let beside = Beside::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
-        let question = Question { max_rollouts: allowance(experiment), ..Question::default() };
-        let family = Served::here(Arc::new(beside), experiment.way.clone());
-        let bench = Bench::new(&family);
+        let beside = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
+        let question = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
+        let family = RemoteModel::here(Arc::new(beside), experiment.way.clone());
+        let bench = Objective::new(&family);
         let Some(found) = diagnose(&bench, question, tell) else {
             return Err("the model blows up on the real tests as it stands".to_owned());
         };

@@ -54,7 +54,7 @@ impl NaoKick {
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.
     pub fn new(robot: &Robot, values: &[f64]) -> Result<Self, MotionError> {
-        let plan = Plan::new(values)?;
+        let plan = KickPlan::new(values)?;
         Ok(NaoKick { references: references(robot, &plan, plan.phase_ends_s()[4] + SHIFT_S)? })
     }
 
@@ -75,7 +75,7 @@ impl Drive for NaoKick {
 }
 
 /// The kick's parameters; each is explained in [`NaoKick::space`].
-struct Plan {
+struct KickPlan {
     backswing_m: f64,
     follow_through_m: f64,
     swing_time_s: f64,
@@ -85,12 +85,12 @@ struct Plan {
     carriage: Carriage,
 }
 
-impl Plan {
+impl KickPlan {
     fn new(values: &[f64]) -> Result<Self, SpaceError> {
         let space = NaoKick::space()?;
         space.check(values)?;
         let value = |name: &str| space.index_of(name).map_or(f64::NAN, |i| values[i]);
-        Ok(Plan {
+        Ok(KickPlan {
             backswing_m: value("backswing"),
             follow_through_m: value("follow_through"),
             swing_time_s: value("swing_time"),
@@ -115,7 +115,7 @@ impl Plan {
     }
 }
 
-impl ZmpPlan for Plan {
+impl ZmpPlan for KickPlan {
     fn carriage(&self) -> Carriage {
         self.carriage
     }

@@ -61,7 +61,7 @@ impl NaoWalk {
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.
     pub fn new(robot: &Robot, values: &[f64], duration_s: f64) -> Result<Self, MotionError> {
-        Ok(NaoWalk { references: references(robot, &Plan::new(values, duration_s)?, duration_s)? })
+        Ok(NaoWalk { references: references(robot, &WalkPlan::new(values, duration_s)?, duration_s)? })
     }
 
     /// The references, which also know the pose in which the walk begins.
@@ -81,7 +81,7 @@ impl Drive for NaoWalk {
 }
 
 /// The walk's parameters, each explained in [`NaoWalk::space`], and its steps.
-struct Plan {
+struct WalkPlan {
     step_length_m: f64,
     step_period_s: f64,
     double_support: f64,
@@ -95,7 +95,7 @@ struct Plan {
     landings_m: Vec<f64>,
 }
 
-impl Plan {
+impl WalkPlan {
     fn new(values: &[f64], duration_s: f64) -> Result<Self, SpaceError> {
         let space = NaoWalk::space()?;
         space.check(values)?;
@@ -103,7 +103,7 @@ impl Plan {
         let (step_length_m, step_period_s) = (value("step_length"), value("step_period"));
         // Also turns a NaN into no step at all.
         let steps = ((duration_s - STAND_S - STOP_S) / step_period_s).max(0.0) as usize;
-        Ok(Plan {
+        Ok(WalkPlan {
             step_length_m,
             step_period_s,
             double_support: value("double_support"),
@@ -166,7 +166,7 @@ fn landings_m(steps: usize, step_length_m: f64) -> Vec<f64> {
     landings_m
 }
 
-impl ZmpPlan for Plan {
+impl ZmpPlan for WalkPlan {
     fn carriage(&self) -> Carriage {
         self.carriage
     }

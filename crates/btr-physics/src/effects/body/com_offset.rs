@@ -1,12 +1,12 @@
 //! A centre of mass that is elsewhere than drawn: cables, screws, a battery that was left out.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
 pub(in crate::effects) struct ComOffset;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "com_offset",
     law: "the link's centre of mass is (x, y, z) away from the model's, in the link's axes",
     site: SiteKind::Link,
@@ -19,7 +19,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ComOffset {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

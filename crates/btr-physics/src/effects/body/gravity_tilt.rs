@@ -2,13 +2,13 @@
 //!
 //! Roll and pitch are those of URDF: first about x, then about y. A floor tilts along.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::setup::Setup;
 use nalgebra::UnitQuaternion;
 
 pub(in crate::effects) struct GravityTilt;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "gravity_tilt",
     law: "the world under the robot is rolled about x, then pitched about y",
     site: SiteKind::Base,
@@ -21,7 +21,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for GravityTilt {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -1,12 +1,12 @@
 //! A link that is harder to turn than its mass and shape suggest: the same about every axis.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::robot::Robot;
 use nalgebra::Matrix3;
 
 pub(in crate::effects) struct LinkInertia;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "link_inertia",
     law: "adds inertia to the link's about every axis through its centre of mass",
     site: SiteKind::Link,
@@ -19,7 +19,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for LinkInertia {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -1,11 +1,11 @@
 //! Something heavy on a link.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::robot::Robot;
 
 pub(in crate::effects) struct Payload;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "payload",
     law: "a point mass at the link's centre of mass",
     site: SiteKind::Link,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for Payload {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -2,12 +2,12 @@
 //!
 //! For actuators that take positions: the band lies about the position that the servo reads when a step begins.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::JointState;
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandDeadband;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "command_deadband",
     law: "the servo sees no error while |cmd - q| <= band, and the error less the band beyond",
     site: SiteKind::Joint,
@@ -20,11 +20,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for CommandDeadband {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         let error = state.command - state.q;
         // A motor that is switched off (NaN) stays so.
         if error.abs() <= p[0] { state.q } else { state.command - p[0].copysign(error) }

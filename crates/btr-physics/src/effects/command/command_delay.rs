@@ -1,11 +1,11 @@
 //! Commands that arrive late: a bus, a buffer, a filter ahead of the servo.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::JointState;
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandDelay;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "command_delay",
     law: "the servo sees cmd(t - delay); before that, the first command",
     site: SiteKind::Joint,
@@ -27,7 +27,7 @@ fn steps(p: &[f64], dt_s: f64) -> f64 {
 
 /// The memory is a counter of the commands so far, then a ring of the latest ones.
 impl Effect for CommandDelay {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -35,7 +35,7 @@ impl Effect for CommandDelay {
         1 + steps(p, dt_s).ceil() as usize + 1
     }
 
-    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
         let Some((count, ring)) = memory.split_first_mut() else { return state.command };
         if *count < 1.0 {
             ring.fill(state.command);

@@ -3,12 +3,12 @@
 //! For actuators that take positions. Together with [`encoder_offset`](crate::effects::sensor::encoder_offset) of the same size it is a
 //! log whose zero is not the robot's, while the servo's is.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::JointState;
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandOffset;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "command_offset",
     law: "the servo is told cmd + offset",
     site: SiteKind::Joint,
@@ -21,11 +21,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for CommandOffset {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         state.command + p[0]
     }
 }

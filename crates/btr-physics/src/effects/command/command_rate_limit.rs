@@ -1,11 +1,11 @@
 //! A command that changes no faster than so: a ramp in the servo's firmware, a profile that the motion is fitted into.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind, follow};
-use crate::actuation::motor::JointState;
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandRateLimit;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "command_rate_limit",
     law: "the servo sees a value that moves towards cmd with at most ±rate; it starts at the first command",
     site: SiteKind::Joint,
@@ -19,7 +19,7 @@ static CARD: Card = Card {
 
 /// The memory says whether there was a command, and holds what the servo was told last.
 impl Effect for CommandRateLimit {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -27,7 +27,7 @@ impl Effect for CommandRateLimit {
         2
     }
 
-    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
         let most = p[0] * state.dt_s;
         let (before, after) = follow(memory, state.command, |error| error.clamp(-most, most));
         let moved = after - before;

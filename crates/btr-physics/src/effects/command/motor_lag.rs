@@ -3,12 +3,12 @@
 //! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at the step's
 //! end the lag would seem shorter by half a step.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind, follow};
-use crate::actuation::motor::JointState;
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct MotorLag;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "motor_lag",
     law: "time_constant·du/dt = cmd - u: the servo sees u, a first-order lag that starts at the first command",
     site: SiteKind::Joint,
@@ -22,7 +22,7 @@ static CARD: Card = Card {
 
 /// The memory says whether there was a command, and holds what the servo was told last.
 impl Effect for MotorLag {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -30,7 +30,7 @@ impl Effect for MotorLag {
         2
     }
 
-    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
         let steps = state.dt_s / p[0];
         let gone = -(-steps).exp_m1();
         let (before, _) = follow(memory, state.command, |error| error * gone);

@@ -8,26 +8,26 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-/// What every law knows of its joint, in the order of [`Scene`].
+/// What every law knows of its joint, in the order of [`LawInputs`].
 pub(super) const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
 
 /// Values of `q`, `dq`, `ddq`, `cmd`, `tau` and `t`, in SI units.
-pub type Scene = [f64; VARIABLES.len()];
+pub type LawInputs = [f64; VARIABLES.len()];
 
 /// A law as a function of the scene and of its parameters, whose names come with it in the order of their values. It
 /// may be called from any thread, more than once for a step, and for velocities near the joint's own.
-pub type Function = dyn Fn(&Scene, &[Param], &[f64]) -> f64 + Send + Sync;
+pub type LawFunction = dyn Fn(&LawInputs, &[Param], &[f64]) -> f64 + Send + Sync;
 
 /// Stands in the text of a law that is a function, and in no expression.
 const OF_A_FUNCTION: char = ':';
 
 /// The functions that a model's laws name: `python:slip` for instance.
 #[derive(Clone, Default)]
-pub struct Laws(BTreeMap<String, Arc<Function>>);
+pub struct Laws(BTreeMap<String, Arc<LawFunction>>);
 
 impl Laws {
     /// Functions by the text that stands for them in a model file, which has a colon in it.
-    pub fn new(laws: impl IntoIterator<Item = (String, Arc<Function>)>) -> Self {
+    pub fn new(laws: impl IntoIterator<Item = (String, Arc<LawFunction>)>) -> Self {
         Laws(laws.into_iter().collect())
     }
 
@@ -51,7 +51,7 @@ impl fmt::Debug for Laws {
 /// What can be asked for a value.
 pub(super) enum Law {
     Expression(Expression),
-    Function(Arc<Function>),
+    Function(Arc<LawFunction>),
 }
 
 impl Law {
@@ -69,7 +69,7 @@ impl Law {
     }
 
     /// The law's value; NaN where it has none.
-    pub(super) fn at(&self, params: &[Param], p: &[f64], scene: &Scene) -> f64 {
+    pub(super) fn at(&self, params: &[Param], p: &[f64], scene: &LawInputs) -> f64 {
         match self {
             Law::Expression(expression) => {
                 expression.at(|name| scene.get(name).copied().unwrap_or_else(|| p[name - scene.len()]))

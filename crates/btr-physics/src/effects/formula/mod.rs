@@ -10,18 +10,18 @@ pub(super) mod error;
 mod expression;
 pub(super) mod law;
 
-use super::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::JointState;
+use super::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::actuation::motor::JointInput;
 use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use error::FormulaError;
-use law::{Law, Laws, Scene, VARIABLES};
+use law::{Law, LawInputs, Laws, VARIABLES};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// What `btr effects` says about formulas; each one has a card of its own with its law and its parameters.
-pub static FORMULA: Card = Card {
+pub static FORMULA: EffectSpec = EffectSpec {
     name: "formula",
     law: "law = \"an expression\" on = \"torque\", \"command\" or \"reading\"; its own parameters by name: a = 0.1",
     site: SiteKind::Joint,
@@ -40,7 +40,7 @@ pub static FORMULA: Card = Card {
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 #[serde(rename_all = "lowercase")]
-pub enum On {
+pub enum FormulaTarget {
     /// A torque that is added to the motor's, in N·m (N).
     Torque,
     /// The command that reaches the servo, in place of the one that was sent: `cmd + ...`.
@@ -51,13 +51,13 @@ pub enum On {
 
 /// A law as an effect.
 struct Formula {
-    card: &'static Card,
-    on: On,
+    card: &'static EffectSpec,
+    on: FormulaTarget,
     law: Law,
 }
 
 /// What tells laws apart: what they are on, text, names of parameters and, for functions, which one.
-type Key = (On, String, Vec<String>, Option<usize>);
+type Key = (FormulaTarget, String, Vec<String>, Option<usize>);
 
 /// All laws so far.
 static COMPILED: Mutex<BTreeMap<Key, &'static Formula>> = Mutex::new(BTreeMap::new());
@@ -66,7 +66,7 @@ static COMPILED: Mutex<BTreeMap<Key, &'static Formula>> = Mutex::new(BTreeMap::n
 ///
 /// # Errors
 /// See [`formula_or_function`].
-pub fn formula(on: On, law: &str, params: &[&str]) -> Result<&'static dyn Effect, FormulaError> {
+pub fn formula(on: FormulaTarget, law: &str, params: &[&str]) -> Result<&'static dyn Effect, FormulaError> {
     formula_or_function(on, law, params, &Laws::default())
 }
 
@@ -75,7 +75,7 @@ pub fn formula(on: On, law: &str, params: &[&str]) -> Result<&'static dyn Effect
 /// # Errors
 /// An expression that cannot be read, unknown names, parameters that it does not have; a function that is not there.
 pub fn formula_or_function(
-    on: On,
+    on: FormulaTarget,
     text: &str,
     params: &[&str],
     laws: &Laws,
@@ -89,7 +89,7 @@ pub fn formula_or_function(
     let law = Law::new(text, params, laws)?;
     let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
     let params: Vec<Param> = params.iter().map(own).collect();
-    let card = Box::leak(Box::new(Card { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
+    let card = Box::leak(Box::new(EffectSpec { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
     let formula: &'static Formula = Box::leak(Box::new(Formula { card, on, law }));
     compiled.insert(key, formula);
     Ok(formula)
@@ -110,12 +110,12 @@ const OF: usize = 5;
 const MEMORY: usize = OF + VARIABLES.len();
 
 impl Formula {
-    fn at(&self, p: &[f64], scene: &Scene) -> f64 {
+    fn at(&self, p: &[f64], scene: &LawInputs) -> f64 {
         self.law.at(self.card.params, p, scene)
     }
 
     /// The law's value; what is no finite number is remembered.
-    fn told(&self, p: &[f64], memory: &mut [f64], scene: &Scene) -> f64 {
+    fn told(&self, p: &[f64], memory: &mut [f64], scene: &LawInputs) -> f64 {
         let value = self.at(p, scene);
         if !value.is_finite() {
             remember(memory, value, scene);
@@ -126,7 +126,7 @@ impl Formula {
 
 /// A simulation that blows up by itself is no law's mistake.
 #[cold]
-fn remember(memory: &mut [f64], value: f64, scene: &Scene) {
+fn remember(memory: &mut [f64], value: f64, scene: &LawInputs) {
     if memory.len() == MEMORY && memory[FAILED] == 0.0 && scene.iter().all(|x| x.is_finite()) {
         memory[FAILED] = 1.0;
         memory[GIVEN] = value;
@@ -135,7 +135,7 @@ fn remember(memory: &mut [f64], value: f64, scene: &Scene) {
 }
 
 /// What the law sees of a joint. A motor that is switched off is told to stay where it is.
-fn scene(memory: &mut [f64], state: &JointState) -> Scene {
+fn scene(memory: &mut [f64], state: &JointInput) -> LawInputs {
     let command = if state.command.is_nan() { state.q } else { state.command };
     let mut ddq = 0.0;
     if let Ok([started, before]) = memory.get_disjoint_mut([STARTED, BEFORE]) {
@@ -148,7 +148,7 @@ fn scene(memory: &mut [f64], state: &JointState) -> Scene {
 }
 
 impl Effect for Formula {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         self.card
     }
 
@@ -158,8 +158,8 @@ impl Effect for Formula {
 
     /// What the law says of the step's beginning, and its slope over the velocity as damping in the step: friction that
     /// grows with the speed then cannot make it unstable.
-    fn torque(&self, p: &[f64], memory: &mut [f64], dof: &mut Dof, state: &JointState) {
-        if self.on != On::Torque {
+    fn torque(&self, p: &[f64], memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
+        if self.on != FormulaTarget::Torque {
             return;
         }
         let here = scene(memory, state);
@@ -182,16 +182,16 @@ impl Effect for Formula {
         dof.torque.add(&Affine { constant, stiffness: 0.0, damping });
     }
 
-    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> f64 {
-        if self.on != On::Command || state.command.is_nan() {
+    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
+        if self.on != FormulaTarget::Command || state.command.is_nan() {
             return state.command;
         }
         let scene = scene(memory, state);
         self.told(p, memory, &scene)
     }
 
-    fn encoder(&self, p: &[f64], memory: &mut [f64], state: &JointState) -> (f64, f64) {
-        if self.on != On::Reading {
+    fn encoder(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> (f64, f64) {
+        if self.on != FormulaTarget::Reading {
             return (state.q, state.dq);
         }
         let scene = scene(memory, state);
@@ -203,9 +203,11 @@ impl Effect for Formula {
     }
 
     /// Within a step the reading moves as the joint does.
-    fn transmit(&self, _p: &[f64], memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+    fn transmit(&self, _p: &[f64], memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
         match (self.on, memory.get(AHEAD)) {
-            (On::Reading, Some(ahead)) => Affine { constant: motor.constant - motor.stiffness * ahead, ..motor },
+            (FormulaTarget::Reading, Some(ahead)) => {
+                Affine { constant: motor.constant - motor.stiffness * ahead, ..motor }
+            }
             _ => motor,
         }
     }
@@ -215,9 +217,9 @@ impl Effect for Formula {
             return None;
         }
         let on = match self.on {
-            On::Torque => "torque",
-            On::Command => "command",
-            On::Reading => "reading",
+            FormulaTarget::Torque => "torque",
+            FormulaTarget::Command => "command",
+            FormulaTarget::Reading => "reading",
         };
         let of = VARIABLES.into_iter().zip(&memory[OF..]).map(|(name, value)| format!("{name}={value}"));
         let with = self.card.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
@@ -228,7 +230,7 @@ impl Effect for Formula {
     }
 
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
-        if self.on != On::Reading {
+        if self.on != FormulaTarget::Reading {
             return;
         }
         let clock = log.clock_s().to_vec();
@@ -240,7 +242,7 @@ impl Effect for Formula {
         for (i, reading) in readings.iter_mut().enumerate() {
             let dt_s = if i > 0 { clock[i] - clock[i - 1] } else { 1.0 };
             let (time_s, command, torque) = (clock[i], cmd[i], tau[i]);
-            let state = JointState {
+            let state = JointInput {
                 time_s,
                 dt_s,
                 q: q[i],

@@ -3,13 +3,13 @@
 //! Dry friction between -forward and +backward is one of equal sizes about a constant: the engine holds the joint with the
 //! mean of the two, and half their difference acts all the time.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct AsymmetricFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "asymmetric_friction",
     law: "-coulomb_forward - viscous_forward·dq while dq > 0, coulomb_backward - viscous_backward·dq while dq < 0",
     site: SiteKind::Joint,
@@ -22,11 +22,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for AsymmetricFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         let (forward, backward) = (p[0], p[1]);
         dof.dry_friction += 0.5 * (forward + backward);
         dof.torque.constant -= 0.5 * (forward - backward);

@@ -1,11 +1,11 @@
 //! Coulomb friction: a constant torque against the motion, and up to that torque at rest.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct CoulombFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "coulomb_friction",
     law: "-torque·sign(dq); holds at rest",
     site: SiteKind::Joint,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for CoulombFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -2,13 +2,13 @@
 //!
 //! The load is the motor's torque in the last step.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct LoadDependentFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "load_dependent_friction",
     law: "-ratio·|transmitted torque|·sign(dq); holds at rest",
     site: SiteKind::Joint,
@@ -21,11 +21,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for LoadDependentFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         dof.dry_friction += p[0] * state.torque.abs();
     }
 }

@@ -1,12 +1,12 @@
 //! Drag that grows with the square of the speed: air, water, churned grease.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct QuadraticDrag;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "quadratic_drag",
     law: "-coefficient·|dq|·dq",
     site: SiteKind::Joint,
@@ -19,11 +19,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for QuadraticDrag {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         dof.torque.damping += p[0] * state.dq_midway().abs();
     }
 }

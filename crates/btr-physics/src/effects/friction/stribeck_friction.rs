@@ -3,13 +3,13 @@
 //! The size of the friction is that of the speed at which a step begins; the engine then holds or brakes with it, so nothing
 //! creeps below the breakaway torque.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct StribeckFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "stribeck_friction",
     law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static",
     site: SiteKind::Joint,
@@ -22,11 +22,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for StribeckFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         let (coulomb, stiction, velocity) = (p[0], p[1], p[2]);
         dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midway() / velocity).powi(2)).exp();
     }

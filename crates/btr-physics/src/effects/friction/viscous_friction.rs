@@ -1,11 +1,11 @@
 //! Viscous friction: a torque against the motion, proportional to its speed.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ViscousFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "viscous_friction",
     law: "-coefficient·dq",
     site: SiteKind::Joint,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ViscousFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

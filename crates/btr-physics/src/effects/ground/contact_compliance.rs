@@ -7,12 +7,12 @@
 //! the robot's whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so that a contact that only
 //! feels a share of the mass, as at the end of a leg, is softer by that share.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::setup::{Compliance, Setup};
 
 pub(in crate::effects) struct ContactCompliance;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "contact_compliance",
     law: "every contact with the floor is a spring and a damper: -stiffness·depth - damping·speed",
     site: SiteKind::Ground,
@@ -25,7 +25,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ContactCompliance {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

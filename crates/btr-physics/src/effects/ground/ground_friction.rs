@@ -1,11 +1,11 @@
 //! A floor that is more or less slippery than the model's.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::setup::Setup;
 
 pub(in crate::effects) struct GroundFriction;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "ground_friction",
     law: "the floor's Coulomb coefficient is this instead of the model's",
     site: SiteKind::Ground,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for GroundFriction {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

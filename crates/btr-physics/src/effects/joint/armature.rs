@@ -1,11 +1,11 @@
 //! Rotor inertia: a geared rotor's inertia times the squared ratio, felt at the joint.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct Armature;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "armature",
     law: "adds inertia·ddq to what the motor has to move",
     site: SiteKind::Joint,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for Armature {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

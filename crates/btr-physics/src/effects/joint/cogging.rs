@@ -1,13 +1,13 @@
 //! Cogging: a torque that follows the position, from magnets that prefer the stator's teeth, or from a gear out of round.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 pub(in crate::effects) struct Cogging;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "cogging",
     law: "amplitude·sin(order·q + phase)",
     site: SiteKind::Joint,
@@ -33,11 +33,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for Cogging {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointState) {
+    fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         dof.torque.constant += p[0] * (p[1] * state.q + p[2]).sin();
     }
 }

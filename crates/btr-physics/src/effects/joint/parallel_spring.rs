@@ -1,11 +1,11 @@
 //! A spring beside the motor: a balancing spring, a cable bundle that is bent.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ParallelSpring;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "parallel_spring",
     law: "-stiffness·(q - rest)",
     site: SiteKind::Joint,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ParallelSpring {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -1,12 +1,12 @@
 //! The torque-speed line of a motor: its back-EMF leaves the less voltage for torque the faster it turns. Braking, the back-EMF
 //! helps, and the whole torque is there.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointState, MotorTorque};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct SpeedTorqueLimit;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "speed_torque_limit",
     law: "the motor's torque is clamped to ±torque·(1 - |dq|/speed), never below 0, while it drives; to ±torque while it brakes",
     site: SiteKind::Joint,
@@ -19,11 +19,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for SpeedTorqueLimit {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {
         motor.limit_to_line(p[0], p[1]);
     }
 }

@@ -2,12 +2,12 @@
 //!
 //! The energy is what it has put into the joint or taken from it since the start; nothing cools it down.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointState, MotorTorque};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct ThermalFade;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "thermal_fade",
     law: "the motor's torque and its limit times exp(-rate·∫|torque·dq|dt)",
     site: SiteKind::Joint,
@@ -21,7 +21,7 @@ static CARD: Card = Card {
 
 /// The memory is the energy so far, in J.
 impl Effect for ThermalFade {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -29,7 +29,7 @@ impl Effect for ThermalFade {
         1
     }
 
-    fn motor(&self, p: &[f64], memory: &mut [f64], motor: &mut MotorTorque, state: &JointState) {
+    fn motor(&self, p: &[f64], memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {
         let [spent] = memory else { return };
         *spent += (state.torque * state.dq).abs() * state.dt_s;
         motor.scale((-p[0] * *spent).exp());

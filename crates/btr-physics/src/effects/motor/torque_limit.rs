@@ -1,11 +1,11 @@
 //! A motor that gives no more than so much torque.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointState, MotorTorque};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct TorqueLimit;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "torque_limit",
     law: "the motor's torque is clamped to ±torque",
     site: SiteKind::Joint,
@@ -18,11 +18,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for TorqueLimit {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointState) {
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {
         motor.limit_to(p[0]);
     }
 }

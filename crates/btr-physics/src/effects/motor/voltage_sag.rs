@@ -2,12 +2,12 @@
 //!
 //! The load is the sum of the sizes of all motors' torques in the last step.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointState, MotorTorque};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct VoltageSag;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "voltage_sag",
     law: "the motor's torque and its limit times 1/(1 + sag·load)",
     site: SiteKind::Robot,
@@ -20,11 +20,11 @@ static CARD: Card = Card {
 };
 
 impl Effect for VoltageSag {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointState) {
+    fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {
         motor.scale(1.0 / (1.0 + p[0] * state.load));
     }
 }

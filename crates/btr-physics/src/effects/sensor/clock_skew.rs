@@ -3,12 +3,12 @@
 //! Beyond the end of a run (a clock that runs slow) the last readings are held.
 
 use crate::effects::readings::taken_at;
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use btr_core::log::{Log, Role};
 
 pub(in crate::effects) struct ClockSkew;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "clock_skew",
     law: "what the log shows at t was measured at t/(1 + skew)",
     site: SiteKind::Robot,
@@ -21,7 +21,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ClockSkew {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

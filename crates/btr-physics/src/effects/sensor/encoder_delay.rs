@@ -1,12 +1,12 @@
 //! Readings that reach the log late; the servo has its own.
 
 use crate::effects::readings::taken_at;
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderDelay;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "encoder_delay",
     law: "the log's position and velocity are those of t - delay; before that, the first ones",
     site: SiteKind::Joint,
@@ -19,7 +19,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for EncoderDelay {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -1,13 +1,13 @@
 //! An encoder whose zero is elsewhere than the model's: the servo and the log work with its reading.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderOffset;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "encoder_offset",
     law: "the reading is q + offset",
     site: SiteKind::Joint,
@@ -20,15 +20,15 @@ static CARD: Card = Card {
 };
 
 impl Effect for EncoderOffset {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         (state.q + p[0], state.dq)
     }
 
-    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
         Affine { constant: motor.constant - motor.stiffness * p[0], ..motor }
     }
 

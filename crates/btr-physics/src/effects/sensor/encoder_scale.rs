@@ -1,13 +1,13 @@
 //! An encoder that counts too much or too little per turn: the servo and the log work with its reading.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderScale;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "encoder_scale",
     law: "the reading is (1 + error)·q, and so is its velocity",
     site: SiteKind::Joint,
@@ -20,16 +20,16 @@ static CARD: Card = Card {
 };
 
 impl Effect for EncoderScale {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
-    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         let gain = 1.0 + p[0];
         (gain * state.q, gain * state.dq)
     }
 
-    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointState) -> Affine {
+    fn transmit(&self, p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
         let gain = 1.0 + p[0];
         Affine { constant: motor.constant, stiffness: gain * motor.stiffness, damping: gain * motor.damping }
     }

@@ -1,11 +1,11 @@
 //! An inertial sensor that does not read zero at rest, in its own axes.
 
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use btr_core::log::Log;
 
 pub(in crate::effects) struct ImuBias;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "imu_bias",
     law: "gyroscope and accelerometer read so much more",
     site: SiteKind::Base,
@@ -18,7 +18,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for ImuBias {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 

@@ -7,13 +7,13 @@
 
 use crate::effects::rotor;
 use crate::effects::rotor::Spring;
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct Backlash;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "backlash",
     law: "nothing is transmitted while |theta - q| < gap/2; the motor's side of the joint drives the link at either end",
     site: SiteKind::Joint,
@@ -34,7 +34,7 @@ fn resting(push: f64, servo: f64) -> f64 {
 }
 
 impl Effect for Backlash {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -42,11 +42,11 @@ impl Effect for Backlash {
         rotor::MEMORY
     }
 
-    fn encoder(&self, _p: &[f64], memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    fn encoder(&self, _p: &[f64], memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         rotor::arrive(memory, state)
     }
 
-    fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointState) -> Affine {
+    fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointInput) -> Affine {
         let inertia = rotor::take_inertia(dof, state);
         let (dt_s, play) = (state.dt_s, 0.5 * p[0]);
         rotor::load(memory, &motor, |push, servo| resting(push, servo).clamp(state.q - play, state.q + play));

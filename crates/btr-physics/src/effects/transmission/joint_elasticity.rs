@@ -6,13 +6,13 @@
 
 use crate::effects::rotor;
 use crate::effects::rotor::Spring;
-use crate::effects::effect::{Card, Effect, Param, SiteKind};
+use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointState;
+use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct JointElasticity;
 
-static CARD: Card = Card {
+static CARD: EffectSpec = EffectSpec {
     name: "joint_elasticity",
     law: "motor and link are joined by stiffness·(theta - q) + damping·(dtheta - dq)",
     site: SiteKind::Joint,
@@ -25,7 +25,7 @@ static CARD: Card = Card {
 };
 
 impl Effect for JointElasticity {
-    fn card(&self) -> &'static Card {
+    fn card(&self) -> &'static EffectSpec {
         &CARD
     }
 
@@ -33,11 +33,11 @@ impl Effect for JointElasticity {
         rotor::MEMORY
     }
 
-    fn encoder(&self, _p: &[f64], memory: &mut [f64], state: &JointState) -> (f64, f64) {
+    fn encoder(&self, _p: &[f64], memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         rotor::arrive(memory, state)
     }
 
-    fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointState) -> Affine {
+    fn transmit(&self, p: &[f64], memory: &mut [f64], motor: Affine, dof: &mut Dof, state: &JointInput) -> Affine {
         let inertia = rotor::take_inertia(dof, state);
         rotor::load(memory, &motor, |push, servo| (push + p[0] * state.q) / (servo + p[0]));
         let spring = Spring { stiffness: p[0], damping: p[1], stretch: memory[1] - state.q };

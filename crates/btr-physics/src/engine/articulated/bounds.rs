@@ -5,7 +5,7 @@
 //! So what acts in a step is within its bounds, and no inertia has to be guessed.
 
 use super::lanes::Lanes;
-use super::{Articulated, Inner};
+use super::{Articulated, JointForces};
 use crate::engine::{Affine, Bounded, Dof};
 use pulp::Simd;
 
@@ -13,12 +13,12 @@ use pulp::Simd;
 const LET_GO: usize = 6;
 
 /// A motor with bounds; beside it are those of candidates without.
-pub(super) struct Motor<S: Simd> {
+pub(super) struct BoundedMotor<S: Simd> {
     /// What acts on the joint beside the motor.
-    rest: Law<S>,
-    wanted: Law<S>,
-    most: Law<S>,
-    least: Law<S>,
+    rest: BoundedLaw<S>,
+    wanted: BoundedLaw<S>,
+    most: BoundedLaw<S>,
+    least: BoundedLaw<S>,
     /// 1 where it is at `most`, -1 at `least`, 0 between them.
     side: Lanes<S>,
     /// What it was told last, lane by lane: `rest` and the motor.
@@ -27,7 +27,7 @@ pub(super) struct Motor<S: Simd> {
 
 /// [`Affine`] of every candidate.
 #[derive(Clone, Copy)]
-struct Law<S: Simd> {
+struct BoundedLaw<S: Simd> {
     constant: Lanes<S>,
     stiffness: Lanes<S>,
     damping: Lanes<S>,
@@ -42,8 +42,8 @@ const NONE: Bounded = Bounded {
 
 /// Takes over a motor's bounds for a candidate, or that it has none while others do. Whoever begins to have bounds makes room
 /// for those of all; `inner` is what acts on the joints of the others.
-pub(super) fn set<S: Simd>(motor: &mut Option<Motor<S>>, inner: &Inner<S>, lane: usize, dof: &Dof) {
-    let motor = motor.get_or_insert_with(|| Motor::none(inner));
+pub(super) fn set<S: Simd>(motor: &mut Option<BoundedMotor<S>>, inner: &JointForces<S>, lane: usize, dof: &Dof) {
+    let motor = motor.get_or_insert_with(|| BoundedMotor::none(inner));
     let to = (dof.torque, dof.motor.unwrap_or(NONE));
     let before = std::mem::replace(&mut motor.told[lane], to);
     motor.rest.update(lane, &to.0, &before.0);
@@ -52,19 +52,19 @@ pub(super) fn set<S: Simd>(motor: &mut Option<Motor<S>>, inner: &Inner<S>, lane:
     motor.least.update(lane, &to.1.least, &before.1.least);
 }
 
-impl<S: Simd> Motor<S> {
+impl<S: Simd> BoundedMotor<S> {
     /// None of the candidates has one.
-    fn none(inner: &Inner<S>) -> Self {
-        let Inner { constant, stiffness, damping, .. } = *inner;
-        let all = |law: &Affine| Law {
+    fn none(inner: &JointForces<S>) -> Self {
+        let JointForces { constant, stiffness, damping, .. } = *inner;
+        let all = |law: &Affine| BoundedLaw {
             constant: constant.like(law.constant),
             stiffness: constant.like(law.stiffness),
             damping: constant.like(law.damping),
         };
         let (wanted, most, least) = (all(&NONE.wanted), all(&NONE.most), all(&NONE.least));
-        let rest = Law { constant, stiffness, damping };
+        let rest = BoundedLaw { constant, stiffness, damping };
         let told = (0..S::F64_LANES).map(|lane| (rest.lane(lane), NONE)).collect();
-        Motor { rest, wanted, most, least, side: constant.like(0.0), told }
+        BoundedMotor { rest, wanted, most, least, side: constant.like(0.0), told }
     }
 
     /// On which side it has to be in this state, and whether that is another one. One that is at a bound is not taken to the
@@ -86,11 +86,11 @@ impl<S: Simd> Motor<S> {
 
     /// What acts on the joint with the motor on its side.
     #[inline(always)]
-    fn law(&self) -> Law<S> {
+    fn law(&self) -> BoundedLaw<S> {
         let zero = self.side.like(0.0);
         let (high, low) = (zero.less(self.side), self.side.less(zero));
         let of = |most, least, wanted| high.select(most, low.select(least, wanted));
-        Law {
+        BoundedLaw {
             constant: self.rest.constant + of(self.most.constant, self.least.constant, self.wanted.constant),
             stiffness: self.rest.stiffness + of(self.most.stiffness, self.least.stiffness, self.wanted.stiffness),
             damping: self.rest.damping + of(self.most.damping, self.least.damping, self.wanted.damping),
@@ -98,7 +98,7 @@ impl<S: Simd> Motor<S> {
     }
 }
 
-impl<S: Simd> Law<S> {
+impl<S: Simd> BoundedLaw<S> {
     fn update(&mut self, lane: usize, law: &Affine, before: &Affine) {
         // Most of a motor's numbers never change, and a store to each lane takes its time.
         let update = |lanes: &mut Lanes<S>, to: f64, before: f64| {

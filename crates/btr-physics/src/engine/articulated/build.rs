@@ -4,11 +4,11 @@ use super::impulses::Impulses;
 use super::lanes::Lanes;
 use super::spatial::{Spatial, Symmetric};
 use super::touch;
-use super::touch::{Form, Hull, Round};
-use super::tree::{Body, Pose, Posture, Tree};
+use super::touch::{BallShape, Form, Hull};
+use super::tree::{Configuration, Pose, Tree, TreeBody};
 use super::vectors::{M3, V3};
-use super::world::{Plain, Shape, World};
-use super::{Articulated, Coupling, Floor, Inner, Scratch, Seen};
+use super::world::{World, WorldBody, WorldShape};
+use super::{Articulated, Coupling, Floor, JointForces, JointStates, Scratch};
 use crate::engine::Dynamics;
 use crate::robot::{Geometry, Robot};
 use crate::setup::Setup;
@@ -67,28 +67,33 @@ impl<S: Simd> Articulated<S> {
         let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
         let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];
         let (one, lanes) = (at(0), |number: &dyn Fn(&World) -> f64| Lanes::of(simd, |lane| number(at(lane))));
-        let bodies = (0..one.bodies.len()).map(|i| Body::of(simd, |lane| &at(lane).bodies[i])).collect();
+        let bodies = (0..one.bodies.len()).map(|i| TreeBody::of(simd, |lane| &at(lane).bodies[i])).collect();
         let bolted = |lane: usize| at(lane).start.rotation.to_rotation_matrix().into_inner();
         let root = (M3::of(simd, bolted), V3::of(simd, |lane| at(lane).start.translation.vector));
         let tree = Tree::new(simd, bodies, root);
         let joints = 0..one.q.len();
         let mut u = vec![Lanes::zero(simd); tree.freedom()];
         joints.clone().for_each(|i| u[one.root + i] = lanes(&|world| world.dq[i]));
-        let now = Posture {
+        let now = Configuration {
             q: joints.clone().map(|i| lanes(&|world| world.q[i])).collect(),
             poses: (0..one.poses.len()).map(|i| Pose::of(simd, |lane| at(lane).poses[i])).collect(),
             u,
         };
         let hulls: Vec<Hull<S>> = (0..one.hulls.len()).map(|i| Hull::of(simd, |lane| &at(lane).hulls[i])).collect();
         let nothing = Lanes::zero(simd);
-        let inner =
-            Inner { constant: nothing, stiffness: nothing, damping: nothing, dry_friction: nothing, armature: nothing };
+        let inner = JointForces {
+            constant: nothing,
+            stiffness: nothing,
+            damping: nothing,
+            dry_friction: nothing,
+            armature: nothing,
+        };
         let touchable = one.setup.ground.is_some() || one.setup.ball.is_some();
         let mut engine = Articulated {
             simd,
             arch,
             lane: 0,
-            seen: worlds.iter().map(|world| Seen { q: world.q.clone(), dq: world.dq.clone() }).collect(),
+            seen: worlds.iter().map(|world| JointStates { q: world.q.clone(), dq: world.dq.clone() }).collect(),
             before: now.u.clone(),
             root: one.root,
             fixed: worlds.iter().map(|world| world.start).collect(),
@@ -114,7 +119,7 @@ impl<S: Simd> Articulated<S> {
                 damping: lanes(&|world| world.compliance().damping),
             }),
             impulses: Impulses::new(simd, touch::slots(&hulls)),
-            ball: one.setup.ball.is_some().then(|| Round::of(simd, one.bodies.len() - 1, |lane| at(lane))),
+            ball: one.setup.ball.is_some().then(|| BallShape::of(simd, one.bodies.len() - 1, |lane| at(lane))),
             hulls,
             rolling_damping: lanes(&|world| world.setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s)),
             foot_impulses: vec![nothing; one.feet],
@@ -128,13 +133,13 @@ impl<S: Simd> Articulated<S> {
     }
 }
 
-impl<S: Simd> Body<S> {
-    fn of<'a>(simd: S, plain: impl Fn(usize) -> &'a Plain) -> Self {
+impl<S: Simd> TreeBody<S> {
+    fn of<'a>(simd: S, plain: impl Fn(usize) -> &'a WorldBody) -> Self {
         let rotation = |lane: usize| plain(lane).origin.rotation.to_rotation_matrix().into_inner();
         // R(q) = 1 + sin q·K + (1 − cos q)·K², with the cross product K of the axis (O. Rodrigues).
         let cross = |lane: usize| plain(lane).axis.cross_matrix();
         let inertia = |i: usize, j: usize| Lanes::of(simd, |lane| plain(lane).inertia_kg_m2[(i, j)]);
-        Body {
+        TreeBody {
             parent: plain(0).parent,
             carrier: plain(0).carrier,
             rotation: M3::of(simd, rotation),
@@ -159,7 +164,7 @@ impl<S: Simd> Body<S> {
 }
 
 impl<S: Simd> Hull<S> {
-    fn of<'a>(simd: S, shape: impl Fn(usize) -> &'a Shape) -> Self {
+    fn of<'a>(simd: S, shape: impl Fn(usize) -> &'a WorldShape) -> Self {
         let number = |of: fn(&Geometry) -> f64| Lanes::of(simd, |lane| of(&shape(lane).geometry));
         let radius = || {
             number(|geometry| match geometry {
@@ -206,10 +211,10 @@ fn reach_m(geometry: &Geometry) -> f64 {
     }
 }
 
-impl<S: Simd> Round<S> {
+impl<S: Simd> BallShape<S> {
     fn of<'a>(simd: S, body: usize, world: impl Fn(usize) -> &'a World) -> Self {
         let number = |of: fn(&Setup) -> Option<f64>| Lanes::of(simd, |lane| of(&world(lane).setup).unwrap_or(0.0));
-        Round {
+        BallShape {
             body,
             radius: number(|setup| setup.ball.map(|ball| ball.radius_m)),
             friction: number(|setup| {
@@ -221,7 +226,7 @@ impl<S: Simd> Round<S> {
 }
 
 impl<S: Simd> Scratch<S> {
-    fn new(simd: S, now: &Posture<S>, bodies: usize) -> Self {
+    fn new(simd: S, now: &Configuration<S>, bodies: usize) -> Self {
         let (n, zero) = (now.u.len(), Lanes::zero(simd));
         Scratch {
             middle: now.clone(),

@@ -4,7 +4,7 @@ use super::Articulated;
 use super::lanes::Lanes;
 use super::spatial::{factorise, solve};
 use super::world::World;
-use crate::engine::{Dynamics, State};
+use crate::engine::{Dynamics, RobotState};
 use crate::robot::Robot;
 use crate::setup::Setup;
 use nalgebra::Vector3;
@@ -17,7 +17,7 @@ use pulp::{Arch, Scalar};
 ///
 /// Composite rigid bodies, recursive Newton-Euler and a factor along the tree (R. Featherstone, "Rigid Body Dynamics
 /// Algorithms", Springer 2008, chapters 5, 6 and 8).
-pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &State, torques: &[f64]) -> Vec<f64> {
+pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &RobotState, torques: &[f64]) -> Vec<f64> {
     let setup = Setup { gravity_m_s2, ground: None, ball: None, ..Setup::default() };
     let simd = Scalar::new();
     let mut engine = Articulated::new(simd, Arch::Scalar, &[World::new(robot, &setup)]);

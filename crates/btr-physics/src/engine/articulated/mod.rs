@@ -31,16 +31,16 @@ mod world;
 pub(crate) use build::{engine, engine_of_several, lanes, width, widths};
 pub use forward::forward_dynamics;
 
-use super::{BaseState, Course, Dof, Dynamics, State};
-use bounds::Motor;
+use super::{BaseState, Dof, Dynamics, PrescribedMotion, RobotState};
+use bounds::BoundedMotor;
 use impulses::Impulses;
 use lanes::{Lanes, Mask};
 use nalgebra::{Isometry3, Point3, Vector3};
 use pulp::{Arch, NullaryFnOnce, Simd};
 use spatial::{Spatial, factorise, solve};
 use std::ops::Range;
-use touch::{Hull, Round, Touch};
-use tree::{Posture, Tree};
+use touch::{BallShape, ContactPoint, Hull};
+use tree::{Configuration, Tree};
 use vectors::V3;
 
 /// Faster than this (m/s, rad/s) is a blow-up.
@@ -53,18 +53,18 @@ pub(crate) struct Articulated<S: Simd> {
     /// The candidate that is spoken of.
     lane: usize,
     /// What every candidate's joints do.
-    seen: Vec<Seen>,
+    seen: Vec<JointStates>,
     tree: Tree<S>,
-    now: Posture<S>,
+    now: Configuration<S>,
     /// Velocities one step ago.
     before: Vec<Lanes<S>>,
     /// Degrees of freedom of the root, which come first: 6 or none.
     root: usize,
     fixed: Vec<Isometry3<f64>>,
-    inner: Vec<Inner<S>>,
-    motors: Vec<Option<Motor<S>>>,
+    inner: Vec<JointForces<S>>,
+    motors: Vec<Option<BoundedMotor<S>>>,
     /// Joints whose motion is prescribed; only where there is a single candidate.
-    courses: Vec<Option<Course>>,
+    courses: Vec<Option<PrescribedMotion>>,
     limits: Vec<(Lanes<S>, Lanes<S>)>,
     followers: Vec<Coupling<S>>,
     names: Vec<String>,
@@ -73,7 +73,7 @@ pub(crate) struct Articulated<S: Simd> {
     substeps: usize,
     floor: Option<Floor<S>>,
     hulls: Vec<Hull<S>>,
-    ball: Option<Round<S>>,
+    ball: Option<BallShape<S>>,
     /// Rate at which the ball's spin decays, in 1/s.
     rolling_damping: Lanes<S>,
     impulses: Impulses<S>,
@@ -84,14 +84,14 @@ pub(crate) struct Articulated<S: Simd> {
 }
 
 /// Positions and velocities of a candidate's joints.
-struct Seen {
+struct JointStates {
     q: Vec<f64>,
     dq: Vec<f64>,
 }
 
 /// Everything that acts on a joint from the inside: [`Dof`] of every candidate.
 #[derive(Clone, Copy)]
-struct Inner<S: Simd> {
+struct JointForces<S: Simd> {
     constant: Lanes<S>,
     stiffness: Lanes<S>,
     damping: Lanes<S>,
@@ -119,7 +119,7 @@ struct Floor<S: Simd> {
 /// Memory for a step, allocated once.
 struct Scratch<S: Simd> {
     /// The middle of the step.
-    middle: Posture<S>,
+    middle: Configuration<S>,
     /// Row by row: first the inertia matrix, then its factor.
     matrix: Vec<Lanes<S>>,
     /// What every degree of freedom has to carry.
@@ -129,7 +129,7 @@ struct Scratch<S: Simd> {
     mean: Vec<Lanes<S>>,
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
     share: Vec<Lanes<S>>,
-    touches: Vec<Touch<S>>,
+    touches: Vec<ContactPoint<S>>,
     /// How every body would move if nothing touched, and how it moves.
     motions: [Vec<Spatial<S>>; 2],
     /// Accelerations of the joints where they are known.
@@ -285,7 +285,7 @@ impl<S: Simd> Dynamics for Articulated<S> {
         &self.seen[self.lane].dq
     }
 
-    fn place(&mut self, state: &State) {
+    fn place(&mut self, state: &RobotState) {
         let root = [state.base.angular_rad_s, state.base.velocity_m_s];
         let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
         let mut wanted: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();

@@ -1,6 +1,6 @@
 //! What stops a robot: dry friction, joint limits, the floor and the ball.
 
-use super::impulses::Law;
+use super::impulses::ContactLaw;
 use super::lanes::{Lanes, Mask};
 use super::touch;
 use super::touch::Reach;
@@ -149,7 +149,7 @@ impl<S: Simd> Floor<S> {
     /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap,
     /// it only has to close.
     #[inline(always)]
-    fn law(&self, depth: Lanes<S>, dt_s: f64) -> (Law<S>, Mask<S>) {
+    fn law(&self, depth: Lanes<S>, dt_s: f64) -> (ContactLaw<S>, Mask<S>) {
         let (zero, one) = (depth.like(0.0), depth.like(1.0));
         let resistance = self.damping + self.stiffness * (0.5 * dt_s);
         let gives = zero.less(resistance);
@@ -157,6 +157,6 @@ impl<S: Simd> Floor<S> {
         let softness = (resistance * dt_s).recip();
         let pushed = self.stiffness * depth / resistance;
         let wanted = zero.less(depth).select(pushed, depth * (2.0 / dt_s));
-        (Law { wanted, softness, friction: zero }, gives)
+        (ContactLaw { wanted, softness, friction: zero }, gives)
     }
 }

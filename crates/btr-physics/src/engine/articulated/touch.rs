@@ -31,7 +31,7 @@ pub(super) enum Form<S: Simd> {
 }
 
 /// The ball, as others touch it.
-pub(super) struct Round<S: Simd> {
+pub(super) struct BallShape<S: Simd> {
     pub(super) body: usize,
     pub(super) radius: Lanes<S>,
     pub(super) friction: Lanes<S>,
@@ -40,7 +40,7 @@ pub(super) struct Round<S: Simd> {
 
 /// Two bodies that touch or are about to.
 #[derive(Clone, Copy)]
-pub(super) struct Touch<S: Simd> {
+pub(super) struct ContactPoint<S: Simd> {
     /// The hull that touches; none for the ball on the floor.
     pub(super) hull: Option<usize>,
     pub(super) body: usize,
@@ -57,7 +57,7 @@ pub(super) struct Touch<S: Simd> {
     pub(super) there: Mask<S>,
 }
 
-impl<S: Simd> Touch<S> {
+impl<S: Simd> ContactPoint<S> {
     /// How fast two bodies separate where they touch.
     #[inline(always)]
     pub(super) fn apart(&self, motions: &[Spatial<S>]) -> V3<S> {
@@ -180,9 +180,9 @@ pub(super) fn find<S: Simd>(
     simd: S,
     tree: &Tree<S>,
     hulls: &[Hull<S>],
-    ball: Option<&Round<S>>,
+    ball: Option<&BallShape<S>>,
     reach: Reach<S>,
-    touches: &mut Vec<Touch<S>>,
+    touches: &mut Vec<ContactPoint<S>>,
 ) {
     touches.clear();
     let up = V3::axis(simd, 2);
@@ -201,7 +201,7 @@ pub(super) fn find<S: Simd>(
                     if there.any() {
                         let slot = number * (POINTS + 1) + k;
                         let (hull, body) = (Some(number), hull.body);
-                        touches.push(Touch { hull, body, other: None, point, normal: up, depth, slot, there });
+                        touches.push(ContactPoint { hull, body, other: None, point, normal: up, depth, slot, there });
                     }
                 }
             }
@@ -217,7 +217,16 @@ pub(super) fn find<S: Simd>(
         let there = (-reach.gap).less(depth);
         if there.any() {
             let slot = hulls.len() * (POINTS + 1);
-            touches.push(Touch { hull: None, body: ball.body, other: None, point, normal: up, depth, slot, there });
+            touches.push(ContactPoint {
+                hull: None,
+                body: ball.body,
+                other: None,
+                point,
+                normal: up,
+                depth,
+                slot,
+                there,
+            });
         }
     }
 }
@@ -228,9 +237,9 @@ fn touch_ball<S: Simd>(
     simd: S,
     tree: &Tree<S>,
     (number, hull, centre): (usize, &Hull<S>, &V3<S>),
-    ball: &Round<S>,
+    ball: &BallShape<S>,
     gap: Lanes<S>,
-    touches: &mut Vec<Touch<S>>,
+    touches: &mut Vec<ContactPoint<S>>,
 ) {
     let middle = tree.places[ball.body];
     let near = ((middle - *centre).norm() - hull.reach - ball.radius).less(gap);
@@ -252,7 +261,7 @@ fn touch_ball<S: Simd>(
         let (point, depth) = (V3::select(there, &point, &middle), ball.radius - distance);
         let slot = number * (POINTS + 1) + POINTS;
         let (hull, body, other) = (Some(number), hull.body, Some(ball.body));
-        touches.push(Touch { hull, body, other, point, normal, depth, slot, there });
+        touches.push(ContactPoint { hull, body, other, point, normal, depth, slot, there });
     }
 }
 

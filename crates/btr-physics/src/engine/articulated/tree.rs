@@ -18,7 +18,7 @@ pub(super) enum Carrier {
 }
 
 /// A rigid body in the frame of the joint that carries it.
-pub(super) struct Body<S: Simd> {
+pub(super) struct TreeBody<S: Simd> {
     /// The body that carries it; none for those on the ground or in the air.
     pub(super) parent: Option<usize>,
     pub(super) carrier: Carrier,
@@ -45,7 +45,7 @@ pub(super) struct Pose<S: Simd> {
 
 /// Where everything is and how fast it moves.
 #[derive(Clone)]
-pub(super) struct Posture<S: Simd> {
+pub(super) struct Configuration<S: Simd> {
     /// Joint positions.
     pub(super) q: Vec<Lanes<S>>,
     /// Poses of the free bodies.
@@ -57,7 +57,7 @@ pub(super) struct Posture<S: Simd> {
 /// Bodies, parents first, and what a posture makes of them. All vectors are in the world's axes about `origin`, which
 /// goes along with a free root so that numbers stay small.
 pub(super) struct Tree<S: Simd> {
-    pub(super) bodies: Vec<Body<S>>,
+    pub(super) bodies: Vec<TreeBody<S>>,
     /// What bodies without a parent are bolted to.
     root: (M3<S>, V3<S>),
     /// The first degree of freedom of each body.
@@ -75,7 +75,7 @@ pub(super) struct Tree<S: Simd> {
     forces: Vec<Spatial<S>>,
 }
 
-impl<S: Simd> Body<S> {
+impl<S: Simd> TreeBody<S> {
     #[inline(always)]
     pub(super) fn freedom(&self) -> usize {
         if matches!(self.carrier, Carrier::Free { .. }) { 6 } else { 1 }
@@ -104,7 +104,7 @@ impl<S: Simd> Body<S> {
 }
 
 impl<S: Simd> Tree<S> {
-    pub(super) fn new(simd: S, bodies: Vec<Body<S>>, root: (M3<S>, V3<S>)) -> Self {
+    pub(super) fn new(simd: S, bodies: Vec<TreeBody<S>>, root: (M3<S>, V3<S>)) -> Self {
         let (mut first, mut ways) = (Vec::with_capacity(bodies.len()), Vec::<Vec<usize>>::new());
         for body in &bodies {
             let mut way = body.parent.map_or_else(Vec::new, |parent| ways[last(&bodies, &first, parent)].clone());
@@ -147,7 +147,7 @@ impl<S: Simd> Tree<S> {
 
     /// Poses, axes and inertias of all bodies.
     #[inline(always)]
-    pub(super) fn place(&mut self, simd: S, posture: &Posture<S>) {
+    pub(super) fn place(&mut self, simd: S, posture: &Configuration<S>) {
         self.origin = V3::zero(simd);
         if let Some(Carrier::Free { pose }) = self.bodies.first().map(|body| body.carrier) {
             self.origin = posture.poses[pose].place;
@@ -277,7 +277,7 @@ impl<S: Simd> Tree<S> {
 }
 
 #[inline(always)]
-fn last<S: Simd>(bodies: &[Body<S>], first: &[usize], body: usize) -> usize {
+fn last<S: Simd>(bodies: &[TreeBody<S>], first: &[usize], body: usize) -> usize {
     first[body] + bodies[body].freedom() - 1
 }
 
@@ -331,10 +331,10 @@ impl<S: Simd> Pose<S> {
     }
 }
 
-impl<S: Simd> Posture<S> {
+impl<S: Simd> Configuration<S> {
     /// Where everything is after `dt_s` at the velocities `u`, into `to`.
     #[inline(always)]
-    pub(super) fn fly(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Posture<S>) {
+    pub(super) fn fly(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Configuration<S>) {
         for (body, &d) in tree.bodies.iter().zip(&tree.first) {
             match body.carrier {
                 Carrier::Free { pose } => {

@@ -12,10 +12,10 @@ const HARD_HZ: f64 = 30.0;
 
 /// A robot in its world, number by number.
 pub(super) struct World {
-    pub(super) bodies: Vec<Plain>,
+    pub(super) bodies: Vec<WorldBody>,
     pub(super) poses: Vec<Isometry3<f64>>,
     pub(super) start: Isometry3<f64>,
-    pub(super) hulls: Vec<Shape>,
+    pub(super) hulls: Vec<WorldShape>,
     pub(super) q: Vec<f64>,
     pub(super) dq: Vec<f64>,
     pub(super) limits: Vec<(f64, f64)>,
@@ -27,8 +27,8 @@ pub(super) struct World {
     pub(super) setup: Setup,
 }
 
-/// A body of one robot; see [`Body`].
-pub(super) struct Plain {
+/// A body of one robot; see [`TreeBody`].
+pub(super) struct WorldBody {
     pub(super) parent: Option<usize>,
     pub(super) carrier: Carrier,
     /// In the joint's frame; nothing for free bodies.
@@ -40,7 +40,7 @@ pub(super) struct Plain {
 }
 
 /// A shape on a body of one robot; see [`Hull`].
-pub(super) struct Shape {
+pub(super) struct WorldShape {
     pub(super) body: usize,
     pub(super) foot: Option<usize>,
     pub(super) pose: Isometry3<f64>,
@@ -55,7 +55,7 @@ impl World {
         let mut bodies = carried(robot, &assembled);
         let mut poses = if floats { vec![start] } else { Vec::new() };
         if let Some(ball) = &setup.ball {
-            bodies.push(Plain::of_ball(ball.mass_kg, ball.radius_m, poses.len()));
+            bodies.push(WorldBody::of_ball(ball.mass_kg, ball.radius_m, poses.len()));
             poses.push(Isometry3::translation(ball.start_m.x, ball.start_m.y, ball.start_m.z));
         }
         let joints = || robot.movable().map(|(_, link)| &link.joint);
@@ -84,8 +84,8 @@ impl World {
 
     /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
     pub(super) fn is_like(&self, other: &World) -> bool {
-        let body = |a: &Plain, b: &Plain| a.parent == b.parent && a.carrier == b.carrier;
-        let shape = |a: &Shape, b: &Shape| {
+        let body = |a: &WorldBody, b: &WorldBody| a.parent == b.parent && a.carrier == b.carrier;
+        let shape = |a: &WorldShape, b: &WorldShape| {
             let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
             a.body == b.body && a.foot == b.foot && form
         };
@@ -112,9 +112,9 @@ impl World {
     }
 }
 
-impl Plain {
-    fn new(body: &assemble::Body, parent: Option<usize>, carrier: Carrier, axis: Vector3<f64>) -> Self {
-        Plain {
+impl WorldBody {
+    fn new(body: &assemble::MovingBody, parent: Option<usize>, carrier: Carrier, axis: Vector3<f64>) -> Self {
+        WorldBody {
             parent,
             carrier,
             axis,
@@ -126,7 +126,7 @@ impl Plain {
     }
 
     fn of_ball(mass_kg: f64, radius_m: f64, pose: usize) -> Self {
-        Plain {
+        WorldBody {
             parent: None,
             carrier: Carrier::Free { pose },
             axis: Vector3::zeros(),
@@ -139,30 +139,35 @@ impl Plain {
 }
 
 /// The bodies that can move: a root that is bolted down is none.
-fn carried(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Plain> {
+fn carried(robot: &Robot, assembled: &[assemble::MovingBody]) -> Vec<WorldBody> {
     let bolted = usize::from(robot.base == Base::Fixed);
-    let body = |(index, body): (usize, &assemble::Body)| {
+    let body = |(index, body): (usize, &assemble::MovingBody)| {
         let Some(joint) = index.checked_sub(1) else {
-            return Plain::new(body, None, Carrier::Free { pose: 0 }, Vector3::zeros());
+            return WorldBody::new(body, None, Carrier::Free { pose: 0 }, Vector3::zeros());
         };
         let own = &robot.links[body.link].joint;
         let carrier = match own.kind {
             JointKind::Prismatic => Carrier::Slide { joint },
             JointKind::Revolute | JointKind::Fixed => Carrier::Hinge { joint },
         };
-        Plain::new(body, body.parent.checked_sub(bolted), carrier, own.axis.normalize())
+        WorldBody::new(body, body.parent.checked_sub(bolted), carrier, own.axis.normalize())
     };
     assembled.iter().enumerate().skip(bolted).map(body).collect()
 }
 
 /// The shapes of the bodies that can move.
-fn shapes(robot: &Robot, assembled: &[assemble::Body]) -> Vec<Shape> {
+fn shapes(robot: &Robot, assembled: &[assemble::MovingBody]) -> Vec<WorldShape> {
     let bolted = usize::from(robot.base == Base::Fixed);
     let foot =
         |link: usize| robot.links[link].foot.then(|| robot.links[..link].iter().filter(|link| link.foot).count());
     let moving = assembled.iter().skip(bolted).enumerate();
     let all =
         moving.flat_map(|(body, assembled)| assembled.shapes.iter().map(move |(link, shape)| (body, *link, shape)));
-    all.map(|(body, link, shape)| Shape { body, foot: foot(link), pose: shape.pose, geometry: shape.geometry.clone() })
-        .collect()
+    all.map(|(body, link, shape)| WorldShape {
+        body,
+        foot: foot(link),
+        pose: shape.pose,
+        geometry: shape.geometry.clone(),
+    })
+    .collect()
 }

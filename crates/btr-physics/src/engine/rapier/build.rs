@@ -1,7 +1,7 @@
 //! Building Rapier's world: settings, bodies, shapes, joints.
 
 use super::convert::{pose, quaternion, vector};
-use crate::engine::assemble::Body;
+use crate::engine::assemble::MovingBody;
 use crate::robot::{Base, Geometry, Joint, JointKind, Robot, Shape};
 use crate::setup::{Ball, Compliance, Ground, Setup};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
@@ -65,9 +65,9 @@ pub(super) fn add_bodies(
     world: &mut PhysicsWorld,
     base: Base,
     start: Isometry3<f64>,
-    bodies: &[Body],
+    bodies: &[MovingBody],
 ) -> Vec<RigidBodyHandle> {
-    let mut insert = |index: usize, body: &Body| {
+    let mut insert = |index: usize, body: &MovingBody| {
         let fixed = index == 0 && base == Base::Fixed;
         let builder = if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
         // Only the root's pose counts: the joints place the others.
@@ -85,7 +85,7 @@ pub(super) fn add_bodies(
 pub(super) fn add_shapes(
     world: &mut PhysicsWorld,
     robot: &Robot,
-    bodies: &[Body],
+    bodies: &[MovingBody],
     handles: &[RigidBodyHandle],
     friction: f64,
 ) -> Vec<Vec<ColliderHandle>> {
@@ -117,7 +117,7 @@ fn collider(shape: &Shape) -> (ColliderBuilder, Isometry3<f64>) {
     }
 }
 
-pub(super) fn rapier_joint(joint: &Joint, body: &Body, parent: &Body) -> GenericJoint {
+pub(super) fn rapier_joint(joint: &Joint, body: &MovingBody, parent: &MovingBody) -> GenericJoint {
     let (locked, axis) = match joint.kind {
         JointKind::Prismatic => (JointAxesMask::LOCKED_PRISMATIC_AXES, JointAxis::LinX),
         JointKind::Revolute | JointKind::Fixed => (JointAxesMask::LOCKED_REVOLUTE_AXES, JointAxis::AngX),

@@ -8,8 +8,8 @@ mod build;
 mod convert;
 
 use super::assemble;
-use super::assemble::Body;
-use super::{BaseState, Dof, Dynamics, State};
+use super::assemble::MovingBody;
+use super::{BaseState, Dof, Dynamics, RobotState};
 use crate::robot::{Base, JointKind, Robot};
 use crate::setup::Setup;
 use convert::{from_pose, from_vector, pose, vector};
@@ -32,7 +32,7 @@ pub struct Rapier {
     root_com_m: Vector3<f64>,
     floating: bool,
     multibody: Option<MultibodyIndex>,
-    joints: Vec<Slot>,
+    joints: Vec<JointSlot>,
     positions: Vec<f64>,
     velocities: Vec<f64>,
     feet: Vec<Vec<ColliderHandle>>,
@@ -40,7 +40,7 @@ pub struct Rapier {
 }
 
 /// Where a joint lives in the multibody.
-struct Slot {
+struct JointSlot {
     link: usize,
     dof: usize,
     /// Rapier's index of the free axis: 0 slides along x, 3 turns about x.
@@ -82,7 +82,7 @@ impl Rapier {
     }
 
     /// Inserts the joints and notes where they live.
-    fn connect(&mut self, robot: &Robot, bodies: &[Body], handles: &[RigidBodyHandle]) {
+    fn connect(&mut self, robot: &Robot, bodies: &[MovingBody], handles: &[RigidBodyHandle]) {
         for (body, &handle) in bodies.iter().zip(handles).skip(1) {
             let joint = build::rapier_joint(&robot.links[body.link].joint, body, &bodies[body.parent]);
             self.world.insert_multibody_joint(handles[body.parent], handle, joint);
@@ -100,12 +100,17 @@ impl Rapier {
             let Some(link) = found else { continue };
             let joint = &robot.links[body.link].joint;
             let axis = if joint.kind == JointKind::Prismatic { 0 } else { 3 };
-            self.joints.push(Slot { link: link.link_id(), dof: link.assembly_id(), axis, name: joint.name.clone() });
+            self.joints.push(JointSlot {
+                link: link.link_id(),
+                dof: link.assembly_id(),
+                axis,
+                name: joint.name.clone(),
+            });
         }
     }
 
     /// Moves the joints to their start positions and velocities.
-    fn start(&mut self, robot: &Robot, bodies: &[Body], velocities: &[f64]) {
+    fn start(&mut self, robot: &Robot, bodies: &[MovingBody], velocities: &[f64]) {
         let Some(index) = self.multibody else { return };
         let Some(multibody) = self.world.multibody_joints.get_multibody_mut(index) else { return };
         let mut displacement = vec![0.0; multibody.ndofs()];
@@ -173,7 +178,7 @@ impl Dynamics for Rapier {
         &self.velocities
     }
 
-    fn place(&mut self, state: &State) {
+    fn place(&mut self, state: &RobotState) {
         let BaseState { pose: base, velocity_m_s, angular_rad_s } = state.base;
         let centre = base * Translation3::from(self.root_com_m);
         let velocity = velocity_m_s + angular_rad_s.cross(&(base.rotation * self.root_com_m));

@@ -54,14 +54,14 @@ pub(super) enum Op {
 
 /// A function that takes so many values.
 #[derive(Clone, Copy)]
-pub(super) enum Function {
+pub(super) enum BuiltinFunction {
     One(One),
     Two(Two),
 }
 
-pub(super) fn function(name: &str) -> Option<Function> {
-    let one = ONES.iter().find(|(known, _)| *known == name).map(|(_, one)| Function::One(*one));
-    one.or_else(|| TWOS.iter().find(|(known, _)| *known == name).map(|(_, two)| Function::Two(*two)))
+pub(super) fn function(name: &str) -> Option<BuiltinFunction> {
+    let one = ONES.iter().find(|(known, _)| *known == name).map(|(_, one)| BuiltinFunction::One(*one));
+    one.or_else(|| TWOS.iter().find(|(known, _)| *known == name).map(|(_, two)| BuiltinFunction::Two(*two)))
 }
 
 pub(super) fn number(name: &str) -> Option<f64> {

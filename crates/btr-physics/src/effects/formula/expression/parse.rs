@@ -1,6 +1,6 @@
 //! From the text of an expression to its steps.
 
-use super::op::{Function, ONES, One, Op, TWOS, Two, function, number, power};
+use super::op::{BuiltinFunction, ONES, One, Op, TWOS, Two, function, number, power};
 use crate::effects::formula::error::FormulaError;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -201,12 +201,12 @@ impl<'a> Parser<'a> {
     fn named(&mut self, name: &str) -> Result<(), FormulaError> {
         let calls = self.takes(&["("]).is_some();
         match (function(name), calls) {
-            (Some(Function::One(one)), true) => {
+            (Some(BuiltinFunction::One(one)), true) => {
                 self.deeper(Self::sum)?;
                 self.one(one);
                 self.closed()
             }
-            (Some(Function::Two(two)), true) => {
+            (Some(BuiltinFunction::Two(two)), true) => {
                 self.deeper(Self::sum)?;
                 if self.takes(&[","]).is_none() {
                     return syntax(format!("{name} takes two values: {name}(x, y)"));
@@ -215,8 +215,8 @@ impl<'a> Parser<'a> {
                 self.two(two);
                 self.closed()
             }
-            (Some(Function::One(_)), false) => syntax(format!("{name} takes a value: {name}(x)")),
-            (Some(Function::Two(_)), false) => syntax(format!("{name} takes two values: {name}(x, y)")),
+            (Some(BuiltinFunction::One(_)), false) => syntax(format!("{name} takes a value: {name}(x)")),
+            (Some(BuiltinFunction::Two(_)), false) => syntax(format!("{name} takes two values: {name}(x, y)")),
             (None, true) => {
                 let known: Vec<&str> = ONES.iter().map(|(name, _)| *name).chain(TWOS.map(|(name, _)| name)).collect();
                 syntax(format!("`{name}` is no function; there are {}", known.join(" ")))

@@ -10,15 +10,15 @@ mod sweep;
 
 use super::lanes::{Lanes, Mask};
 use super::spatial::{Spatial, solve_motions, solve_way, substitute};
-use super::touch::Touch;
+use super::touch::ContactPoint;
 use super::tree::Tree;
 use pulp::Simd;
-use stick::Guess;
+use stick::StickGuess;
 
 /// All impulses of a step.
 pub(super) struct Impulses<S: Simd> {
     simd: S,
-    blocks: Vec<Block>,
+    blocks: Vec<ImpulseBlock>,
     singles: Vec<Single<S>>,
     /// How many of them couple joints. They come first.
     couples: usize,
@@ -37,7 +37,7 @@ pub(super) struct Impulses<S: Simd> {
     known: Vec<[Lanes<S>; 3]>,
     found: Vec<[Lanes<S>; 3]>,
     change: Vec<Lanes<S>>,
-    guess: Guess<S>,
+    guess: StickGuess<S>,
     /// For whom the sweeps did not end when they were needed last, and in this step.
     hard: Mask<S>,
     found_hard: Mask<S>,
@@ -46,7 +46,7 @@ pub(super) struct Impulses<S: Simd> {
 /// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two
 /// degrees of freedom.
 #[derive(Clone, Copy)]
-struct Block {
+struct ImpulseBlock {
     row: usize,
     rows: usize,
     /// Where each way leads, and where its part of the halves begins, in which the rows have their entries side by side.
@@ -70,7 +70,7 @@ struct Contact<S: Simd> {
     /// The first of its rows.
     row: usize,
     slot: usize,
-    law: Law<S>,
+    law: ContactLaw<S>,
     /// Who touches there.
     there: Mask<S>,
     /// What an impulse along the normal, and one across, have to be at least to change the speed there by one.
@@ -80,7 +80,7 @@ struct Contact<S: Simd> {
 
 /// How two bodies that touch push each other.
 #[derive(Clone, Copy)]
-pub(super) struct Law<S: Simd> {
+pub(super) struct ContactLaw<S: Simd> {
     /// The speed of separation without an impulse, in m/s.
     pub(super) wanted: Lanes<S>,
     /// How much of it an impulse costs, in 1/kg.
@@ -107,7 +107,7 @@ impl<S: Simd> Impulses<S> {
             known: vec![[Lanes::zero(simd); 3]; slots],
             found: vec![[Lanes::zero(simd); 3]; slots],
             change: Vec::new(),
-            guess: Guess::new(),
+            guess: StickGuess::new(),
             hard: Lanes::zero(simd).less(Lanes::zero(simd)),
             found_hard: Lanes::zero(simd).less(Lanes::zero(simd)),
         }
@@ -170,7 +170,7 @@ impl<S: Simd> Impulses<S> {
     fn single(&mut self, ways: [Option<(usize, usize)>; 2], [wanted, least, most]: [Lanes<S>; 3], speed: Lanes<S>) {
         let row = self.rows();
         self.singles.push(Single { row, wanted, least, most, stubborn: Lanes::zero(self.simd) });
-        self.blocks.push(Block { row, rows: 1, ways });
+        self.blocks.push(ImpulseBlock { row, rows: 1, ways });
         self.speeds.push(speed);
     }
 
@@ -183,8 +183,8 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     pub(super) fn touch(
         &mut self,
-        touch: &Touch<S>,
-        law: Law<S>,
+        touch: &ContactPoint<S>,
+        law: ContactLaw<S>,
         there: Mask<S>,
         tree: &Tree<S>,
         factor: &[Lanes<S>],
@@ -196,7 +196,7 @@ impl<S: Simd> Impulses<S> {
             ways[1] = Some(self.aim(touch, other, -one, tree, factor));
         }
         let speeds = touch.along(self.simd, &touch.apart(motions));
-        self.blocks.push(Block { row, rows: 3, ways });
+        self.blocks.push(ImpulseBlock { row, rows: 3, ways });
         self.speeds.extend_from_slice(&speeds);
         self.contacts.push(Contact { row, slot: touch.slot, law, there, stubborn: zero, stubborn_across: zero });
     }
@@ -205,7 +205,7 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     fn aim(
         &mut self,
-        touch: &Touch<S>,
+        touch: &ContactPoint<S>,
         body: usize,
         sense: Lanes<S>,
         tree: &Tree<S>,
@@ -291,7 +291,7 @@ impl<S: Simd> Impulses<S> {
     /// Adds what a block's impulses do to the change.
     #[inline(always)]
     fn add_up<const ROWS: usize>(&mut self, block: usize, tree: &Tree<S>) {
-        let Block { row, ways, .. } = self.blocks[block];
+        let ImpulseBlock { row, ways, .. } = self.blocks[block];
         for &(last, begin) in ways.iter().flatten() {
             for (step, &d) in tree.ways[last].iter().enumerate() {
                 for k in 0..ROWS {

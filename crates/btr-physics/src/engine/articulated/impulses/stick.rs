@@ -22,7 +22,7 @@ const UNEVEN: f64 = 1e4;
 const BESIDE: f64 = 1e-9;
 
 /// Memory for that.
-pub(super) struct Guess<S: Simd> {
+pub(super) struct StickGuess<S: Simd> {
     /// Whose impulse follows from the equations; all others stay.
     free: Vec<Mask<S>>,
     /// The velocities without impulses, those to bring about, and what an impulse costs of it.
@@ -34,10 +34,10 @@ pub(super) struct Guess<S: Simd> {
     solution: Vec<Lanes<S>>,
 }
 
-impl<S: Simd> Guess<S> {
+impl<S: Simd> StickGuess<S> {
     pub(super) fn new() -> Self {
         let (free, alone, wanted, costs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Guess { free, alone, wanted, costs, factor: Vec::new(), solution: Vec::new() }
+        StickGuess { free, alone, wanted, costs, factor: Vec::new(), solution: Vec::new() }
     }
 }
 

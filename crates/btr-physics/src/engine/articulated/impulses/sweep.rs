@@ -1,6 +1,6 @@
 //! Projected Gauss-Seidel: impulses are put right one after the other, sweep by sweep, until velocities have settled.
 
-use super::{Contact, Impulses, Law, Single};
+use super::{Contact, ContactLaw, Impulses, Single};
 use crate::engine::articulated::lanes::{Lanes, Mask};
 use pulp::Simd;
 
@@ -108,7 +108,7 @@ impl<S: Simd> Impulses<S> {
     /// The impulses of a contact while all others stay: the normal one, and what that leaves to those across.
     #[inline(always)]
     fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
-        let (rows, row, Law { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
+        let (rows, row, ContactLaw { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
         let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
         let before = self.impulses[row];
         let missing = wanted - self.speeds[row] - softness * before;
