@@ -303,7 +303,7 @@ pub trait ResidualModel: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::made::knob;
+    use crate::fit::fixture::knob;
 
     #[test]
     fn a_limit_keeps_its_proportion_to_a_mass() {

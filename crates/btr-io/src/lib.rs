@@ -1,5 +1,6 @@
 //! Logs and files: CSV for people, MCAP for robots and their viewers; other people's bags and data sets are read.
 
+mod atomic;
 mod bag;
 mod csv;
 mod error;
@@ -11,13 +12,12 @@ mod renamed;
 mod series;
 #[cfg(test)]
 mod tests;
-mod whole;
 
+pub use crate::atomic::{can_write, write_whole};
 pub use error::{IoError, Warning};
 pub use mapping::{ForeignName, Mapping, Topics};
 pub use mcap::{Meta, Recording};
 pub use renamed::renamed;
-pub use whole::{can_write, write_whole};
 
 use btr_core::log::Log;
 use std::fs::File;
@@ -118,17 +118,17 @@ pub fn write_log(path: &Path, log: &Log, meta: &Meta) -> Result<(), IoError> {
     let written = match format(path)? {
         Format::Csv => {
             let headers = csv::headers(path, log)?;
-            whole::write_whole(path, |out| csv::write(&headers, log, out))
+            atomic::write_whole(path, |out| csv::write(&headers, log, out))
         }
         Format::CsvGz => {
             let headers = csv::headers(path, log)?;
-            whole::write_whole(path, |out| {
+            atomic::write_whole(path, |out| {
                 let mut gz = flate2::write::GzEncoder::new(out, flate2::Compression::default());
                 csv::write(&headers, log, &mut gz)?;
                 gz.finish().map(|_| ())
             })
         }
-        Format::Mcap => whole::write_whole(path, |out| mcap::write(log, meta, out)),
+        Format::Mcap => atomic::write_whole(path, |out| mcap::write(log, meta, out)),
     };
     written.map_err(|source| IoError::File { path: path.to_owned(), source })
 }

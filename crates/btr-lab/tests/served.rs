@@ -5,7 +5,7 @@ use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::distributed::{
-    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, serve,
+    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, worker,
 };
 use btr_lab::experiment::{LogSource, Source, model};
 use btr_lab::verbs::VerbInput;

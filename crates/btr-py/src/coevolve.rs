@@ -9,7 +9,8 @@ use btr_identify::diagnose::Rung;
 use btr_lab::distributed::ExecutionContext;
 use btr_lab::experiment::{Experiment, RobotFunction};
 use btr_lab::reality::{TestFailure, TestRequest};
-use btr_lab::run::turn::{self, RunObserver};
+use btr_lab::run::execute;
+use btr_lab::run::execute::RunObserver;
 use btr_report::figures;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -43,7 +44,7 @@ pub(crate) fn coevolve(
     warn(py, &experiment.warnings)?;
     let (document, waiting) = working(py, &way, || {
         let mut watcher = Watcher { way: way.clone(), tell, warned, told: 0 };
-        let mut ended = turn::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        let mut ended = execute::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
         if let Some(ended) = &mut ended {
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
         }

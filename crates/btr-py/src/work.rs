@@ -129,7 +129,7 @@ pub(crate) fn serve<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&parcels, batch, &laws::unpacked)));
+    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::worker(&parcels, batch, &laws::unpacked)));
     match py.detach(|| threaded(serve))? {
         Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why, None))?)),
         Err(cause) => Err(cause_of(cause)),

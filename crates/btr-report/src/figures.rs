@@ -9,8 +9,8 @@ use btr_io::Meta;
 use btr_lab::experiment::Experiment;
 use btr_lab::failure::Failure;
 use btr_lab::run::Run;
+use btr_lab::run::execute::adapted;
 use btr_lab::run::report::RunReport;
-use btr_lab::run::turn::adapted;
 use btr_physics::robot::urdf;
 use std::path::PathBuf;
 

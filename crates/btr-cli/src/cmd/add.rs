@@ -1,6 +1,6 @@
 //! `btr add`: an effect written into a model, free to fit.
 
-use super::ladder;
+use super::common;
 use crate::args::{AddArgs, Global};
 use crate::exit::DONE;
 use btr_io::{IoError, write_whole};
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
-    let source = ladder::source(&args.model, global)?;
+    let source = common::source(&args.model, global)?;
     // A model may grow in its place: nothing in it is lost.
     guard(OutputKind::Model.at(Some(&args.output)), named_files(&source))?;
     let model = experiment::model(&source)?;

@@ -1,6 +1,6 @@
 //! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
 
-use super::ladder;
+use super::common;
 use crate::args::{CheckArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_identify::quality::Severity;
@@ -13,7 +13,7 @@ use btr_report::table::{Table, maybe, number};
 use btr_report::text::word;
 
 pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
-    let source = ladder::source(&args.model, global)?;
+    let source = common::source(&args.model, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
     let report = verbs::check(replays);
     if global.json {

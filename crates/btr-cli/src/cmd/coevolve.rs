@@ -1,6 +1,6 @@
 //! `btr coevolve`: the loop, live, and what it found.
 
-use super::ladder;
+use super::common;
 use crate::args::{CoevolveArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
@@ -11,10 +11,10 @@ use btr_lab::experiment::{Experiment, Source};
 use btr_lab::failure::Failure;
 use btr_lab::run::Run;
 use btr_lab::run::augment::Cause;
+use btr_lab::run::execute;
+use btr_lab::run::execute::{FinishedRun, RunObserver};
 use btr_lab::run::report;
 use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
-use btr_lab::run::turn;
-use btr_lab::run::turn::{FinishedRun, RunObserver};
 use btr_lab::verbs::LadderStep;
 use btr_report::figures;
 use btr_report::table::{Table, maybe, number};
@@ -37,7 +37,7 @@ pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
-    let ended = turn::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
+    let ended = execute::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
     watcher.finish();
     match ended? {
         Some(mut ended) => {
@@ -84,7 +84,7 @@ impl RunObserver for Watcher<'_> {
     }
 
     fn rung(&self, rung: &Rung) {
-        ladder::tell(&LadderStep::from(rung), self.global);
+        common::tell(&LadderStep::from(rung), self.global);
     }
 
     fn warn(&mut self, line: &str) {

@@ -1,7 +1,7 @@
 //! `btr compare`: where a model fails.
 
-use super::ladder;
-use super::ladder::{announce, write_report};
+use super::common;
+use super::common::{announce, write_report};
 use crate::args::{CompareArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_lab::failure::Failure;
@@ -21,9 +21,9 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
-    let source = ladder::source(&args.model, global)?;
+    let source = common::source(&args.model, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
-    let (replays, doubts) = ladder::replays(&source, &args.logs, &[], global)?;
+    let (replays, doubts) = common::replays(&source, &args.logs, &[], global)?;
     let outcome = verbs::compare(&source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     if let Some(path) = &args.report {
         write_report(path, &html::compare(&outcome))?;

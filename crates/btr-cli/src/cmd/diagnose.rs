@@ -1,7 +1,7 @@
 //! `btr diagnose`: which physical effect is missing, in words and numbers.
 
-use super::ladder;
-use super::ladder::{announce, write_report};
+use super::common;
+use super::common::{announce, write_report};
 use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_identify::diagnose::{DiagnoseOptions, Verdict};
@@ -17,14 +17,14 @@ use btr_report::text::fit_command;
 use std::path::Path;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
-    let source = ladder::source(&args.beside.model, global)?;
+    let source = common::source(&args.beside.model, global)?;
     let commands = OutputKind::Log { over_measurements: false }.at(args.next.as_deref());
     let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
+    let (replays, doubts) = common::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
     let problem = VerbInput::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
     let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
-    let tell = |rung: &_| ladder::tell(&LadderStep::from(rung), global);
+    let tell = |rung: &_| common::tell(&LadderStep::from(rung), global);
     let Some((report, diagnosis)) = verbs::diagnose(&problem, &problem.beside, question, &tell) else {
         return Err(Failure::blown(&problem));
     };
@@ -65,7 +65,7 @@ fn word_of(verdict: Verdict) -> String {
 }
 
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, asked: &Subject) {
-    println!("\n{}\n", ladder::table(&report.error_ladder).render());
+    println!("\n{}\n", common::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));

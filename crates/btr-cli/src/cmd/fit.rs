@@ -1,8 +1,8 @@
 //! `btr fit`: the error falls, live; then what is known of each number.
 
 use super::add::write_text;
-use super::ladder;
-use super::ladder::{announce, write_report};
+use super::common;
+use super::common::{announce, write_report};
 use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
 use btr_lab::failure::Failure;
@@ -14,18 +14,18 @@ use btr_report::html::Subject;
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
-    let source = ladder::source(&args.beside.model, global)?;
+    let source = common::source(&args.beside.model, global)?;
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = ladder::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
+    let (replays, doubts) = common::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
     let problem = VerbInput::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
         .map_err(|e| Failure::problem(e, &doubts))?;
     if problem.beside.model().simulations.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
-    let Some((report, fit, step)) = verbs::fit(&problem, &problem.beside, &|step| ladder::tell(step, global)) else {
+    let Some((report, fit, step)) = verbs::fit(&problem, &problem.beside, &|step| common::tell(step, global)) else {
         return Err(Failure::blown(&problem));
     };
     if let Some(output) = &args.output {
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
 }
 
 fn show(report: &FitReport) {
-    println!("\n{}\n", ladder::table(&report.error_ladder).render());
+    println!("\n{}\n", common::table(&report.error_ladder).render());
     let mut table = Table::new(&btr_report::text::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());

@@ -3,6 +3,7 @@
 pub(crate) mod add;
 pub(crate) mod check;
 pub(crate) mod coevolve;
+pub(crate) mod common;
 pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod convert;
@@ -10,6 +11,5 @@ pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod fit;
 pub(crate) mod info;
-pub(crate) mod ladder;
 pub(crate) mod schema;
 pub(crate) mod simulate;

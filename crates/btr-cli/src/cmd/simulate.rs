@@ -1,6 +1,6 @@
 //! `btr simulate`: one rollout of a model, written as a log.
 
-use super::ladder;
+use super::common;
 use crate::args::{Global, SimulateArgs};
 use crate::exit::DONE;
 use btr_core::world::Simulator;
@@ -12,7 +12,7 @@ use btr_lab::output::{OutputKind, guard, inputs};
 use btr_report::table::number;
 
 pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
-    let source = ladder::source(&args.model, global)?;
+    let source = common::source(&args.model, global)?;
     let log = OutputKind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {

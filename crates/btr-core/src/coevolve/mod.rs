@@ -9,13 +9,13 @@ mod disengage;
 mod drift;
 mod estimation;
 mod evaluate;
+#[cfg(test)]
+mod fixture;
 mod history;
 mod ledger;
 mod map;
 mod plan;
 mod run;
-#[cfg(test)]
-mod toy;
 mod transfer;
 
 pub use correction::LinearCorrection;

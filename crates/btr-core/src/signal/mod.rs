@@ -2,7 +2,7 @@
 
 pub mod fft;
 pub mod lag;
+pub mod missing;
 pub mod noise;
-pub mod silence;
 pub mod smooth;
 pub mod stats;

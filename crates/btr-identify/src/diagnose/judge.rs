@@ -1,10 +1,10 @@
 //! Whom to believe of those who were fitted.
 
-use super::race::Rival;
+use super::refit::Rival;
 use super::state::DiagnosisState;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use super::{MissingEffect, RankedCandidate};
-use crate::fit::judge::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple

@@ -5,20 +5,20 @@
 //! removed again where others make them btr_corefluous. The answer may be that nothing is missing, or that nothing known
 //! explains the error.
 
-mod beginning;
+mod beginnings;
 mod judge;
-mod law;
-mod picture;
-mod race;
+mod linear;
+mod refit;
+mod residual_law;
 mod round;
 mod screen;
 mod state;
 
-pub use law::ResidualLaw;
+pub use residual_law::ResidualLaw;
 
-use crate::fit::judge::{ComparisonMeasure, NOISE};
+use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{Estimate, FitPoint, LOOKS, LogSet, Objective, SearchBudget, estimates};
-use law::residual_law;
+use residual_law::residual_law;
 use round::round;
 use serde::{Deserialize, Serialize};
 use state::DiagnosisState;

@@ -1,12 +1,12 @@
 //! A round: who of the effects that are not chosen yet explains most of what is left, and is to be believed.
 
-use super::beginning::from_beginnings;
+use super::beginnings::from_beginnings;
 use super::judge::judge_rivals;
-use super::race::{Rival, last_chance, last_chance_of_the_best, race};
+use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::screen::{StartPoint, screen};
 use super::state::DiagnosisState;
 use super::{MissingEffect, leaves_something};
-use crate::fit::judge::{NOISE, chi};
+use crate::fit::measure::{NOISE, chi};
 use crate::fit::{FitPoint, LogSet, Objective};
 
 /// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.

@@ -4,7 +4,7 @@
 //! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
 //! largest error alone; what is promising there is probed on all of them.
 
-use super::picture::{BasePoint, STRETCH};
+use super::linear::{BasePoint, STRETCH};
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
 use crate::residual_model::{EffectCandidate, Parametrisation};
 

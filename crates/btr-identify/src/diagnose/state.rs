@@ -1,11 +1,11 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
 use super::judge::earns_its_numbers;
-use super::race::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
+use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use super::{MissingEffect, RankedCandidate, Rung, leaves_something};
-use crate::fit::judge::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
 /// How far numbers are moved to begin anew: amplitudes by this share, shapes by so much of their coordinate...

@@ -1,8 +1,8 @@
 //! How the residual changes with the free knobs: finite differences, cheap ones for the way and careful ones for what is said
 //! about the end of it.
 
-use super::bench::{LogSet, Objective, ResidualVector};
 use super::estimate::told;
+use super::objective::{LogSet, Objective, ResidualVector};
 use super::solve::FitPoint;
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};

@@ -1,8 +1,8 @@
 //! The whole way from a model as it stands to values with intervals.
 
-use super::bench::{LogSet, Objective};
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
-use super::judge::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use super::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use super::objective::{LogSet, Objective};
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::residual_model::TimeStep;
 
@@ -203,7 +203,7 @@ fn conclude(bench: &Objective, (fit, ended, integrator_error): FinishedSearch, l
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::made::{Made, knob};
+    use crate::fit::fixture::{Made, knob};
     use crate::residual_model::{FitParameter, Parametrisation};
 
     #[test]

@@ -1,8 +1,8 @@
 //! What logs can tell about the numbers in doubt, before anything is fitted to them: G. H. Golub and C. F. Van Loan's singular
 //! values of the scaled Jacobian ("Matrix Computations", 1983), at the model as it stands.
 
-use super::bench::{LogSet, Objective};
 use super::estimate::{NullDirection, is_dead, null_directions, told};
+use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
 use nalgebra::DMatrix;
 use serde::Serialize;

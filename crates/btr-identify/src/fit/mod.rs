@@ -1,26 +1,26 @@
 //! Fitting the numbers in doubt to measurements.
 
-mod bench;
 mod derivative;
 mod estimate;
 mod fitted;
-mod identifiable;
-pub(crate) mod judge;
 #[cfg(test)]
-pub(crate) mod made;
-mod nearest;
+pub(crate) mod fixture;
+mod identifiable;
+pub(crate) mod measure;
+mod objective;
 mod settle;
+mod shared_rollouts;
 mod solve;
-mod start;
-mod together;
+mod start_search;
+mod start_states;
 
-pub use bench::{FINE_ENOUGH, FINEST, LogSet, Objective, ResidualVector, corrected, squares};
 pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
 pub(crate) use fitted::LOOKS;
 pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
-pub use judge::{ComparisonMeasure, NOISE};
-pub use nearest::nearest_starts;
+pub use measure::{ComparisonMeasure, NOISE};
+pub use objective::{FINE_ENOUGH, FINEST, LogSet, Objective, ResidualVector, corrected, squares};
+pub use shared_rollouts::{rows_near, shared};
 pub use solve::{FitPoint, FitStop, SearchBudget, cost};
-pub use together::{rows_near, shared};
+pub use start_search::nearest_starts;

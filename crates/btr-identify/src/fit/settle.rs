@@ -1,6 +1,6 @@
 //! The last part of a fit: to the middle of what its logs leave open.
 
-use super::bench::{LogSet, Objective, ResidualVector, corrected};
+use super::objective::{LogSet, Objective, ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
@@ -137,7 +137,7 @@ fn second_difference([near, far]: [f64; 2]) -> (f64, f64, f64) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::made::{Made, knob};
+    use crate::fit::fixture::{Made, knob};
     use crate::fit::{SearchBudget, estimates};
     use crate::residual_model::Parametrisation;
 

@@ -1,8 +1,8 @@
 //! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
 //! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
-use super::bench::{LogSet, Objective, ResidualVector, corrected, squares};
-use super::judge::chi;
+use super::measure::chi;
+use super::objective::{LogSet, Objective, ResidualVector, corrected, squares};
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -268,7 +268,7 @@ pub fn cost(knobs: &[FitParameter], active: &[usize], u: &[f64], residual: &[f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::made::knob;
+    use crate::fit::fixture::knob;
     use crate::residual_model::Parametrisation;
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::{Finding, SensorReport, Severity, Topic};
 use btr_core::log::{Channel, Log, Role};
+use btr_core::signal::missing::{Gap, spells};
 use btr_core::signal::noise::NoiseEstimate;
-use btr_core::signal::silence::{Gap, spells};
 
 /// Spells of torque off that are told one by one.
 const TOLD: usize = 3;

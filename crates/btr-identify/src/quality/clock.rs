@@ -2,7 +2,7 @@
 
 use super::{ClockReport, Finding, Severity, Topic};
 use btr_core::log::Log;
-use btr_core::signal::silence;
+use btr_core::signal::missing;
 
 pub(super) fn of(log: &Log) -> ClockReport {
     let usual_s = log.usual_step_s().unwrap_or(0.0);
@@ -51,7 +51,7 @@ fn gaps(clock: &ClockReport, log: &Log) -> Option<Finding> {
         1 => format!("1 gap of {long_s:.3} s at {at_s:.3} s"),
         count => format!("{count} gaps, the longest of {long_s:.3} s at {at_s:.3} s"),
     };
-    let so = match silence::pieces(log).len() {
+    let so = match missing::pieces(log).len() {
         1 => "the last command is held".to_owned(),
         pieces => format!("the log is replayed in {pieces} pieces, each from its own start"),
     };

@@ -1,7 +1,7 @@
 //! A joint's channels beside each other: command, position, velocity.
 
 use super::frozen::frozen;
-use super::pull::pull;
+use super::influence::pull;
 use super::{CommandResponse, Finding, Severity, Topic};
 use btr_core::log::{Channel, Log, interpolate};
 use btr_core::signal::lag::{Lag, lag};

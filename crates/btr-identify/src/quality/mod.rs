@@ -1,16 +1,16 @@
 //! What a log is worth before anything is fitted to it: clock, sensors, and how the joints follow their commands.
 
-mod asked;
 mod channel;
 mod clock;
 mod frozen;
+mod influence;
 mod joint;
-mod pull;
+pub mod references;
 #[cfg(test)]
 mod tests;
 
-pub use asked::asked;
 pub use clock::FEWEST_SAMPLES;
+pub use references::check_references;
 
 use btr_core::log::{Log, Role};
 use btr_core::signal::lag::Lag;

@@ -137,7 +137,7 @@ fn commands_are_looked_for_where_they_were_asked() {
         log.insert("cmd_hip", "rad", Role::Command, told).unwrap();
         log
     };
-    let say = |log: &Log| asked(&asked_for, log).map(|found| found.sentence).unwrap_or_default();
+    let say = |log: &Log| check_references(&asked_for, log).map(|found| found.sentence).unwrap_or_default();
     assert_eq!(say(&shifted(0.0)), "");
     assert!(say(&shifted(-0.02)).starts_with("its commands come 20 ms before"), "{}", say(&shifted(-0.02)));
     assert!(say(&shifted(0.1)).starts_with("its commands come 100 ms after"), "{}", say(&shifted(0.1)));

@@ -5,19 +5,19 @@
 //! the same whoever gives it, and however often it is asked for again because a machine was lost. Every answer carries the
 //! worker's proof: what it computes at the model's own values, which must be what is computed here, bit by bit.
 
+mod bundle;
 mod cache;
-mod family;
-mod folder;
-mod message;
-mod serve;
-mod simulator;
+mod messages;
+mod remote_model;
+mod remote_simulator;
+mod worker;
 
-pub use family::RemoteModel;
-pub use message::Payload;
-pub use serve::serve;
-pub use simulator::{RemoteSimulator, RunPayloads};
+pub use messages::Payload;
+pub use remote_model::RemoteModel;
+pub use remote_simulator::{RemoteSimulator, RunPayloads};
+pub use worker::serve;
 
-use message::{Answer, Batch};
+use messages::{Answer, Batch};
 use serde::de::DeserializeOwned;
 use std::any::Any;
 use std::panic::resume_unwind;

@@ -1,19 +1,17 @@
 //! A model beside recorded logs, as the core's [`ResidualModel`]: what is in doubt, and every effect of the library at every site
 //! where it could sit.
 
+mod candidates;
+mod contact_probes;
 pub(crate) mod excitation;
-mod family;
-mod knobs;
+mod law_terms;
+mod log_parts;
 pub(crate) mod noise_floor;
-mod offer;
-mod parts;
+mod parameters;
+mod residuals;
 pub(crate) mod scales;
 mod sites;
-mod standing;
-mod starts;
-mod term;
-mod visible;
-pub(crate) mod windows;
+mod start;
 
 use btr_core::log::{Channel, Log, Role};
 use btr_core::world::WorldError;
@@ -24,16 +22,16 @@ use btr_identify::residual_model::{
 use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
-use knobs::in_doubt;
-use parts::{LogPart, parts, whole};
+use law_terms::TermDefinition;
+use log_parts::{LogPart, parts, whole};
+use parameters::in_doubt;
 use scales::RobotScales;
 use sites::limbs;
 pub(crate) use sites::sites;
-pub(crate) use starts::seen_starts;
+pub(crate) use start::moved::seen_starts;
+use start::windows::Windows;
 use std::ops::Range;
 use std::sync::Arc;
-use term::TermDefinition;
-use windows::Windows;
 
 /// A model, the logs it is compared with, and all that may be varied.
 #[derive(Clone)]
@@ -120,7 +118,7 @@ impl IdentificationProblem {
         }
         beside.offer_effects(without);
         if beside.is_chaotic() {
-            visible::enlarge(&mut beside)?;
+            contact_probes::enlarge(&mut beside)?;
         }
         beside.offer_terms()?;
         Ok(beside)
@@ -181,7 +179,7 @@ impl IdentificationProblem {
         let (own, placed) = (self.inner(u), self.placed(u));
         for (scenario, log) in self.recorded.iter().enumerate() {
             let situation = &self.model.scenarios[scenario];
-            let Windows { restarts, samples } = windows::cut(&self.model, &own, &placed, situation, log)?;
+            let Windows { restarts, samples } = start::windows::cut(&self.model, &own, &placed, situation, log)?;
             self.situations[scenario].restarts = restarts.into();
             let noise: Vec<f64> =
                 self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
@@ -283,7 +281,7 @@ impl IdentificationProblem {
         };
         let on = self.terms[first].0.on;
         let terms: Vec<(&TermDefinition, Vec<f64>)> = law.terms.iter().map(values).collect();
-        Some((self.features[first].term.site.clone(), on, term::law(on, &terms)))
+        Some((self.features[first].term.site.clone(), on, law_terms::law(on, &terms)))
     }
 
     fn place(&self, candidate: &EffectCandidate, effect: &'static dyn Effect, u: &[f64]) -> PlacedEffect {

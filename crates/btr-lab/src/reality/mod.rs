@@ -1,16 +1,16 @@
 //! Realities: where the truth comes from. Each kind is one file; all keep what they produced on disk before anybody
 //! uses it.
 
-mod called;
 mod clock;
 mod command;
+mod function;
 mod logs;
 mod manual;
 mod store;
 mod twin;
 
-pub use called::{FunctionReality, TestFailure, TestRequest};
 pub use command::CommandReality;
+pub use function::{FunctionReality, TestFailure, TestRequest};
 pub use logs::RecordedReality;
 pub use manual::ManualReality;
 pub use store::{Store, StoreError};

@@ -6,7 +6,7 @@ use crate::experiment::logs::quality;
 use btr_core::coevolve::{Entry, TestVerdict};
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Simulator};
-use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, asked};
+use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, check_references};
 use btr_physics::robot::{Joint, Robot};
 use btr_physics::sensor::SensorNoise;
 use serde::Serialize;
@@ -117,7 +117,8 @@ fn otherwise(experiment: &Experiment, entry: &Entry, log: &Log) -> Vec<Finding> 
     }
     let references = model.references(&trial.controller, trial.scenario);
     // What a policy tells depends on what the robot sensed.
-    let commands = references.ok().filter(|_| !model.drive.senses()).and_then(|references| asked(&references, log));
+    let commands =
+        references.ok().filter(|_| !model.drive.senses()).and_then(|references| check_references(&references, log));
     let begins = model.beginning(&trial.controller, trial.scenario);
     let elsewhere = begins.map(|robot| elsewhere(&robot, &model.setup.noise, log)).unwrap_or_default();
     commands.into_iter().chain(partial(known.duration_s, model.setup.control_s, log)).chain(elsewhere).collect()

@@ -3,9 +3,9 @@
 
 pub mod augment;
 pub mod doubts;
+pub mod execute;
 pub mod identify;
 pub mod report;
-pub mod turn;
 
 use crate::distributed::{RemoteSimulator, RunPayloads};
 use crate::experiment::{Experiment, FileError, enlarges};

@@ -7,9 +7,9 @@ mod compare;
 mod diagnose;
 mod effects;
 mod fit;
-mod law;
-mod next;
-mod replay;
+mod held_out;
+mod next_experiment;
+mod own_law;
 
 pub use add::{AddError, Addition, add};
 pub use check::{CheckReport, IdentifiabilityReport, check};
@@ -17,9 +17,9 @@ pub use compare::{CompareReport, compare};
 pub use diagnose::{DiagnoseReport, EffectReport, EffectSite, LawReport, diagnose};
 pub use effects::{effects, named, site};
 pub use fit::{FitReport, fit};
-pub use law::{OwnLaw, OwnNumber, add_law};
-pub use next::{NextExperiment, RivalExplanation, next_experiment};
-pub use replay::HeldOutLogs;
+pub use held_out::HeldOutLogs;
+pub use next_experiment::{NextExperiment, RivalExplanation, next_experiment};
+pub use own_law::{OwnLaw, OwnNumber, add_law};
 
 use crate::experiment::{CheckedLog, FileError, LogSource, Replays, Source, replays};
 use crate::identification::IdentificationProblem;

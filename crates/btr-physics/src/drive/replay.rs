@@ -3,7 +3,7 @@
 use super::Drive;
 use crate::robot::{Actuator, Link, Robot};
 use btr_core::log::{Log, interpolate};
-use btr_core::signal::silence;
+use btr_core::signal::missing;
 use btr_core::signal::smooth::{Motion, finely};
 
 /// A stamp that is off by less than this share of the usual time between samples was only rounded.
@@ -30,7 +30,7 @@ impl Replay {
     /// The drive that repeats what `robot` was told in `log`. Time counts from the log's first sample.
     pub fn new(log: &Log, robot: &Robot) -> Self {
         let values = |name: &str| log.channel(name).map(|channel| channel.values.clone());
-        let told = |name: &str| log.channel(name).map(|channel| silence::held(log, &channel.values));
+        let told = |name: &str| log.channel(name).map(|channel| missing::held(log, &channel.values));
         let followed = |link: &Link| {
             let prescribed = link.joint.actuator == Actuator::Prescribed;
             let measured = log.channel(&format!("q_{}", link.joint.name)).filter(|_| prescribed)?;

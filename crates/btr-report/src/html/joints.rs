@@ -1,6 +1,6 @@
 //! Joints in logs, beside one simulation of them or beside an earlier and a later one: what they did, and what is left.
 
-use super::follows::follows;
+use super::clues::follows;
 use super::{Block, Section};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use btr_core::log::Log;

@@ -3,10 +3,10 @@
 //! A report is a list of sections, a section a list of blocks; what is in them is up to the verb. Each verb's function returns
 //! the whole page as text, for the command line and for Python.
 
+mod clues;
 mod compare;
 mod diagnose;
 mod fit;
-mod follows;
 mod joints;
 mod ladder;
 

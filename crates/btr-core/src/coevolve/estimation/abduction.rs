@@ -5,7 +5,7 @@
 //! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
 
 use super::posterior::Posterior;
-use super::probed::ProbedTest;
+use super::probe::ProbedTest;
 use super::{Estimated, EstimationContext, EstimationProblem, PriorPredictive};
 use crate::coevolve::evaluate::{self, Cost};
 use crate::coevolve::ledger::Entry;

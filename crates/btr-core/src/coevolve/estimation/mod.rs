@@ -6,7 +6,7 @@
 pub(crate) mod abduction;
 pub(crate) mod linearise;
 pub(crate) mod posterior;
-mod probed;
+mod probe;
 pub(crate) mod promise;
 
 use super::evaluate::{self, Cost};

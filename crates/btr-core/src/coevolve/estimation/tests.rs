@@ -3,7 +3,7 @@
 
 use super::abduction::{Abduction, Extension};
 use super::*;
-use crate::coevolve::toy::{DerivedSpace, Toy, ToyRobot, tested, whitened};
+use crate::coevolve::fixture::{DerivedSpace, Toy, ToyRobot, tested, whitened};
 use crate::space::Dim;
 use rand::RngExt;
 

@@ -77,8 +77,8 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::coevolve::estimation::posterior::Posterior;
+    use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
     use crate::coevolve::history::StopReason;
-    use crate::coevolve::toy::{Toy, ToyRobot, estimating, whitened};
     use nalgebra::{DMatrix, DVector};
 
     /// Steps until it stops.

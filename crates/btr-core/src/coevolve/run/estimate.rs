@@ -1,5 +1,5 @@
 //! Step 3 as estimation: what the real tests leave open of S, instead of one best point. Where an estimate does not explain the
-//! tests, it is sought again from other starts; but where what was believed was confirmed by tests before, [`drifts`](super::drifts)
+//! tests, it is sought again from other starts; but where what was believed was confirmed by tests before, [`drifts`](super::detect_drift)
 //! asks whether it is still the same robot.
 
 use super::{Coevolution, Environment, Phase, StepOutcome, Stream};

@@ -1,8 +1,7 @@
 //! The state machine that turns the loop.
 
 mod controllers;
-mod doubt;
-mod drifts;
+mod detect_drift;
 mod enlarge;
 mod estimate;
 mod map;
@@ -10,6 +9,7 @@ mod reality_only;
 mod record;
 mod simulators;
 mod transfers;
+mod uncertainty;
 mod validate;
 
 use super::correction::LinearCorrection;

@@ -175,7 +175,7 @@ impl Experiment {
         }
         // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample, is held
         // only where it is something else than what was asked for.
-        let as_asked = quality::asked(&references, log).is_none();
+        let as_asked = quality::check_references(&references, log).is_none();
         let replay = match as_asked {
             true => Replay::new(&references, &self.model.robot),
             false => Replay::new(&told(log, &references), &self.model.robot),

@@ -4,7 +4,7 @@ use super::source::LogSource;
 use crate::experiment::file::File;
 use crate::experiment::parse::FileError;
 use btr_core::log::Log;
-use btr_core::signal::silence;
+use btr_core::signal::missing;
 use std::path::{Path, PathBuf};
 
 /// No robot is sampled so rarely, in s.
@@ -63,7 +63,7 @@ fn slow(path: &Path, step_s: f64) -> FileError {
 /// anything is left out, which is noticed.
 pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<String>), FileError> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let runs = silence::pieces(log);
+    let runs = missing::pieces(log);
     if runs.len() < 2 {
         return Ok((vec![LogPiece::whole(path, log.clone())], Vec::new()));
     }

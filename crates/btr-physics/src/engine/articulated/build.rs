@@ -1,10 +1,10 @@
 //! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its lane.
 
+use super::contacts;
+use super::contacts::{BallShape, Form, Hull};
 use super::impulses::Impulses;
 use super::lanes::Lanes;
 use super::spatial::{Spatial, Symmetric};
-use super::touch;
-use super::touch::{BallShape, Form, Hull};
 use super::tree::{Configuration, Pose, Tree, TreeBody};
 use super::vectors::{M3, V3};
 use super::world::{World, WorldBody, WorldShape};
@@ -118,7 +118,7 @@ impl<S: Simd> Articulated<S> {
                 stiffness: lanes(&|world| world.compliance().stiffness),
                 damping: lanes(&|world| world.compliance().damping),
             }),
-            impulses: Impulses::new(simd, touch::slots(&hulls)),
+            impulses: Impulses::new(simd, contacts::slots(&hulls)),
             ball: one.setup.ball.is_some().then(|| BallShape::of(simd, one.bodies.len() - 1, |lane| at(lane))),
             hulls,
             rolling_damping: lanes(&|world| world.setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s)),

@@ -15,15 +15,15 @@
     reason = "what an iterator calls may be left out of line, where it is compiled for narrow registers"
 )]
 
-mod bounds;
 mod build;
-mod course;
+mod constraints;
+mod contacts;
 mod forward;
 mod impulses;
 mod lanes;
+mod prescribed;
 mod spatial;
-mod stop;
-mod touch;
+mod torque_bounds;
 mod tree;
 mod vectors;
 mod world;
@@ -32,14 +32,14 @@ pub(crate) use build::{engine, engine_of_several, lanes, width, widths};
 pub use forward::forward_dynamics;
 
 use super::{BaseState, Dof, Dynamics, PrescribedMotion, RobotState};
-use bounds::BoundedMotor;
+use contacts::{BallShape, ContactPoint, Hull};
 use impulses::Impulses;
 use lanes::{Lanes, Mask};
 use nalgebra::{Isometry3, Point3, Vector3};
 use pulp::{Arch, NullaryFnOnce, Simd};
 use spatial::{Spatial, factorise, solve};
 use std::ops::Range;
-use touch::{BallShape, ContactPoint, Hull};
+use torque_bounds::BoundedMotor;
 use tree::{Configuration, Tree};
 use vectors::V3;
 
@@ -323,7 +323,7 @@ impl<S: Simd> Dynamics for Articulated<S> {
             inner.dry_friction.set(lane, dof.dry_friction);
             inner.armature.set(lane, dof.armature);
             if dof.motor.is_some() || self.motors[joint].is_some() {
-                bounds::set(&mut self.motors[joint], inner, lane, dof);
+                torque_bounds::set(&mut self.motors[joint], inner, lane, dof);
             }
         }
         self.courses[joint] = dof.course;

@@ -8,9 +8,9 @@
 mod stick;
 mod sweep;
 
+use super::contacts::ContactPoint;
 use super::lanes::{Lanes, Mask};
 use super::spatial::{Spatial, solve_motions, solve_way, substitute};
-use super::touch::ContactPoint;
 use super::tree::Tree;
 use pulp::Simd;
 use stick::StickGuess;

@@ -1,7 +1,7 @@
 //! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
 
-use super::folder::Folder;
-use super::message::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, proof_of};
+use super::bundle::Folder;
+use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, proof_of};
 use super::{ExecutionContext, Executor, MOST_AT_ONCE};
 use crate::experiment::Source;
 use btr_core::distance::DistanceSpec;

@@ -1,13 +1,13 @@
 //! The worker's side.
 
+use super::bundle::Functions;
 use super::cache::Cache;
-use super::family::proof;
-use super::folder::Functions;
-use super::message::{
+use super::messages::{
     Answer, Batch, Candidate, CandidateResult, Derivation, OutputOrder, Payload, PayloadContent, ResidualMessage,
     Rollouts, name_of,
 };
-use super::simulator;
+use super::remote_model::proof;
+use super::remote_simulator;
 use crate::experiment;
 use crate::experiment::LogSource;
 use crate::verbs::VerbInput;
@@ -75,7 +75,7 @@ fn open(content: PayloadContent, functions: Functions) -> Result<DecodedPayload,
             let model = experiment::simulations(&source, robot).map_err(|e| e.to_string())?;
             let spec: DistanceSpec = serde_json::from_str(&distance).map_err(|e| e.to_string())?;
             Ok(DecodedPayload::Simulations {
-                proof: simulator::proof(&model),
+                proof: remote_simulator::proof(&model),
                 model: Box::new(model),
                 distance: spec.build(),
             })

@@ -2,8 +2,8 @@
 
 use super::IdentificationProblem;
 use super::noise_floor;
-use super::starts::OPEN;
-use super::windows;
+use super::start::moved::OPEN;
+use super::start::windows;
 use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
 use btr_identify::residual_model::{

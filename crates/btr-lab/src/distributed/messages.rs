@@ -1,6 +1,6 @@
 //! What goes to workers and comes back.
 
-use super::folder::Folder;
+use super::bundle::Folder;
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Output};
 use serde::de::DeserializeOwned;

@@ -1,8 +1,8 @@
 //! Where a robot's logs begin: what moves that, and what a model that stands there has to say of it.
 
-use super::IdentificationProblem;
-use super::parts::whole;
 use super::windows;
+use crate::identification::IdentificationProblem;
+use crate::identification::log_parts::whole;
 use btr_core::log::Log;
 use btr_identify::fit::{NOISE, nearest_starts, squares};
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
 /// What the first readings of a fixed robot leave open, in these: the standard deviation of positions and of velocities.
-pub(super) const OPEN: [f64; 2] = [1.0, 30.0];
+pub const OPEN: [f64; 2] = [1.0, 30.0];
 /// A log whose squares fall to this share, or to noise, began elsewhere than its readings seem to say.
 const MOST: f64 = 0.5;
 
@@ -35,7 +35,7 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
 
 impl IdentificationProblem {
     /// The same where the recordings of some logs begin elsewhere.
-    pub(super) fn begun_elsewhere(&self, moved: &[(usize, Vec<f64>)]) -> IdentificationProblem {
+    pub fn begun_elsewhere(&self, moved: &[(usize, Vec<f64>)]) -> IdentificationProblem {
         let mut other = self.clone();
         for (log, by) in moved {
             other.situations[self.parts[*log].scenario] = self.begun_from(*log, by).into_owned();
@@ -44,7 +44,7 @@ impl IdentificationProblem {
     }
 
     /// The situation of a log whose start is moved.
-    pub(super) fn begun_from(&self, log: usize, moved: &[f64]) -> Cow<'_, Scenario> {
+    pub fn begun_from(&self, log: usize, moved: &[f64]) -> Cow<'_, Scenario> {
         let mut scenario = Cow::Borrowed(&self.situations[self.parts[log].scenario]);
         if moved.iter().all(|by| *by == 0.0) {
             return scenario;

@@ -1,9 +1,9 @@
 //! What stops a robot: dry friction, joint limits, the floor and the ball.
 
+use super::contacts;
+use super::contacts::Reach;
 use super::impulses::ContactLaw;
 use super::lanes::{Lanes, Mask};
-use super::touch;
-use super::touch::Reach;
 use super::{Articulated, Coupling, Floor};
 use pulp::Simd;
 
@@ -96,7 +96,7 @@ impl<S: Simd> Articulated<S> {
         let zero = Lanes::zero(simd);
         let height = floor.friction.map(|_| -self.tree.origin.0[2]);
         let reach = Reach { floor: height, gap: zero.like(dt * FASTEST) };
-        touch::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
+        contacts::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
         if s.touches.is_empty() {
             return;
         }

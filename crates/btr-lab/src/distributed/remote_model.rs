@@ -1,7 +1,7 @@
 //! A family whose residuals are worked out elsewhere, or here, as long as nobody stops it.
 
-use super::folder::Folder;
-use super::message::{
+use super::bundle::Folder;
+use super::messages::{
     Batch, Derivation, Payload, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, proof_of,
 };
 use super::{ExecutionContext, MOST_AT_ONCE};

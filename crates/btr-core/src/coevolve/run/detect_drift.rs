@@ -63,8 +63,8 @@ impl Coevolution {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
     use crate::coevolve::run::StepOutcome;
-    use crate::coevolve::toy::{Toy, ToyRobot, estimating, whitened};
 
     /// Eight iterations of one test each with `simulator`, on `robot`.
     fn run(simulator: &Toy, mut robot: ToyRobot) -> Coevolution {

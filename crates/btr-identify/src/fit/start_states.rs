@@ -3,8 +3,8 @@
 //! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
 //! again, as if B's share of it were noise.
 
-use super::bench::each;
-use super::together::{rows_near, shared};
+use super::objective::each;
+use super::shared_rollouts::{rows_near, shared};
 use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 

@@ -8,7 +8,7 @@
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
 //! joints and four logs. There are at most two searches.
 
-use crate::fit::judge::{ComparisonMeasure, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::LawTerm;
 use btr_core::signal::fft::peak_rate;

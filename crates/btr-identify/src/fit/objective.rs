@@ -1,7 +1,7 @@
 //! Evaluating a family: many points and logs at once, counted.
 
-use super::nearest::{MOVED, nearest_starts};
-use super::start::StartStates;
+use super::start_search::{MOVED, nearest_starts};
+use super::start_states::StartStates;
 use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use btr_core::parallel::side_by_side;
 use btr_core::world::WorldError;

@@ -36,7 +36,7 @@ enum Interpolation {
 
 /// What is to be said of a log's commands beside those that were `asked` for, both on the test's clock: that they come sooner
 /// or later, or are others. Nothing where they are the same, and where the log has none that change.
-pub fn asked(asked: &Log, log: &Log) -> Option<Finding> {
+pub fn check_references(asked: &Log, log: &Log) -> Option<Finding> {
     let both: Vec<CommandPair> =
         asked.channels().filter_map(|(name, channel)| both(name, &channel.values, log)).collect();
     let of_asked_s = asked.usual_step_s()?;

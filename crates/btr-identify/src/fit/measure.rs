@@ -1,7 +1,7 @@
 //! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
 //! leaves.
 
-use super::bench::{LogSet, Objective, channels, corrected, squares};
+use super::objective::{LogSet, Objective, channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 

@@ -1,7 +1,7 @@
 //! Where logs begin, as a model sees it. What their first readings tell is rough, above all of velocities: where they change
 //! within a few samples, no curve through them is any good. A model that knows how the robot moves tells more.
 
-use super::bench::{each, squares};
+use super::objective::{each, squares};
 use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

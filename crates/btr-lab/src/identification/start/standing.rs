@@ -2,7 +2,7 @@
 //! down, and a smaller change of it never has larger consequences than its share. A motion that contact makes chaotic
 //! is compared in windows instead.
 
-use super::IdentificationProblem;
+use crate::identification::IdentificationProblem;
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth;
 use btr_core::world::WorldError;
@@ -50,7 +50,7 @@ const DISORDER: f64 = 10.0;
 impl IdentificationProblem {
     /// Lets the robot rest before every log, as the model at `u` sees it, if that is where all of them begin and the
     /// model can follow them from there.
-    pub(super) fn rest(&mut self, u: &[f64]) -> Result<bool, WorldError> {
+    pub fn rest(&mut self, u: &[f64]) -> Result<bool, WorldError> {
         let Some(rested) = self.likeliest(u)? else { return Ok(false) };
         for scenario in &rested {
             if !is_orderly(&self.model, scenario)? {
@@ -63,7 +63,7 @@ impl IdentificationProblem {
 
     /// The same for one that rests, where the model at `u` sees another past: what holds a joint (play, friction, a
     /// wrong zero) tells how it came there. Whether it does.
-    pub(super) fn rest_otherwise(&mut self, u: &[f64]) -> Result<bool, WorldError> {
+    pub fn rest_otherwise(&mut self, u: &[f64]) -> Result<bool, WorldError> {
         let Some(rested) = self.likeliest(u)? else { return Ok(false) };
         let same = |(a, b): (&Scenario, &Scenario)| a.rest_s.total_cmp(&b.rest_s).is_eq() && a.start == b.start;
         let differs = !rested.iter().zip(&self.situations).all(same);

@@ -1,10 +1,10 @@
 //! What may be missing: every effect at every site, and what laws are made of.
 
 use super::IdentificationProblem;
-use super::knobs::{knob, own};
+use super::law_terms;
+use super::law_terms::{TermContext, TermDefinition};
+use super::parameters::{knob, own};
 use super::sites::sites;
-use super::term;
-use super::term::{TermContext, TermDefinition};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{EffectCandidate, LawTerm};
 use btr_physics::effects::{EFFECTS, Effect};
@@ -84,7 +84,7 @@ impl IdentificationProblem {
             };
             let extent = TermContext { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
             let first = self.features.len();
-            for term in term::terms(&joint.name, &self.scales, &extent) {
+            for term in law_terms::terms(&joint.name, &self.scales, &extent) {
                 self.offer_term(term, &joint.name, &extent, first)?;
             }
         }

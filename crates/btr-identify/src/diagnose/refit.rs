@@ -1,7 +1,7 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
 use super::screen::{StartPoint, best, has_two_sides, simulate, with};
-use crate::fit::judge::{NOISE, chi};
+use crate::fit::measure::{NOISE, chi};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 
