@@ -74,12 +74,12 @@ fn found(hidden: &[PlacedEffect], stood_s: Option<f64>) -> (Verdict, Vec<String>
         btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
     };
     let logs = (0..2).map(record).collect();
-    let names = EFFECTS.iter().map(|effect| effect.card().name);
+    let names = EFFECTS.iter().map(|effect| effect.spec().name);
     let without: Vec<&str> = names.filter(|name| *name != "coulomb_friction").collect();
-    let beside = IdentificationProblem::new(Arc::new(model), logs, &without).unwrap();
-    assert_eq!(beside.is_chaotic(), stood_s.is_none(), "whole logs from a standing start, windows else");
+    let problem = IdentificationProblem::new(Arc::new(model), logs, &without).unwrap();
+    assert_eq!(problem.is_chaotic(), stood_s.is_none(), "whole logs from a standing start, windows else");
     let diagnosis =
-        diagnose(&Objective::new(&beside), DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() }, &|_| ())
+        diagnose(&Objective::new(&problem), DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() }, &|_| ())
             .unwrap();
     let named = diagnosis.effects.iter().map(|found| format!("{}@{}", found.effect, found.site)).collect();
     (diagnosis.verdict, named)
@@ -117,10 +117,10 @@ fn nothing_is_found_where_nothing_is_on_the_way() {
 }
 
 /// The root mean square of a family's residuals at a point, in noise floors.
-fn error(family: &dyn ResidualModel, u: &[f64]) -> f64 {
-    let logs = 0..family.logs().len();
+fn error(model: &dyn ResidualModel, u: &[f64]) -> f64 {
+    let logs = 0..model.logs().len();
     let all: Vec<f64> =
-        logs.flat_map(|log| family.residual(ResidualRequest::of(u, log), TimeStep::USUAL).unwrap()).collect();
+        logs.flat_map(|log| model.residual(ResidualRequest::of(u, log), TimeStep::USUAL).unwrap()).collect();
     let finite: Vec<f64> = all.into_iter().filter(|r| r.is_finite()).collect();
     (squares(&finite) / finite.len() as f64).sqrt()
 }
@@ -139,13 +139,14 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     let read = |link: &Link| (log.values(&format!("q_{}", link.joint.name)).unwrap()[0], 0.0);
     model.scenarios[0].start = model.robot.movable().map(|(_, link)| read(link)).collect();
-    let beside = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
-    let mut truth = vec![0.0; beside.knobs().len()];
-    let knob = beside.knobs().iter().position(|knob| knob.name == "coulomb_friction.torque@L2_pitch").unwrap();
-    truth[knob] = beside.knobs()[knob].coordinate(0.8);
-    let blind = error(&beside, &truth);
-    let told = beside.seen_from(&truth).unwrap();
-    let (seen, again) = (error(&*told, &truth), told.seen_from(&truth));
+    let problem = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
+    let mut truth = vec![0.0; problem.parameters().len()];
+    let parameter =
+        problem.parameters().iter().position(|parameter| parameter.name == "coulomb_friction.torque@L2_pitch").unwrap();
+    truth[parameter] = problem.parameters()[parameter].coordinate(0.8);
+    let blind = error(&problem, &truth);
+    let told = problem.with_starts_at(&truth).unwrap();
+    let (seen, again) = (error(&*told, &truth), told.with_starts_at(&truth));
     assert!(blind > 1.2 && seen < 1.05 && again.is_none(), "{blind} {seen}");
 }
 
@@ -165,12 +166,12 @@ fn where_feet_came_down_is_not_held_against_the_model() {
     let log = btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(1)).unwrap();
     // Where the joints were put down is read no better than sensors read, and feet hold on to it.
     model.scenarios[0].start = told.iter().enumerate().map(|(k, q)| (q + by(0.012, k), 0.0)).collect();
-    let beside = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
-    let truth = vec![0.0; beside.knobs().len()];
-    let bench = Objective::at(&beside, &truth);
-    let whitened = bench.residuals_of(std::slice::from_ref(&truth), &[0]).pop().unwrap().unwrap();
-    let seen = (squares(&whitened) / bench.samples(LogSet::Learn) as f64).sqrt();
-    let blind = error(&beside, &truth);
+    let problem = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
+    let truth = vec![0.0; problem.parameters().len()];
+    let objective = Objective::at(&problem, &truth);
+    let whitened = objective.residuals_of(std::slice::from_ref(&truth), &[0]).pop().unwrap().unwrap();
+    let seen = (squares(&whitened) / objective.samples(LogSet::Learn) as f64).sqrt();
+    let blind = error(&problem, &truth);
     assert!(blind > 1.2 && seen < 1.05, "{blind} {seen}");
 }
 

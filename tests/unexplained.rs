@@ -41,7 +41,7 @@ fn scenario(model: &Model, episode: usize) -> Scenario {
 }
 
 /// The arm beside what it does with `hidden` in it: two episodes to learn from, one to judge on.
-fn beside(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
+fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
     let mut model = Model { learn: 2, ..arm() };
     model.scenarios = (0..3).map(|episode| scenario(&model, episode)).collect();
     let record = |episode: usize| {
@@ -56,10 +56,10 @@ fn beside(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
 
 /// A diagnosis that knows no effects, so that there is only the law.
 fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
-    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.card().name).collect();
-    let beside = beside(hidden, &names);
-    let diagnosis = diagnose(&Objective::new(&beside), DiagnoseOptions::default(), &|_| {}).unwrap();
-    (beside, diagnosis)
+    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).collect();
+    let problem = problem(hidden, &names);
+    let diagnosis = diagnose(&Objective::new(&problem), DiagnoseOptions::default(), &|_| {}).unwrap();
+    (problem, diagnosis)
 }
 
 fn planted(site: &str, law: &str) -> PlacedEffect {
@@ -79,10 +79,10 @@ fn a_law_that_is_no_effect_is_told_with_its_joint() {
         ("yaw", "-0.4*dq*abs(dq)", ["dq*abs(dq)"; 3]),
     ];
     for (joint, law, parts) in laws {
-        let (beside, diagnosis) = asked(&[planted(joint, law)]);
+        let (problem, diagnosis) = asked(&[planted(joint, law)]);
         assert_eq!(diagnosis.verdict, Verdict::Unexplained);
         let found = diagnosis.residual_law.unwrap();
-        let (site, _, text) = beside.law(&found).unwrap();
+        let (site, _, text) = problem.law(&found).unwrap();
         let named = parts.iter().any(|part| text.contains(part));
         assert!(site == joint && named && found.explains > 0.8, "{law}: {text} {}", found.explains);
         assert!(diagnosis.rollouts < 1500, "{}", diagnosis.rollouts);
@@ -100,28 +100,28 @@ fn nothing_is_read_into_noise() {
 fn the_law_is_the_same_for_any_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let (beside, diagnosis) = pool.install(|| asked(&[planted("elbow", "-0.5*q*q*dq")]));
+        let (problem, diagnosis) = pool.install(|| asked(&[planted("elbow", "-0.5*q*q*dq")]));
         let law = diagnosis.residual_law.unwrap();
-        (beside.law(&law).unwrap(), law.explains.to_bits(), diagnosis.rollouts)
+        (problem.law(&law).unwrap(), law.explains.to_bits(), diagnosis.rollouts)
     };
     assert_eq!(run(1), run(3));
 }
 
 /// The experiment for frictions at the elbow: Coulomb's, and those of `rivals`.
 fn frictions(rivals: &[(&str, &[(&str, f64)])]) -> Option<NextExperiment> {
-    let beside = beside(&[], &[]);
+    let problem = problem(&[], &[]);
     let rival = |effect: &str, values: &[(&str, f64)]| {
-        let candidate = beside.candidates().iter().position(|c| c.effect == effect && c.site == "elbow").unwrap();
-        let mut u = vec![0.0; beside.knobs().len()];
+        let candidate = problem.candidates().iter().position(|c| c.effect == effect && c.site == "elbow").unwrap();
+        let mut u = vec![0.0; problem.parameters().len()];
         for (name, value) in values {
             let name = format!("{effect}.{name}@elbow");
-            let k = beside.knobs().iter().position(|knob| knob.name == name).unwrap();
-            u[k] = beside.knobs()[k].coordinate(*value);
+            let k = problem.parameters().iter().position(|parameter| parameter.name == name).unwrap();
+            u[k] = problem.parameters()[k].coordinate(*value);
         }
         (candidate, u)
     };
     let all = [&[("coulomb_friction", &[("torque", 0.28)][..])], rivals].concat();
-    next_experiment(&beside, &all.into_iter().map(|(effect, values)| rival(effect, values)).collect::<Vec<_>>())
+    next_experiment(&problem, &all.into_iter().map(|(effect, values)| rival(effect, values)).collect::<Vec<_>>())
         .unwrap()
 }
 
@@ -160,6 +160,6 @@ fn an_experiment_claims_no_more_than_it_tells() {
 
 #[test]
 fn there_is_no_experiment_where_nothing_is_to_be_told_apart() {
-    let beside = beside(&[], &[]);
-    assert_eq!(next_experiment(&beside, &[(0, vec![0.0; beside.knobs().len()])]).unwrap(), None);
+    let problem = problem(&[], &[]);
+    assert_eq!(next_experiment(&problem, &[(0, vec![0.0; problem.parameters().len()])]).unwrap(), None);
 }

@@ -11,7 +11,8 @@ mod reality;
 mod score;
 
 use btr_core::log::Log;
-use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Rung, diagnose};
+use btr_identify::LadderStep;
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::ResidualModel;
 use btr_io::Meta;
@@ -115,7 +116,7 @@ fn main() {
 /// The logs of a case as CSV, rounded to a micro-unit.
 fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(folder)?;
-    for (recorded, log) in case.family.logs().iter().zip(case.family.recorded()) {
+    for (recorded, log) in case.model.logs().iter().zip(case.model.recorded()) {
         let mut rounded = Log::new(log.clock_s().iter().map(|t| (t * 1e6).round() / 1e6).collect())?;
         for (name, channel) in log.channels() {
             let values = channel.values.iter().map(|x| (x * 1e6).round() / 1e6).collect();
@@ -132,25 +133,25 @@ fn write(case: &Case, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 fn run(case: &Case, max_rollouts: usize, verbose: bool) -> Outcome {
     if verbose {
         println!("{}", case.describe());
-        for channel in case.family.logs().iter().take(1).flat_map(|log| &log.channels) {
+        for channel in case.model.logs().iter().take(1).flat_map(|log| &log.channels) {
             println!("    floor of {:<20} {:.5} {}", channel.name, channel.sigma, channel.unit);
         }
     }
     let began = Instant::now();
-    let bench = Objective::new(&case.family);
-    let tell = |rung: &Rung| {
+    let objective = Objective::new(&case.model);
+    let tell = |step: &LadderStep| {
         if verbose {
-            let (held_out, seconds) = (rung.held_out.unwrap_or(f64::NAN), began.elapsed().as_secs_f64());
-            let Rung { step, train, .. } = rung;
-            println!("    {step:<50} {train:7.3} {held_out:7.3}  {} rollouts {seconds:.1} s", bench.rollouts());
+            let (held_out, seconds) = (step.held_out.unwrap_or(f64::NAN), began.elapsed().as_secs_f64());
+            let LadderStep { step, train, .. } = step;
+            println!("    {step:<50} {train:7.3} {held_out:7.3}  {} rollouts {seconds:.1} s", objective.rollouts());
         }
     };
-    let diagnosis = diagnose(&bench, DiagnoseOptions { max_rollouts, ..DiagnoseOptions::default() }, &tell);
+    let diagnosis = diagnose(&objective, DiagnoseOptions { max_rollouts, ..DiagnoseOptions::default() }, &tell);
     let seconds = began.elapsed().as_secs_f64();
     if verbose {
         diagnosis.iter().for_each(show);
     }
-    Outcome::new(case, &bench, diagnosis, seconds)
+    Outcome::new(case, &objective, diagnosis, seconds)
 }
 
 /// What else a diagnosis knows: estimates, and who took part in each round.

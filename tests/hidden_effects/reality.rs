@@ -70,7 +70,7 @@ pub(crate) fn cases(
 ) -> Vec<Plan> {
     let mut names = effects.to_vec();
     if names.is_empty() && matches!(kind, "one" | "two") {
-        let bare = Reality::new(subject, 0).beside(&[]);
+        let bare = Reality::new(subject, 0).problem(&[]);
         names = bare.candidates().iter().map(|c| c.effect.clone()).collect();
         names.dedup();
         names.retain(|name| !subject.silent.contains(&name.as_str()));
@@ -128,7 +128,7 @@ impl Reality {
     }
 
     /// The model beside what this reality does when `placed` is hidden in it.
-    fn beside(&mut self, placed: &[PlacedEffect]) -> IdentificationProblem {
+    fn problem(&mut self, placed: &[PlacedEffect]) -> IdentificationProblem {
         let mut truth = self.model.simulations.nominal();
         for (value, dim) in truth.iter_mut().zip(self.model.simulations.dims()) {
             let off = if dim.name.starts_with("mass") { MASSES } else { GAINS };
@@ -146,7 +146,7 @@ impl Reality {
     /// What the sensors say in an episode, once the robot has come to rest where the episode begins.
     fn record(&self, truth: &[f64], placed: &[PlacedEffect], episode: usize) -> Log {
         // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot settled.
-        let skewed = placed.iter().any(|placed| placed.effect.card().name == "clock_skew");
+        let skewed = placed.iter().any(|placed| placed.effect.spec().name == "clock_skew");
         let free = self.model.robot.base == Base::Floating;
         let settle = if skewed || free { 0 } else { (SETTLE_S / TICK_S).round() as usize };
         let told: Commands =
@@ -179,13 +179,13 @@ impl Reality {
 
     /// Effects of the library, somewhere, each of a size that shows: so many sigma between the motions with and without it.
     fn case(mut self, names: &[String], size: f64) -> Case {
-        let bare = self.beside(&[]);
+        let bare = self.problem(&[]);
         self.rng = stream(self.seed, &[2, names.len() as u64, fingerprint(&names.join(","))]);
         let planted: Vec<Planted> = names.iter().map(|name| self.plant(&bare, name, size)).collect();
         let placed: Vec<PlacedEffect> = planted.iter().flat_map(|p| p.placed(&bare)).collect();
         self.rng = stream(self.seed, &[3]);
-        let family = self.beside(&placed);
-        Case { name: names.join(" + "), seed: self.seed, planted, outside: false, family }
+        let model = self.problem(&placed);
+        Case { name: names.join(" + "), seed: self.seed, planted, outside: false, model }
     }
 
     /// A law that the library does not have.
@@ -195,8 +195,8 @@ impl Reality {
         let (on, text) = self.subject.outside[law];
         let effect = effects::formula(on, text, &[]).unwrap_or_else(|e| quit(&e));
         let placed = PlacedEffect { effect, site: joint.clone(), values: Vec::new() };
-        let family = self.beside(&[placed]);
-        Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, family }
+        let model = self.problem(&[placed]);
+        Case { name: format!("{on:?} on {joint}: {text}"), seed: self.seed, planted: Vec::new(), outside: true, model }
     }
 
     /// An effect at a site drawn by lot, with amplitudes in typical proportions, scaled until it shows as wanted.
@@ -209,40 +209,40 @@ impl Reality {
         let index = sites[(self.rng.random::<f64>() * sites.len() as f64) as usize];
         let candidate = &bare.candidates()[index];
         let mut coordinates = Vec::new();
-        for &knob in &candidate.amplitudes {
-            coordinates.push((knob, self.amplitude(&bare.knobs()[knob])));
+        for &parameter in &candidate.amplitudes {
+            coordinates.push((parameter, self.amplitude(&bare.parameters()[parameter])));
         }
         let start = &candidate.starts[(self.rng.random::<f64>() * candidate.starts.len() as f64) as usize];
-        for (&knob, &shape) in candidate.shapes.iter().zip(start) {
-            coordinates.push((knob, shape));
+        for (&parameter, &shape) in candidate.shapes.iter().zip(start) {
+            coordinates.push((parameter, shape));
         }
         let wanted = size * SHOWS.0 * (SHOWS.1 / SHOWS.0).powf(self.rng.random());
         let mut planted =
             Planted { effect: name.to_owned(), site: candidate.site.clone(), coordinates, values: Vec::new() };
-        let without = residuals(bare, &vec![0.0; bare.knobs().len()]);
+        let without = residuals(bare, &vec![0.0; bare.parameters().len()]);
         for _ in 0..SCALINGS {
             let shown = shows(bare, &without, &planted);
             if (shown / wanted - 1.0).abs() < 0.1 {
                 break;
             }
             let factor = (wanted / shown.max(1e-3)).clamp(0.2, 5.0);
-            for (knob, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
-                let knob = &bare.knobs()[*knob];
+            for (parameter, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
+                let parameter = &bare.parameters()[*parameter];
                 // A limit that is hardly ever met is none, however much it is loosened.
-                let least = if knob.law == Parametrisation::Inverse { LOOSEST } else { f64::NEG_INFINITY };
-                *u = knob.clamp(*u * factor).max(least);
+                let least = if parameter.law == Parametrisation::Inverse { LOOSEST } else { f64::NEG_INFINITY };
+                *u = parameter.clamp(*u * factor).max(least);
             }
         }
-        let value = |(k, u): &(usize, f64)| (bare.knobs()[*k].name.clone(), bare.knobs()[*k].value(*u));
+        let value = |(k, u): &(usize, f64)| (bare.parameters()[*k].name.clone(), bare.parameters()[*k].value(*u));
         planted.values = planted.coordinates.iter().map(value).collect();
         planted
     }
 
-    fn amplitude(&mut self, knob: &FitParameter) -> f64 {
+    fn amplitude(&mut self, parameter: &FitParameter) -> f64 {
         let share: f64 = self.rng.random();
-        let sign = if knob.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
-        let sizes = if knob.law == Parametrisation::Inverse { LIMITS } else { SIZES };
-        knob.clamp(sign * (sizes.0 + share * (sizes.1 - sizes.0)))
+        let sign = if parameter.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
+        let sizes = if parameter.law == Parametrisation::Inverse { LIMITS } else { SIZES };
+        parameter.clamp(sign * (sizes.0 + share * (sizes.1 - sizes.0)))
     }
 }
 
@@ -254,8 +254,8 @@ fn residuals(bare: &IdentificationProblem, u: &[f64]) -> Vec<f64> {
 
 /// Root mean square of what an effect changes in the training episodes, in multiples of the noise.
 fn shows(bare: &IdentificationProblem, without: &[f64], planted: &Planted) -> f64 {
-    let mut u = vec![0.0; bare.knobs().len()];
-    planted.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
+    let mut u = vec![0.0; bare.parameters().len()];
+    planted.coordinates.iter().for_each(|(parameter, x)| u[*parameter] = *x);
     let with = residuals(bare, &u);
     if with.len() != without.len() {
         return f64::INFINITY;

@@ -20,8 +20,8 @@ pub(crate) struct Planted {
 impl Planted {
     /// The effect itself.
     pub(crate) fn placed(&self, bare: &IdentificationProblem) -> Vec<PlacedEffect> {
-        let mut u = vec![0.0; bare.knobs().len()];
-        self.coordinates.iter().for_each(|(knob, x)| u[*knob] = *x);
+        let mut u = vec![0.0; bare.parameters().len()];
+        self.coordinates.iter().for_each(|(parameter, x)| u[*parameter] = *x);
         bare.placed(&u)
     }
 }
@@ -33,7 +33,7 @@ pub(crate) struct Case {
     pub planted: Vec<Planted>,
     /// Whether something is there that no effect of the library is.
     pub outside: bool,
-    pub family: IdentificationProblem,
+    pub model: IdentificationProblem,
 }
 
 impl Case {
@@ -92,7 +92,7 @@ enum Score {
 }
 
 impl Outcome {
-    pub(crate) fn new(case: &Case, bench: &Objective, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
+    pub(crate) fn new(case: &Case, objective: &Objective, diagnosis: Option<Diagnosis>, seconds: f64) -> Self {
         let truth: Vec<String> = case.planted.iter().map(|p| format!("{}@{}", p.effect, p.site)).collect();
         let Some(diagnosis) = diagnosis else {
             let score = Score::Silent;
@@ -113,10 +113,9 @@ impl Outcome {
             };
         };
         let found: Vec<String> = diagnosis.effects.iter().map(|f| format!("{}@{}", f.effect, f.site)).collect();
-        let error =
-            |rung: Option<&btr_identify::diagnose::Rung>| rung.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
+        let error = |step: Option<&btr_identify::LadderStep>| step.map_or(f64::NAN, |r| r.held_out.unwrap_or(r.train));
         let before = error(diagnosis.ladder.get(1).or(diagnosis.ladder.first()));
-        let score = match score(case, bench, &truth, &found, &diagnosis) {
+        let score = match score(case, objective, &truth, &found, &diagnosis) {
             Score::Silent if before < VISIBLE => Score::Absorbed,
             Score::Part if error(diagnosis.ladder.last()) < VISIBLE => Score::Rest,
             score => score,
@@ -156,13 +155,13 @@ impl Outcome {
 
 fn law(case: &Case, diagnosis: &Diagnosis) -> String {
     let Some(found) = &diagnosis.residual_law else { return String::new() };
-    let Some((site, on, law)) = case.family.law(found) else { return String::new() };
+    let Some((site, on, law)) = case.model.law(found) else { return String::new() };
     let explains = 100.0 * found.explains;
-    let beside = if found.beside_effects { " beside those" } else { "" };
-    format!("\n            law: {on:?} on {site}: {law}{beside}, explains {explains:.1} %")
+    let problem = if found.beside_effects { " beside those" } else { "" };
+    format!("\n            law: {on:?} on {site}: {law}{problem}, explains {explains:.1} %")
 }
 
-fn score(case: &Case, bench: &Objective, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
+fn score(case: &Case, objective: &Objective, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
     if case.outside {
         return if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong };
     }
@@ -190,31 +189,35 @@ fn score(case: &Case, bench: &Objective, truth: &[String], found: &[String], dia
         return Score::Part;
     }
     if truth.iter().all(like) && found.len() <= truth.len() {
-        return if is_twin(case, bench, diagnosis) { Score::Twin } else { Score::Equivalent };
+        return if is_twin(case, objective, diagnosis) { Score::Twin } else { Score::Equivalent };
     }
     if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
 }
 
 /// Whether the criterion does not prefer what is there to what was named, when that is fitted from where it really is.
-fn is_twin(case: &Case, bench: &Objective, diagnosis: &Diagnosis) -> bool {
+fn is_twin(case: &Case, objective: &Objective, diagnosis: &Diagnosis) -> bool {
     let named = &diagnosis.fit;
     let mut u = named.u.clone();
-    diagnosis.effects.iter().flat_map(|e| case.family.candidates()[e.candidate].knobs()).for_each(|knob| u[knob] = 0.0);
+    diagnosis
+        .effects
+        .iter()
+        .flat_map(|e| case.model.candidates()[e.candidate].parameters())
+        .for_each(|parameter| u[parameter] = 0.0);
     let planted: Vec<(usize, f64)> = case.planted.iter().flat_map(|p| p.coordinates.clone()).collect();
-    planted.iter().for_each(|(knob, x)| u[*knob] = *x);
-    let active = case.family.doubtful().iter().copied().chain(planted.iter().map(|(knob, _)| *knob)).collect();
-    let Some(mut there) = FitPoint::at(bench, active, u, &named.step_error) else { return false };
-    there.solve(bench, SearchBudget::FULL);
-    let measure = ComparisonMeasure::of(bench, named);
+    planted.iter().for_each(|(parameter, x)| u[*parameter] = *x);
+    let active = case.model.free().iter().copied().chain(planted.iter().map(|(parameter, _)| *parameter)).collect();
+    let Some(mut there) = FitPoint::at(objective, active, u, &named.step_error) else { return false };
+    there.solve(objective, SearchBudget::FULL);
+    let measure = ComparisonMeasure::of(objective, named);
     measure.criterion(&there) > measure.criterion(named) - TIE
 }
 
 /// Whether two effects are said to look alike and sit at the same place, as far as their places can be compared.
 fn are_alike(a: &str, b: &str) -> bool {
     let (Some((a, here)), Some((b, there))) = (a.split_once('@'), b.split_once('@')) else { return false };
-    let (Some(a), Some(b)) = (find(a).map(|e| e.card()), find(b).map(|e| e.card())) else { return false };
+    let (Some(a), Some(b)) = (find(a).map(|e| e.spec()), find(b).map(|e| e.spec())) else { return false };
     let near = here == there || std::mem::discriminant(&a.site) != std::mem::discriminant(&b.site);
-    near && (a.alike.contains(&b.name) || b.alike.contains(&a.name))
+    near && (a.similar.contains(&b.name) || b.similar.contains(&a.name))
 }
 
 /// The intervals of what was planted, and those of them that miss the truth.

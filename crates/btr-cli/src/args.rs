@@ -238,7 +238,7 @@ impl LogArgs {
 #[derive(ClapArgs)]
 pub(crate) struct DiagnoseArgs {
     #[command(flatten)]
-    pub(crate) beside: LogArgs,
+    pub(crate) logs_args: LogArgs,
     /// The most effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
@@ -265,7 +265,7 @@ pub(crate) struct AddArgs {
 #[derive(ClapArgs)]
 pub(crate) struct FitArgs {
     #[command(flatten)]
-    pub(crate) beside: LogArgs,
+    pub(crate) logs_args: LogArgs,
     /// An effect to add first
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,

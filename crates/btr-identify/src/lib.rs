@@ -7,5 +7,8 @@
 pub mod compare;
 pub mod diagnose;
 pub mod fit;
+mod ladder;
 pub mod quality;
 pub mod residual_model;
+
+pub use ladder::LadderStep;

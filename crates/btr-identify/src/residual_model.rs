@@ -123,9 +123,9 @@ pub struct EffectCandidate {
     /// Coordinates of the shapes from which it is worth trying, for each start one per shape. At least one, perhaps empty.
     pub starts: Vec<Vec<f64>>,
     /// Candidates at the same place that look alike, as indices.
-    pub kin: Vec<usize>,
+    pub similar: Vec<usize>,
     /// Those of them that it becomes for some values of its numbers.
-    pub contains: Vec<usize>,
+    pub nested: Vec<usize>,
 }
 
 impl EffectCandidate {
@@ -135,7 +135,7 @@ impl EffectCandidate {
     }
 
     /// All its knobs.
-    pub fn knobs(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn parameters(&self) -> impl Iterator<Item = usize> + '_ {
         self.amplitudes.iter().chain(&self.shapes).copied()
     }
 }
@@ -207,9 +207,9 @@ impl<'a> ResidualRequest<'a> {
 /// A family of simulations beside measurements.
 pub trait ResidualModel: Send + Sync {
     /// Everything that may be varied.
-    fn knobs(&self) -> &[FitParameter];
+    fn parameters(&self) -> &[FitParameter];
     /// The knobs that are in doubt from the beginning.
-    fn doubtful(&self) -> &[usize];
+    fn free(&self) -> &[usize];
     /// Effects that may be missing.
     fn candidates(&self) -> &[EffectCandidate];
     /// Terms of laws, those of one place (site, and what they act on) one after the other.
@@ -261,12 +261,12 @@ pub trait ResidualModel: Send + Sync {
     /// The same family as it is seen from a point: what only a model can tell of the logs' starts, and its noise floors, as the
     /// model there has them. None where they do not depend on it, or starts are looked for number by number
     /// ([`start_open`](Self::start_open)).
-    fn seen_from(&self, _u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+    fn with_starts_at(&self, _u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         None
     }
     /// The same family where some logs begin elsewhere, and others with them ([`begins_with`](Self::begins_with)): by how much
     /// each number of their starts is moved, as in [`ResidualRequest`]. None where logs cannot.
-    fn begun(&self, _moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
+    fn with_initial_state(&self, _moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
         None
     }
     /// The same family where only the beginnings of logs count: what tips onto other feet moves on in ways that no
@@ -303,12 +303,14 @@ pub trait ResidualModel: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::knob;
+    use crate::fit::fixture::parameter;
 
     #[test]
     fn a_limit_keeps_its_proportion_to_a_mass() {
-        let (mass, limit) =
-            (knob(Parametrisation::Exponential, 2.0, 0.1), knob(Parametrisation::Inverse, f64::INFINITY, 3.0));
+        let (mass, limit) = (
+            parameter(Parametrisation::Exponential, 2.0, 0.1),
+            parameter(Parametrisation::Inverse, f64::INFINITY, 3.0),
+        );
         // To first order, a tenth more of the mass is a tenth less of the limit's coordinate.
         let proportion = |by: f64| mass.value(mass.along(0.0, by)) / limit.value(limit.along(0.6, -0.06 * by));
         assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
@@ -319,17 +321,17 @@ mod tests {
     #[test]
     fn a_friction_keeps_its_proportion_to_a_mass() {
         for friction in [
-            knob(Parametrisation::Linear, 0.0, 0.3),
-            knob(Parametrisation::Linear, -0.1, 0.3),
-            knob(Parametrisation::Linear, 0.0, -0.3),
+            parameter(Parametrisation::Linear, 0.0, 0.3),
+            parameter(Parametrisation::Linear, -0.1, 0.3),
+            parameter(Parametrisation::Linear, 0.0, -0.3),
         ] {
-            let mass = knob(Parametrisation::Exponential, 2.0, 0.1);
+            let mass = parameter(Parametrisation::Exponential, 2.0, 0.1);
             let along = |by: f64| friction.in_proportion(1.4, by * mass.growth(0.0) / friction.growth(1.4));
             let proportion = |by: f64| mass.value(mass.in_proportion(0.0, by)) / friction.value(along(by));
             assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
             // What is hardly there, or not at all, is not multiplied.
             assert!((friction.in_proportion(1.4, -1.6) - (1.4 - 1.6)).abs() < 1e-12);
         }
-        assert!((knob(Parametrisation::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);
+        assert!((parameter(Parametrisation::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);
     }
 }

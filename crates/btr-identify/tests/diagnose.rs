@@ -20,7 +20,7 @@ type Motion = dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync;
 /// Two logs to learn from and one to judge on, of one channel with a noise of 1.
 #[derive(Clone)]
 struct Made {
-    knobs: Vec<FitParameter>,
+    parameters: Vec<FitParameter>,
     candidates: Vec<EffectCandidate>,
     logs: Vec<RecordedLog>,
     measured: Vec<Vec<f64>>,
@@ -42,15 +42,15 @@ impl Made {
         motion: impl Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync + 'static,
     ) -> Self {
         let names = ["gain"].iter().chain(effects).enumerate();
-        let knobs: Vec<FitParameter> = names.map(|(i, name)| knob(name, i > 0)).collect();
+        let parameters: Vec<FitParameter> = names.map(|(i, name)| parameter(name, i > 0)).collect();
         let candidate = |(i, name): (usize, &&str)| EffectCandidate {
             effect: (*name).to_owned(),
             site: "here".to_owned(),
             amplitudes: vec![i + 1],
             shapes: Vec::new(),
             starts: vec![Vec::new()],
-            kin: Vec::new(),
-            contains: Vec::new(),
+            similar: Vec::new(),
+            nested: Vec::new(),
         };
         let log = |i: usize| RecordedLog {
             name: format!("log {i}"),
@@ -72,7 +72,7 @@ impl Made {
             (0..SAMPLES).map(|i| motion(truth, log, i as f64 * PERIOD_S, NO_STEP) + noise(log, i)).collect()
         };
         Made {
-            knobs,
+            parameters,
             candidates: effects.iter().enumerate().map(candidate).collect(),
             logs: (0..3).map(log).collect(),
             measured: (0..3).map(measured).collect(),
@@ -87,7 +87,7 @@ impl Made {
     }
 }
 
-fn knob(name: &str, amplitude: bool) -> FitParameter {
+fn parameter(name: &str, amplitude: bool) -> FitParameter {
     let (bounds, spread) = if amplitude { ((-40.0, 40.0), 30.0) } else { ((-3.0, 3.0), 1.0) };
     let (name, unit) = (name.to_owned(), "1".to_owned());
     FitParameter {
@@ -104,11 +104,11 @@ fn knob(name: &str, amplitude: bool) -> FitParameter {
 }
 
 impl ResidualModel for Made {
-    fn knobs(&self) -> &[FitParameter] {
-        &self.knobs
+    fn parameters(&self) -> &[FitParameter] {
+        &self.parameters
     }
 
-    fn doubtful(&self) -> &[usize] {
+    fn free(&self) -> &[usize] {
         &[0]
     }
 
@@ -247,8 +247,8 @@ fn with_a_larger_law(term: f64) -> Diagnosis {
     let mut made = Made::new(&["plain", "larger", "term"], &[0.4, 0.0, 1.5, term], motion);
     made.candidates.truncate(2);
     made.candidates[1].amplitudes.push(3);
-    (made.candidates[0].kin, made.candidates[1].kin) = (vec![1], vec![0]);
-    made.candidates[1].contains = vec![0];
+    (made.candidates[0].similar, made.candidates[1].similar) = (vec![1], vec![0]);
+    made.candidates[1].nested = vec![0];
     made.diagnosis()
 }
 

@@ -30,7 +30,7 @@ impl Failure {
     }
 
     /// A question that cannot be asked about logs of which this is doubtful.
-    pub fn problem(error: ProblemError, doubts: &[Doubt]) -> Self {
+    pub fn input(error: ProblemError, doubts: &[Doubt]) -> Self {
         let (message, help) = (error.to_string(), error.help());
         match error {
             ProblemError::File(error) => error.into(),
@@ -61,11 +61,11 @@ impl Failure {
     }
 
     /// A model that blows up on the logs of a question.
-    pub fn blown(problem: &VerbInput) -> Self {
+    pub fn simulation_failure(input: &VerbInput) -> Self {
         let message = "the model blows up on these logs as it stands";
-        match problem.trouble() {
+        match input.trouble() {
             Some(error) => {
-                let why = Failure::simulation(&error, &problem.doubts);
+                let why = Failure::simulation(&error, &input.doubts);
                 Failure { message: format!("{message}: {}", why.message), ..why }
             }
             None => Failure::new("simulation", message, Some("simulate it with the same logs to see where".to_owned())),

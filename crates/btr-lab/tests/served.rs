@@ -5,7 +5,7 @@ use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::distributed::{
-    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, worker,
+    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, serve,
 };
 use btr_lab::experiment::{LogSource, Source, model};
 use btr_lab::verbs::VerbInput;
@@ -25,9 +25,9 @@ impl Executor for Worker {
         2
     }
 
-    fn work(&self, parcels: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
-        let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
-        serve(&parcels, batch, &|_| Err("no functions here".to_owned()))
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+        let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
+        serve(&payloads, batch, &|_| Err("no functions here".to_owned()))
             .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
     }
 }
@@ -46,9 +46,10 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
 }
 
 fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
-    let knobs = here.knobs().len();
-    let moved = |k: usize| (0..knobs).map(|i| if i == k { here.knobs()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
-    let points: Vec<Vec<f64>> = (0..knobs).step_by(knobs / 7 + 1).map(moved).collect();
+    let parameters = here.parameters().len();
+    let moved =
+        |k: usize| (0..parameters).map(|i| if i == k { here.parameters()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
+    let points: Vec<Vec<f64>> = (0..parameters).step_by(parameters / 7 + 1).map(moved).collect();
     let bits = |all: Vec<Result<Vec<f64>, _>>| -> Vec<Vec<u64>> {
         let of = |one: Result<Vec<f64>, _>| one.unwrap_or_default().iter().map(|x: &f64| x.to_bits()).collect();
         all.into_iter().map(of).collect()
@@ -71,24 +72,28 @@ fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
 
 fn served(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
     let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
-    let problem = VerbInput::new(source.clone(), &learn, &held_out)?;
-    let family =
-        RemoteModel::new(&problem, &learn, &held_out, Arc::new(ExecutionContext::elsewhere(Box::new(Worker))))?;
-    Ok((problem, family))
+    let input = VerbInput::new(source.clone(), &learn, &held_out)?;
+    let residual_model =
+        RemoteModel::new(&input, &learn, &held_out, Arc::new(ExecutionContext::elsewhere(Box::new(Worker))))?;
+    Ok((input, residual_model))
 }
 
 /// The end of a log that is held out from its beginning begins where that does.
 #[test]
 fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
     let source = robots("arm.toml")?;
-    let beside = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.beside;
-    assert_eq!((beside.logs().len(), beside.begins_with(0), beside.begins_with(1)), (2, 0, 0));
-    let begun = beside.begun(&[(0, vec![2.0; beside.starts(0)])]).ok_or("a fixed robot's logs can begin elsewhere")?;
-    let origin = vec![0.0; beside.knobs().len()];
+    let problem = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.problem;
+    assert_eq!((problem.logs().len(), problem.begins_with(0), problem.begins_with(1)), (2, 0, 0));
+    let with_initial_state = problem
+        .with_initial_state(&[(0, vec![2.0; problem.starts(0)])])
+        .ok_or("a fixed robot's logs can begin elsewhere")?;
+    let origin = vec![0.0; problem.parameters().len()];
     for log in 0..2 {
-        let residual = |family: &dyn ResidualModel| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL);
+        let residual = |residual_model: &dyn ResidualModel| {
+            residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
+        };
         let there = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
-        assert_ne!(there(residual(&beside)?), there(residual(&*begun)?), "part {log}");
+        assert_ne!(there(residual(&problem)?), there(residual(&*with_initial_state)?), "part {log}");
     }
     Ok(())
 }
@@ -97,17 +102,19 @@ fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
 fn an_arm_with_files_of_its_own() -> Tested<()> {
     let mut source = robots("arm.toml")?;
     source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
-    let (problem, family) = served(&source, 0.0)?;
-    assert_the_same(&problem.beside, &family);
+    let (input, residual_model) = served(&source, 0.0)?;
+    assert_the_same(&input.problem, &residual_model);
     // One that begins elsewhere.
-    let moved = [(0, (0..family.starts(0)).map(|k| 0.1 * k as f64 - 0.3).collect())];
-    let (here, there) = (problem.beside.begun(&moved), family.begun(&moved));
+    let moved = [(0, (0..residual_model.starts(0)).map(|k| 0.1 * k as f64 - 0.3).collect())];
+    let (here, there) = (input.problem.with_initial_state(&moved), residual_model.with_initial_state(&moved));
     let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
     assert_the_same(&*here, &*there);
-    let origin = vec![0.0; family.knobs().len()];
-    let from = |family: &dyn ResidualModel, log| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL);
-    assert_ne!(from(&*here, 0)?, from(&family, 0)?);
-    assert_eq!(from(&*here, 1)?, from(&family, 1)?);
+    let origin = vec![0.0; residual_model.parameters().len()];
+    let from = |residual_model: &dyn ResidualModel, log| {
+        residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
+    };
+    assert_ne!(from(&*here, 0)?, from(&residual_model, 0)?);
+    assert_eq!(from(&*here, 1)?, from(&residual_model, 1)?);
     Ok(())
 }
 
@@ -118,12 +125,13 @@ fn families_that_were_derived_of_others() -> Tested<()> {
     source.set(&["simulation.duration_s=1.5".to_owned()])?;
     let mut derived = 0;
     for from_s in [0.0, 0.6] {
-        let (problem, family) = served(&source, from_s)?;
-        assert_the_same(&problem.beside, &family);
-        let u = vec![0.0; family.knobs().len()];
-        for (here, there) in
-            [(problem.beside.beginnings(), family.beginnings()), (problem.beside.seen_from(&u), family.seen_from(&u))]
-        {
+        let (input, residual_model) = served(&source, from_s)?;
+        assert_the_same(&input.problem, &residual_model);
+        let u = vec![0.0; residual_model.parameters().len()];
+        for (here, there) in [
+            (input.problem.beginnings(), residual_model.beginnings()),
+            (input.problem.with_starts_at(&u), residual_model.with_starts_at(&u)),
+        ] {
             assert_eq!(here.is_some(), there.is_some());
             if let (Some(here), Some(there)) = (here, there) {
                 assert_the_same(&*here, &*there);
@@ -140,14 +148,14 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
     let model = model(&robots("pendulum.toml")?)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; 4096];
-    let way = ExecutionContext::default();
-    let heed = || {
+    let context = ExecutionContext::default();
+    let check_cancelled = || {
         if model.rollouts.load(Ordering::Relaxed) > 0 {
-            way.stop();
+            context.stop();
         }
-        way.heed();
+        context.check_cancelled();
     };
-    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_all(&jobs, &heed)));
+    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_all(&jobs, &check_cancelled)));
     assert!(ended.is_err_and(|cause| cause.is::<Stopped>()));
     let simulated = model.rollouts.load(Ordering::Relaxed);
     assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");
@@ -158,8 +166,9 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
 fn a_population_of_an_experiment() -> Tested<()> {
     let source = robots("nao.toml")?;
     let model = model(&source)?;
-    let (way, parcels) = (ExecutionContext::elsewhere(Box::new(Worker)), RunPayloads::default());
-    let served = RemoteSimulator::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &way, &parcels)?;
+    let (context, payloads) = (ExecutionContext::elsewhere(Box::new(Worker)), RunPayloads::default());
+    let served =
+        RemoteSimulator::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &context, &payloads)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
     let wanted = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];

@@ -3,9 +3,9 @@
 use crate::error::{Raise, TestFailed, in_python, raised};
 use crate::log::{Log, warn};
 use crate::model::Model;
-use crate::work::{ExecutorChoice, way, working};
+use crate::work::{ExecutorChoice, context, working};
 use btr_core::coevolve::{Coevolution, StepOutcome};
-use btr_identify::diagnose::Rung;
+use btr_identify::LadderStep;
 use btr_lab::distributed::ExecutionContext;
 use btr_lab::experiment::{Experiment, RobotFunction};
 use btr_lab::reality::{TestFailure, TestRequest};
@@ -33,17 +33,17 @@ pub(crate) fn coevolve(
     robot: Option<Py<PyAny>>,
     tell: Py<PyAny>,
     warned: Py<PyAny>,
-    hands: Option<ExecutorChoice>,
+    executor: Option<ExecutorChoice>,
 ) -> PyResult<Option<String>> {
-    let (way, raised_there) = (way(py, hands, model)?, Raised::default());
+    let (context, raised_there) = (context(py, executor, model)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
     let asked = robot.is_some();
-    let begin = || Experiment::on(source, seed, &folder, robot, way.clone()).map_err(Raise::raise);
-    let mut experiment = working(py, &way, begin)?;
+    let begin = || Experiment::on(source, seed, &folder, robot, context.clone()).map_err(Raise::raise);
+    let mut experiment = working(py, &context, begin)?;
     warn(py, &experiment.warnings)?;
-    let (document, waiting) = working(py, &way, || {
-        let mut watcher = Watcher { way: way.clone(), tell, warned, told: 0 };
+    let (document, waiting) = working(py, &context, || {
+        let mut watcher = Watcher { context: context.clone(), tell, warned, told: 0 };
         let mut ended = execute::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
         if let Some(ended) = &mut ended {
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
@@ -96,7 +96,7 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> RobotFunction {
 
 /// Tells a Python function of every closed iteration.
 struct Watcher {
-    way: Arc<ExecutionContext>,
+    context: Arc<ExecutionContext>,
     tell: Py<PyAny>,
     warned: Py<PyAny>,
     told: usize,
@@ -122,7 +122,7 @@ impl RunObserver for Watcher {
         }
     }
 
-    fn rung(&self, _: &Rung) {}
+    fn ladder_step(&self, _: &LadderStep) {}
 
     fn warn(&mut self, line: &str) {
         if let Err(error) = Python::attach(|py| self.warned.call1(py, (line,))) {
@@ -133,7 +133,7 @@ impl RunObserver for Watcher {
     fn say(&mut self, _: &str) {}
 
     fn stops(&mut self) -> bool {
-        self.way.is_stopped()
+        self.context.is_stopped()
     }
 }
 

@@ -54,7 +54,7 @@ pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
 
 /// What the function says; an exception unwinds to whoever works with it.
 fn value(function: &Py<PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> f64 {
-    if WAY.with_borrow(|way| way.as_ref().is_some_and(|way| way.is_stopped())) {
+    if WAY.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_stopped())) {
         resume_unwind(Box::new(Stopped));
     }
     let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
@@ -81,8 +81,8 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
 }
 
 /// Does work on this thread, whose functions heed whether it was stopped.
-pub(crate) fn heeding<T: Send>(way: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
-    WAY.set(Some(way.clone()));
+pub(crate) fn with_cancellation<T: Send>(context: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
+    WAY.set(Some(context.clone()));
     // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.
     Python::attach(|py| py.detach(work))
 }

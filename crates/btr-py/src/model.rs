@@ -3,7 +3,7 @@
 use crate::error::{Raise, raised};
 use crate::laws;
 use crate::log::{Log, LogArgument};
-use crate::work::{at_once, way, working};
+use crate::work::{at_once, context, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_io::{IoError, write_whole};
@@ -70,8 +70,8 @@ impl Model {
     #[getter]
     fn laws(&self) -> Vec<(&'static str, Vec<&'static str>)> {
         let laws =
-            self.built.effects.iter().map(|placed| placed.effect.card()).filter(|card| card.name == FORMULA.name);
-        laws.map(|card| (card.law, card.params.iter().map(|param| param.name).collect())).collect()
+            self.built.effects.iter().map(|placed| placed.effect.spec()).filter(|spec| spec.name == FORMULA.name);
+        laws.map(|spec| (spec.law, spec.params.iter().map(|param| param.name).collect())).collect()
     }
 
     /// The joints that can move, in order.
@@ -150,8 +150,8 @@ impl Model {
         begins: Option<Begins>,
     ) -> PyResult<Vec<Option<Log>>> {
         let log = log.map(LogArgument::source);
-        let way = way(py, None, self)?;
-        let simulated = working(py, &way, || {
+        let context = context(py, None, self)?;
+        let simulated = working(py, &context, || {
             let replaying = log.map(|log| self.replaying(log, begins)).transpose()?;
             let model = replaying.as_ref().unwrap_or(&self.built);
             let rollouts = parameters.as_ref().or(controllers.as_ref()).map_or(0, Vec::len);
@@ -160,7 +160,7 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            Ok(model.simulate_all(&jobs, &|| way.heed()))
+            Ok(model.simulate_all(&jobs, &|| context.check_cancelled()))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::made_here("simulated", log.ok()?)));
         Ok(logs.collect())

@@ -4,7 +4,7 @@ use crate::error::{Raise, raised};
 use crate::log::{Log, LogArgument};
 use crate::model::Model;
 use crate::page::Page;
-use crate::work::{ExecutorChoice, at_once, way, working};
+use crate::work::{ExecutorChoice, at_once, context, working};
 use btr_identify::diagnose::DiagnoseOptions;
 use btr_lab::distributed::{ExecutionContext, RemoteModel};
 use btr_lab::experiment;
@@ -67,21 +67,23 @@ pub(crate) fn diagnose(
     held_out: Vec<LogArgument>,
     max_effects: usize,
     tell: Py<PyAny>,
-    hands: Option<ExecutorChoice>,
+    executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, Option<Log>)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
-    working(py, &way, || {
-        let problem = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
+    let (logs, held_out, context) = (sources(logs), sources(held_out), context(py, executor, model)?);
+    working(py, &context, || {
+        let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
-        let heard = |rung: &btr_identify::diagnose::Rung| say(&tell, &rung.step, rung.train, rung.held_out);
-        let family = served(&problem, &logs, &held_out, &way)?;
-        let (found, diagnosis) =
-            verbs::diagnose(&problem, &family, question, &heard).ok_or_else(|| Failure::blown(&problem).raise())?;
+        let heard = |ladder_step: &btr_identify::LadderStep| {
+            say(&tell, &ladder_step.step, ladder_step.train, ladder_step.held_out)
+        };
+        let family = served(&input, &logs, &held_out, &context)?;
+        let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)
+            .ok_or_else(|| Failure::simulation_failure(&input).raise())?;
         let document = json!(found).to_string();
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
         let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
-        let page = move || html::diagnose(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || html::diagnose(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), next))
     })
 }
@@ -96,27 +98,25 @@ pub(crate) fn fit(
     held_out: Vec<LogArgument>,
     add: Vec<String>,
     tell: Py<PyAny>,
-    hands: Option<ExecutorChoice>,
+    executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
-    let (logs, held_out, way) = (sources(logs), sources(held_out), way(py, hands, model)?);
-    working(py, &way, || {
+    let (logs, held_out, context) = (sources(logs), sources(held_out), context(py, executor, model)?);
+    working(py, &context, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
-        let problem = VerbInput::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
-        if problem.beside.model().simulations.is_empty() {
+        let input = VerbInput::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
+        if input.problem.model().simulations.is_empty() {
             let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
-        let heard = |step: &verbs::LadderStep| say(&tell, &step.step, step.train, step.held_out);
-        let family = served(&problem, &logs, &held_out, &way)?;
+        let heard = |step: &btr_identify::LadderStep| say(&tell, &step.step, step.train, step.held_out);
+        let family = served(&input, &logs, &held_out, &context)?;
         let (found, fit, step) =
-            verbs::fit(&problem, &family, &heard).ok_or_else(|| Failure::blown(&problem).raise())?;
-        let text =
-            problem.fitted_text(&fit, step, problem.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
-        let (document, space) =
-            (json!(found).to_string(), json!(problem.beside.model().simulations.dims()).to_string());
+            verbs::fit(&input, &family, &heard).ok_or_else(|| Failure::simulation_failure(&input).raise())?;
+        let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
+        let (document, space) = (json!(found).to_string(), json!(input.problem.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
-        let page = move || html::fit(&Subject { problem: &problem, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))
     })
 }
@@ -129,12 +129,12 @@ fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
     }
 }
 
-/// The problem's family as `way` serves it.
+/// The problem's family as `context` serves it.
 fn served(
-    problem: &VerbInput,
+    input: &VerbInput,
     logs: &[LogSource],
     held_out: &[LogSource],
-    way: &Arc<ExecutionContext>,
+    context: &Arc<ExecutionContext>,
 ) -> PyResult<RemoteModel> {
-    RemoteModel::new(problem, logs, held_out, way.clone()).map_err(|why| raised(&why, None))
+    RemoteModel::new(input, logs, held_out, context.clone()).map_err(|why| raised(&why, None))
 }

@@ -28,8 +28,12 @@ pub(crate) enum ExecutorChoice {
 
 /// How the work on a model is done. Functions of Python are called on one thread of a process: only one can hold Python's
 /// lock.
-pub(crate) fn way(py: Python<'_>, hands: Option<ExecutorChoice>, model: &Model) -> PyResult<Arc<ExecutionContext>> {
-    Ok(Arc::new(match hands {
+pub(crate) fn context(
+    py: Python<'_>,
+    executor: Option<ExecutorChoice>,
+    model: &Model,
+) -> PyResult<Arc<ExecutionContext>> {
+    Ok(Arc::new(match executor {
         Some(ExecutorChoice::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
             let functions = laws::packed(py, &model.functions)?;
@@ -45,7 +49,7 @@ fn here(source: &Source) -> ExecutionContext {
     if source.laws.is_empty() { ExecutionContext::default() } else { ExecutionContext::here(1) }
 }
 
-/// Batches go out through a Python object: `work(parcels, batch) -> answer`.
+/// Batches go out through a Python object: `work(payloads, batch) -> answer`.
 struct PythonExecutor {
     object: Py<PyAny>,
     workers: usize,
@@ -78,10 +82,10 @@ impl Executor for PythonExecutor {
         &self.functions
     }
 
-    fn work(&self, parcels: &[Arc<distributed::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, payloads: &[Arc<distributed::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
-            let parcels: Vec<Payload> = parcels.iter().cloned().map(Payload).collect();
-            let answer = self.object.call_method1(py, "work", (parcels, PyBytes::new(py, batch)))?;
+            let payloads: Vec<Payload> = payloads.iter().cloned().map(Payload).collect();
+            let answer = self.object.call_method1(py, "work", (payloads, PyBytes::new(py, batch)))?;
             Ok(answer.cast_bound::<PyBytes>(py)?.as_bytes().to_vec())
         });
         asked.map_err(|error| Box::new(error) as Box<dyn Any + Send>)
@@ -103,7 +107,7 @@ pub(crate) fn forked() {
 fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let Some(fork) = FORKS.load(Ordering::Relaxed).checked_sub(1) else { return Ok(work()) };
     let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
-    // Python knows the pool's thread from the first call of a law to the last, as in `laws::heeding`.
+    // Python knows the pool's thread from the first call of a law to the last, as in `laws::with_cancellation`.
     let in_pool = || pool.install(|| Python::attach(|py| py.detach(work)));
     // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would wait
     // by doing what that one had to do.
@@ -120,16 +124,16 @@ fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
     own.get().ok_or_else(|| "a fork found no threads".to_owned())
 }
 
-/// Answers a batch, wherever work is done: `parcels` are keys and contents. What a law's function raises is raised here.
+/// Answers a batch, wherever work is done: `payloads` are keys and contents. What a law's function raises is raised here.
 #[pyfunction]
 pub(crate) fn serve<'py>(
     py: Python<'py>,
-    parcels: Vec<(u64, Bound<'py, PyBytes>)>,
+    payloads: Vec<(u64, Bound<'py, PyBytes>)>,
     batch: &Bound<'py, PyBytes>,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let parcels: Vec<(u64, &[u8])> = parcels.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
+    let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::worker(&parcels, batch, &laws::unpacked)));
+    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&payloads, batch, &laws::unpacked)));
     match py.detach(|| threaded(serve))? {
         Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why, None))?)),
         Err(cause) => Err(cause_of(cause)),
@@ -140,7 +144,7 @@ pub(crate) fn serve<'py>(
 /// worker, a user's function) is what is raised here.
 pub(crate) fn working<T: Send>(
     py: Python<'_>,
-    way: &Arc<ExecutionContext>,
+    context: &Arc<ExecutionContext>,
     work: impl FnOnce() -> PyResult<T> + Send,
 ) -> PyResult<T> {
     let mut interrupted = None;
@@ -148,14 +152,16 @@ pub(crate) fn working<T: Send>(
         std::thread::scope(|scope| {
             let (done, finished) = channel::<()>();
             let worker = scope.spawn(move || {
-                let ended = catch_unwind(AssertUnwindSafe(|| threaded(|| way.during(|| laws::heeding(way, work)))));
+                let ended = catch_unwind(AssertUnwindSafe(|| {
+                    threaded(|| context.during(|| laws::with_cancellation(context, work)))
+                }));
                 drop(done);
                 ended
             });
             while finished.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
                 if let Err(signal) = Python::attach(|py| py.check_signals()) {
                     interrupted = Some(signal);
-                    way.stop();
+                    context.stop();
                 }
             }
             worker.join().unwrap_or_else(Err)

@@ -128,7 +128,7 @@ pub fn about_the_step(outcome: &CompareReport) -> Option<String> {
 
 /// What to type next, once it is known what is missing; nothing where the model or a log is no file.
 pub fn fit_command(report: &DiagnoseReport, asked: &Subject) -> Option<String> {
-    let model = &asked.problem.source.path;
+    let model = &asked.input.source.path;
     let on_disk = std::iter::once(model).chain(asked.logs).chain(asked.held_out).all(|path| path.exists());
     if report.verdict != Verdict::EffectMissing || !on_disk {
         return None;

@@ -6,7 +6,7 @@ use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
 use btr_core::coevolve::{Change, Coevolution, Iteration, Promise, StepOutcome, StopReason};
 use btr_core::world::Simulator;
-use btr_identify::diagnose::Rung;
+use btr_identify::LadderStep;
 use btr_lab::experiment::{Experiment, Source};
 use btr_lab::failure::Failure;
 use btr_lab::run::Run;
@@ -15,7 +15,6 @@ use btr_lab::run::execute;
 use btr_lab::run::execute::{FinishedRun, RunObserver};
 use btr_lab::run::report;
 use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
-use btr_lab::verbs::LadderStep;
 use btr_report::figures;
 use btr_report::table::{Table, maybe, number};
 use std::path::Path;
@@ -83,8 +82,8 @@ impl RunObserver for Watcher<'_> {
         }
     }
 
-    fn rung(&self, rung: &Rung) {
-        common::tell(&LadderStep::from(rung), self.global);
+    fn ladder_step(&self, ladder_step: &LadderStep) {
+        common::tell(ladder_step, self.global);
     }
 
     fn warn(&mut self, line: &str) {

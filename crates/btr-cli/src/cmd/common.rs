@@ -1,11 +1,12 @@
 //! The error's fall, as `diagnose` and `fit` show it while it happens.
 
 use crate::args::Global;
+use btr_identify::LadderStep;
 use btr_lab::experiment;
 use btr_lab::experiment::{Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::{Doubt, LadderStep};
+use btr_lab::verbs::Doubt;
 use btr_report::table::{Table, number};
 use std::path::{Path, PathBuf};
 

@@ -24,7 +24,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.model, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, &args.logs, &[], global)?;
-    let outcome = verbs::compare(&source, replays).map_err(|e| Failure::problem(e, &doubts))?;
+    let outcome = verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts))?;
     if let Some(path) = &args.report {
         write_report(path, &html::compare(&outcome))?;
     }

@@ -9,7 +9,7 @@ use btr_io::Meta;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{DiagnoseReport, LadderStep, VerbInput};
+use btr_lab::verbs::{DiagnoseReport, VerbInput};
 use btr_report::html;
 use btr_report::html::Subject;
 use btr_report::table::{Table, number};
@@ -17,22 +17,22 @@ use btr_report::text::fit_command;
 use std::path::Path;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source(&args.beside.model, global)?;
+    let source = common::source(&args.logs_args.model, global)?;
     let commands = OutputKind::Log { over_measurements: false }.at(args.next.as_deref());
-    let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(commands);
-    guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = common::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
-    let problem = VerbInput::of(source, replays).map_err(|e| Failure::problem(e, &doubts))?;
+    let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands);
+    guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
+    let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
+    let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
     let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
-    let tell = |rung: &_| common::tell(&LadderStep::from(rung), global);
-    let Some((report, diagnosis)) = verbs::diagnose(&problem, &problem.beside, question, &tell) else {
-        return Err(Failure::blown(&problem));
+    let tell = |ladder_step: &_| common::tell(ladder_step, global);
+    let Some((report, diagnosis)) = verbs::diagnose(&input, &input.problem, question, &tell) else {
+        return Err(Failure::simulation_failure(&input));
     };
-    let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
+    let asked = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
-    if let Some(path) = &args.beside.report {
+    if let Some(path) = &args.logs_args.report {
         write_report(path, &html::diagnose(&asked, &report, &diagnosis.fit.u))?;
     }
     if global.json {
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     } else {
         show(&report, args, &asked);
     }
-    announce(args.beside.report.as_deref(), "the report", global);
+    announce(args.logs_args.report.as_deref(), "the report", global);
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
     Ok(if met { DONE } else { MISSED })
 }

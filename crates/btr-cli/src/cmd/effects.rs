@@ -8,63 +8,63 @@ use btr_physics::effects::{EffectSpec, Param, SiteKind};
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(name: Option<&str>, global: &Global) -> Result<u8, Failure> {
-    let cards = named(name)?;
+    let specs = named(name)?;
     if global.json {
         println!("{}", effects(name)?);
     } else if name.is_some() {
-        cards.iter().for_each(|card| tell(card));
+        specs.iter().for_each(|spec| tell(spec));
     } else {
-        list(&cards);
+        list(&specs);
     }
     Ok(DONE)
 }
 
-fn list(cards: &[&EffectSpec]) {
+fn list(specs: &[&EffectSpec]) {
     let mut table = Table::new(&["effect", "on", "parameters"]);
-    for card in cards {
-        table.row(vec![card.name.to_owned(), site(card), params(card)]);
+    for spec in specs {
+        table.row(vec![spec.name.to_owned(), site(spec), params(spec)]);
     }
     let help = "~ only shapes the effect; `btr effects NAME` tells the law of one, how it shows and where it is from.";
     println!("{}\n\n{help}", table.render_left());
 }
 
 /// Names and units, each unit once for neighbours that share it.
-fn params(card: &EffectSpec) -> String {
-    if card.params.is_empty() {
+fn params(spec: &EffectSpec) -> String {
+    if spec.params.is_empty() {
         return "its own".to_owned();
     }
     let name = |p: &Param| if p.shape { format!("~{}", p.name) } else { p.name.to_owned() };
-    let units = card.params.chunk_by(|a, b| a.unit == b.unit).map(|same| {
+    let units = spec.params.chunk_by(|a, b| a.unit == b.unit).map(|same| {
         let names: Vec<String> = same.iter().map(name).collect();
         format!("{} ({})", names.join(", "), same[0].unit)
     });
     units.collect::<Vec<_>>().join(", ")
 }
 
-fn tell(card: &EffectSpec) {
-    println!("{}\n\n  law     {}\n  sits    {}", card.name, card.law, on(card));
-    println!("  shows   {}\n  source  {}", card.tell, card.cite);
-    if !card.alike.is_empty() {
-        println!("  alike   {}: hard to tell from these", card.alike.join(", "));
+fn tell(spec: &EffectSpec) {
+    println!("{}\n\n  law     {}\n  sits    {}", spec.name, spec.law, on(spec));
+    println!("  shows   {}\n  source  {}", spec.symptom, spec.cite);
+    if !spec.similar.is_empty() {
+        println!("  alike   {}: hard to tell from these", spec.similar.join(", "));
     }
-    if card.params.is_empty() {
+    if spec.params.is_empty() {
         return;
     }
     let mut table = Table::new(&["parameter", "unit", "min", "max", "off", "typical"]);
-    for p in card.params {
+    for p in spec.params {
         let off = if p.shape { "shape".to_owned() } else { shown(p.off) };
         let [min, max, hint] = [p.bounds.0, p.bounds.1, p.hint].map(shown);
         table.row(vec![p.name.to_owned(), p.unit.to_owned(), min, max, off, hint]);
     }
     println!("\n{}", table.render());
-    if card.params.iter().any(|p| p.shape) {
+    if spec.params.iter().any(|p| p.shape) {
         println!("\nA shape only shapes the effect; the other parameters switch it on.");
     }
 }
 
 /// How its site is written.
-fn on(card: &EffectSpec) -> &'static str {
-    match card.site {
+fn on(spec: &EffectSpec) -> &'static str {
+    match spec.site {
         SiteKind::Joint => "on joints: site = \"knee\", \"L*,R*\", \"*\"",
         SiteKind::Link => "on links: site = \"shank\", \"base\", \"*\"",
         SiteKind::Base => "on the base: site = \"base\"",

@@ -14,27 +14,27 @@ use btr_report::html::Subject;
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source(&args.beside.model, global)?;
+    let source = common::source(&args.logs_args.model, global)?;
     let model = OutputKind::Model.at(args.output.as_deref());
-    let outputs = OutputKind::Report.at(args.beside.report.as_deref()).into_iter().chain(model);
-    guard(outputs, inputs(&source, args.beside.all_logs()))?;
-    let (replays, doubts) = common::replays(&source, &args.beside.logs, &args.beside.held_out, global)?;
-    let problem = VerbInput::with(source, replays, &args.add, &args.beside.logs, &args.beside.held_out)
-        .map_err(|e| Failure::problem(e, &doubts))?;
-    if problem.beside.model().simulations.is_empty() {
+    let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
+    guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
+    let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
+    let input = VerbInput::with(source, replays, &args.add, &args.logs_args.logs, &args.logs_args.held_out)
+        .map_err(|e| Failure::input(e, &doubts))?;
+    if input.problem.model().simulations.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
-    let Some((report, fit, step)) = verbs::fit(&problem, &problem.beside, &|step| common::tell(step, global)) else {
-        return Err(Failure::blown(&problem));
+    let Some((report, fit, step)) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global)) else {
+        return Err(Failure::simulation_failure(&input));
     };
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
-        let text = problem.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
+        let text = input.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
-    if let Some(path) = &args.beside.report {
-        let asked = Subject { problem: &problem, logs: &args.beside.logs, held_out: &args.beside.held_out };
+    if let Some(path) = &args.logs_args.report {
+        let asked = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
         write_report(path, &html::fit(&asked, &report, &fit.u))?;
     }
     if global.json {
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         }
     }
     announce(args.output.as_deref(), "the fitted model", global);
-    announce(args.beside.report.as_deref(), "the report", global);
+    announce(args.logs_args.report.as_deref(), "the report", global);
     Ok(DONE)
 }
 

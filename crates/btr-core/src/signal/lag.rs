@@ -13,7 +13,7 @@ pub struct Lag {
     /// In s; positive when the second series comes later.
     pub seconds: f64,
     /// How alike the series are when shifted by it, 0 to 1: the confidence. Below one half the lag means little.
-    pub likeness: f64,
+    pub correlation: f64,
     /// Standard deviation of the lag, in s, were the unlike part noise.
     pub sd_s: f64,
 }
@@ -34,10 +34,11 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
     };
     let (early, late) = (slopes(early), slopes(late));
     let most = (most_s / step_s).ceil().min(early.len() as f64 / 2.0) as isize;
-    let likeness: Vec<f64> = (-most..=most).map(|shift| alike(&early, &late, shift).unwrap_or(f64::NAN)).collect();
-    let best =
-        (0..likeness.len()).filter(|i| !likeness[*i].is_nan()).max_by(|a, b| likeness[*a].total_cmp(&likeness[*b]))?;
-    let (left, peak, right) = (likeness.get(best.checked_sub(1)?)?, likeness[best], likeness.get(best + 1)?);
+    let correlation: Vec<f64> = (-most..=most).map(|shift| alike(&early, &late, shift).unwrap_or(f64::NAN)).collect();
+    let best = (0..correlation.len())
+        .filter(|i| !correlation[*i].is_nan())
+        .max_by(|a, b| correlation[*a].total_cmp(&correlation[*b]))?;
+    let (left, peak, right) = (correlation.get(best.checked_sub(1)?)?, correlation[best], correlation.get(best + 1)?);
     let curvature = 2.0 * peak - left - right;
     if curvature.is_nan() || curvature <= 0.0 || peak <= 0.0 {
         return None;
@@ -50,7 +51,7 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
     let unlike = (1.0 / (peak * peak) - 1.0).max(0.0);
     Some(Lag {
         seconds: (best as f64 - most as f64 + fraction) * step_s,
-        likeness: peak.min(1.0),
+        correlation: peak.min(1.0),
         sd_s: (unlike / observations).sqrt() / rate * step_s,
     })
 }
@@ -123,7 +124,7 @@ mod tests {
             for delay_s in [0.0137, -0.0137, 0.0, 0.1212] {
                 let lag = found(step_s, delay_s, noise);
                 assert!((lag.seconds - delay_s).abs() < 5e-4, "{step_s} {delay_s}: {lag:?}");
-                assert!(lag.likeness > 0.9 && lag.sd_s < 2e-3, "{lag:?}");
+                assert!(lag.correlation > 0.9 && lag.sd_s < 2e-3, "{lag:?}");
             }
         }
     }
@@ -138,6 +139,6 @@ mod tests {
         assert!(lag(&clock, &early, &vec![1.0; 1600], 0.3).is_none() && lag(&[], &[], &[], 0.3).is_none());
         let mut rng = stream(1, &[1]);
         let strange: Vec<f64> = clock.iter().map(|_| rng.random::<f64>()).collect();
-        assert!(lag(&clock, &early, &strange, 0.3).is_none_or(|lag| lag.likeness < 0.5));
+        assert!(lag(&clock, &early, &strange, 0.3).is_none_or(|lag| lag.correlation < 0.5));
     }
 }

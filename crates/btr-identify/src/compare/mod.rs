@@ -167,7 +167,7 @@ fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelRe
     let (mut weights, mut sum) = (0.0, 0.0);
     for (episode, residual, real) in channels {
         let found = lag(episode.real.clock_s(), &residual.simulated, real, MOST_LAG_S);
-        if let Some(lag) = found.filter(|lag| lag.likeness >= LEAST_LIKENESS) {
+        if let Some(lag) = found.filter(|lag| lag.correlation >= LEAST_LIKENESS) {
             // No shift is known to better than a microsecond: without a floor one log would outweigh all.
             let weight = lag.sd_s.max(1e-6).powi(-2);
             weights += weight;

@@ -11,20 +11,20 @@ use crate::fit::{FitPoint, LogSet, Objective};
 /// ones the first of the library, so that what is the same by mechanics is always called the same. None where others
 /// fit decisively better that do not pass: then the logs to judge on contradict those to learn from.
 pub(super) fn judge_rivals(
-    bench: &Objective,
+    objective: &Objective,
     state: &mut DiagnosisState,
     mut rivals: Vec<Rival>,
 ) -> Option<(Rival, MissingEffect)> {
-    let measure = ComparisonMeasure::of(bench, &rivals.first()?.fit);
+    let measure = ComparisonMeasure::of(objective, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
-    let candidates = bench.family.candidates();
-    let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(bench, &r.fit.u));
+    let candidates = objective.model.candidates();
+    let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(objective, &r.fit.u));
     let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
     let ranked = |(r, squares): (&Rival, &Option<f64>)| RankedCandidate {
         name: candidates[r.candidate].name(),
-        train: chi(r.fit.squares(), bench.samples(LogSet::Learn)),
-        held_out: squares.map(|squares| chi(squares, bench.samples(LogSet::HeldOut))),
+        train: chi(r.fit.squares(), objective.samples(LogSet::Learn)),
+        held_out: squares.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
         delta_bic: before - measure.criterion(&r.fit),
     };
     state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
@@ -42,8 +42,8 @@ pub(super) fn judge_rivals(
         return None;
     }
     let leader = passing.first()?;
-    let inside = &candidates[leader.candidate].contains;
-    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_numbers(bench, &leader.fit, &r.fit);
+    let inside = &candidates[leader.candidate].nested;
+    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_numbers(objective, &leader.fit, &r.fit);
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
@@ -70,14 +70,15 @@ pub(super) fn judge_rivals(
 
 /// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
 /// certain and makes next to none is more likely one between simulators than a law.
-pub(super) fn earns_its_numbers(bench: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
-    if chi(inside.squares(), bench.samples(LogSet::Learn)) > NOISE {
+pub(super) fn earns_its_numbers(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
+    if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
         return true;
     }
     let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
-    let on_held_out = || match (held_out_squares(bench, &inside.u), held_out_squares(bench, &larger.u)) {
+    let on_held_out = || match (held_out_squares(objective, &inside.u), held_out_squares(objective, &larger.u)) {
         (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
         _ => true,
     };
-    falls(inside.squares(), larger.squares(), LEARNT_FALL) && (bench.logs(LogSet::HeldOut).is_empty() || on_held_out())
+    falls(inside.squares(), larger.squares(), LEARNT_FALL)
+        && (objective.logs(LogSet::HeldOut).is_empty() || on_held_out())
 }

@@ -41,8 +41,8 @@ struct Probe {
 }
 
 /// The mirror images of probes, where their amplitudes have another side.
-fn mirrored(bench: &Objective, probes: &[Probe]) -> Vec<Probe> {
-    let two_sided = |probe: &Probe| bench.family.knobs()[probe.amplitude].bounds.0 < 0.0;
+fn mirrored(objective: &Objective, probes: &[Probe]) -> Vec<Probe> {
+    let two_sided = |probe: &Probe| objective.model.parameters()[probe.amplitude].bounds.0 < 0.0;
     let mirror =
         |probe: &Probe| Probe { size: if two_sided(probe) { -probe.size } else { probe.size }, ..probe.clone() };
     probes.iter().map(mirror).collect()
@@ -60,17 +60,17 @@ impl LinearPicture {
 }
 
 impl<'a> BasePoint<'a> {
-    pub(super) fn new(bench: &Objective, index: usize, fit: &'a FitPoint, logs: Vec<usize>) -> Option<Self> {
+    pub(super) fn new(objective: &Objective, index: usize, fit: &'a FitPoint, logs: Vec<usize>) -> Option<Self> {
         let jacobian = fit.jacobian.as_ref()?;
         let mut normal = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
         let mut held = Vec::new();
         for (k, &index) in fit.active.iter().enumerate() {
-            let knob = &bench.family.knobs()[index];
-            let (u, weight) = (fit.u[index], knob.spread.powi(-2));
+            let parameter = &objective.model.parameters()[index];
+            let (u, weight) = (fit.u[index], parameter.spread.powi(-2));
             normal[(k, k)] += weight;
             gradient[k] += weight * u;
-            if (u <= knob.bounds.0 && gradient[k] > 0.0) || (u >= knob.bounds.1 && gradient[k] < 0.0) {
+            if (u <= parameter.bounds.0 && gradient[k] > 0.0) || (u >= parameter.bounds.1 && gradient[k] < 0.0) {
                 held.push(k);
             }
         }
@@ -87,56 +87,62 @@ impl<'a> BasePoint<'a> {
 
     /// What a candidate promises with the shapes of an earlier promise, on the side to which that points: what slips or lifts
     /// answers differently on the other.
-    pub(super) fn promising(&self, bench: &Objective, start: &StartPoint, sizes: &ProbeSizes) -> Option<StartPoint> {
-        let mut probes = self.probes(bench, start.candidate, &[start.shapes(bench)], sizes);
+    pub(super) fn promising(
+        &self,
+        objective: &Objective,
+        start: &StartPoint,
+        sizes: &ProbeSizes,
+    ) -> Option<StartPoint> {
+        let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes);
         probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
-        let columns = self.columns(bench, &probes);
-        self.promise(bench, &probes, &columns)
+        let columns = self.columns(objective, &probes);
+        self.promise(objective, &probes, &columns)
     }
 
     /// What candidates promise, each at the best of its starts, where those that are felt in different places are tried in one
     /// simulation.
     pub(super) fn promising_together(
         &self,
-        bench: &Objective,
+        objective: &Objective,
         offered: &[(usize, Vec<Vec<f64>>)],
         sizes: &ProbeSizes,
     ) -> Vec<StartPoint> {
-        let candidates = bench.family.candidates();
+        let candidates = objective.model.candidates();
         let mut promising = Vec::new();
         for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
             let probes = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
-                let mut probes = self.probes(bench, *candidate, starts, sizes);
-                if has_two_sides(bench, &candidates[*candidate]) {
-                    probes.extend(mirrored(bench, &probes));
+                let mut probes = self.probes(objective, *candidate, starts, sizes);
+                if has_two_sides(objective, &candidates[*candidate]) {
+                    probes.extend(mirrored(objective, &probes));
                 }
                 probes
             };
             let each: Vec<Vec<Probe>> = kind.iter().map(probes).collect();
             let all: Vec<&Probe> = each.iter().flatten().collect();
-            let mut columns = self.columns_together(bench, &all).into_iter();
+            let mut columns = self.columns_together(objective, &all).into_iter();
             for probes in &each {
                 let own: Vec<Option<DVector<f64>>> = columns.by_ref().take(probes.len()).collect();
-                promising.extend(self.promise(bench, probes, &own));
+                promising.extend(self.promise(objective, probes, &own));
             }
         }
         promising
     }
 
     /// The best point of a candidate, by its probes.
-    fn promise(&self, bench: &Objective, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<StartPoint> {
+    fn promise(&self, objective: &Objective, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<StartPoint> {
         // Probes of one start and one size belong together: one column for each amplitude.
-        let amplitudes = bench.family.candidates()[probes.first()?.candidate].amplitudes.len();
+        let amplitudes = objective.model.candidates()[probes.first()?.candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
         let found = groups.flat_map(|(probes, columns)| {
-            self.pictures.iter().filter_map(move |picture| self.best_of(bench, picture, probes, columns))
+            self.pictures.iter().filter_map(move |picture| self.best_of(objective, picture, probes, columns))
         });
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn probes(&self, bench: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
-        let candidate = &bench.family.candidates()[index];
-        let limit = candidate.amplitudes.iter().any(|&k| bench.family.knobs()[k].law == Parametrisation::Inverse);
+    fn probes(&self, objective: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
+        let candidate = &objective.model.candidates()[index];
+        let limit =
+            candidate.amplitudes.iter().any(|&k| objective.model.parameters()[k].law == Parametrisation::Inverse);
         let sizes = if limit { sizes.limits } else { sizes.amplitudes };
         let mut probes = Vec::new();
         for shapes in starts {
@@ -149,23 +155,23 @@ impl<'a> BasePoint<'a> {
         probes
     }
 
-    fn point(&self, bench: &Objective, probes: &[&Probe]) -> Vec<f64> {
+    fn point(&self, objective: &Objective, probes: &[&Probe]) -> Vec<f64> {
         let mut u = self.fit.u.clone();
         for probe in probes {
-            for (&knob, &shape) in bench.family.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
-                u[knob] = shape;
+            for (&parameter, &shape) in objective.model.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
+                u[parameter] = shape;
             }
-            u[probe.amplitude] = bench.family.knobs()[probe.amplitude].clamp(probe.size);
+            u[probe.amplitude] = objective.model.parameters()[probe.amplitude].clamp(probe.size);
         }
         u
     }
 
     /// What each probe changes of the residual, per unit of its amplitude; nothing where it blows up.
-    fn columns(&self, bench: &Objective, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
+    fn columns(&self, objective: &Objective, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {
-            let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(bench, &[probe])).collect();
-            let residuals = bench.residuals_of(&points, &self.logs);
+            let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(objective, &[probe])).collect();
+            let residuals = objective.residuals_of(&points, &self.logs);
             for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let size = point[probe.amplitude];
                 columns.push(residual.map(|residual| self.column(residual, size)));
@@ -175,22 +181,22 @@ impl<'a> BasePoint<'a> {
     }
 
     /// The same, several in one simulation: each column as far as its candidate's own channels go.
-    fn columns_together(&self, bench: &Objective, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
-        let near = |probe: &Probe| bench.family.near(probe.candidate);
+    fn columns_together(&self, objective: &Objective, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
+        let near = |probe: &Probe| objective.model.near(probe.candidate);
         let shots = shared(probes.iter().map(|probe| near(probe)));
         let mut columns = vec![None; probes.len()];
         for batch in shots.chunks(BATCH) {
             let point = |shot: &Vec<usize>| {
                 let probes: Vec<&Probe> = shot.iter().map(|&i| probes[i]).collect();
-                self.point(bench, &probes)
+                self.point(objective, &probes)
             };
             let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
-            let residuals = bench.residuals_of(&points, &self.logs);
+            let residuals = objective.residuals_of(&points, &self.logs);
             for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let Some(residual) = residual else { continue };
                 for &i in shot {
                     let column = self.column(residual.clone(), point[probes[i].amplitude]);
-                    columns[i] = Some(self.only_near(bench, column, near(probes[i])));
+                    columns[i] = Some(self.only_near(objective, column, near(probes[i])));
                 }
             }
         }
@@ -205,12 +211,12 @@ impl<'a> BasePoint<'a> {
     }
 
     /// A column without what is not of these channels.
-    fn only_near(&self, bench: &Objective, column: DVector<f64>, near: &[String]) -> DVector<f64> {
+    fn only_near(&self, objective: &Objective, column: DVector<f64>, near: &[String]) -> DVector<f64> {
         if near.is_empty() {
             return column;
         }
         let (mut only, mut first) = (DVector::zeros(column.len()), 0);
-        for log in self.logs.iter().map(|&log| &bench.family.logs()[log]) {
+        for log in self.logs.iter().map(|&log| &objective.model.logs()[log]) {
             for row in rows_near(log, near).into_iter().flatten() {
                 only[first + row] = column[first + row];
             }
@@ -222,30 +228,31 @@ impl<'a> BasePoint<'a> {
     /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
     fn best_of(
         &self,
-        bench: &Objective,
+        objective: &Objective,
         picture: &LinearPicture,
         probes: &[Probe],
         columns: &[Option<DVector<f64>>],
     ) -> Option<StartPoint> {
-        let knobs = bench.family.knobs();
+        let parameters = objective.model.parameters();
         let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
         let k = columns.len();
         let residual = DVector::from_column_slice(&self.fit.residual);
         let seen: Vec<DVector<f64>> = columns.iter().map(|column| self.jacobian.tr_mul(column)).collect();
         let answered: Vec<DVector<f64>> = seen.iter().map(|seen| picture.factors.solve(seen)).collect();
         let own = DMatrix::from_fn(k, k, |i, j| {
-            let prior = if i == j { knobs[probes[i].amplitude].spread.powi(-2) } else { 0.0 };
+            let prior = if i == j { parameters[probes[i].amplitude].spread.powi(-2) } else { 0.0 };
             columns[i].dot(columns[j]) - seen[i].dot(&answered[j]) + prior
         });
         let pull = DVector::from_fn(k, |i, _| answered[i].dot(&picture.gradient) - columns[i].dot(&residual));
         let wanted = own.cholesky()?.solve(&pull);
-        let mut u = self.point(bench, &[&probes[0]]);
+        let mut u = self.point(objective, &[&probes[0]]);
         let mut amplitudes = DVector::zeros(k);
         for (i, probe) in probes.iter().enumerate() {
-            let knob = &knobs[probe.amplitude];
+            let parameter = &parameters[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
-            let size = if knob.law == Parametrisation::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
-            u[probe.amplitude] = knob.clamp(size);
+            let size =
+                if parameter.law == Parametrisation::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
+            u[probe.amplitude] = parameter.clamp(size);
             amplitudes[i] = u[probe.amplitude];
         }
         if amplitudes.iter().all(|a| *a == 0.0) {
@@ -253,14 +260,16 @@ impl<'a> BasePoint<'a> {
         }
         let change: DVector<f64> = columns.iter().zip(amplitudes.iter()).map(|(c, a)| *c * *a).sum();
         let answer = picture.factors.solve(&(&picture.gradient + self.jacobian.tr_mul(&change)));
-        for (i, &knob) in self.fit.active.iter().enumerate() {
-            u[knob] = knobs[knob].clamp(u[knob] - answer[i]);
+        for (i, &parameter) in self.fit.active.iter().enumerate() {
+            u[parameter] = parameters[parameter].clamp(u[parameter] - answer[i]);
         }
-        let moved =
-            DVector::from_iterator(answer.len(), self.fit.active.iter().map(|&knob| u[knob] - self.fit.u[knob]));
+        let moved = DVector::from_iterator(
+            answer.len(),
+            self.fit.active.iter().map(|&parameter| u[parameter] - self.fit.u[parameter]),
+        );
         let promised = residual + change + self.jacobian * moved;
-        let active = with(self.fit, &bench.family.candidates()[probes[0].candidate]);
-        let cost = crate::fit::cost(knobs, &active, &u, promised.as_slice());
+        let active = with(self.fit, &objective.model.candidates()[probes[0].candidate]);
+        let cost = crate::fit::cost(parameters, &active, &u, promised.as_slice());
         Some(StartPoint { candidate: probes[0].candidate, base: self.index, u, cost })
     }
 }

@@ -16,8 +16,9 @@ mod state;
 
 pub use residual_law::ResidualLaw;
 
+use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
-use crate::fit::{Estimate, FitPoint, LOOKS, LogSet, Objective, SearchBudget, estimates};
+use crate::fit::{Estimate, FitPoint, LogSet, Objective, RESTARTS, SearchBudget, estimates};
 use residual_law::residual_law;
 use round::round;
 use serde::{Deserialize, Serialize};
@@ -88,17 +89,6 @@ pub struct MissingEffect {
     pub candidate: usize,
 }
 
-/// One step of the error's fall.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rung {
-    /// What was done.
-    pub step: String,
-    /// Error on the logs to learn from, in multiples of the noise floor.
-    pub train: f64,
-    /// Error on held-out logs; none without such.
-    pub held_out: Option<f64>,
-}
-
 /// A candidate that was fitted in a round.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RankedCandidate {
@@ -122,7 +112,7 @@ pub struct Diagnosis {
     /// What is missing, or helps without explaining.
     pub effects: Vec<MissingEffect>,
     /// How the error fell.
-    pub ladder: Vec<Rung>,
+    pub ladder: Vec<LadderStep>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
     /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on,
@@ -143,70 +133,75 @@ pub struct Diagnosis {
     pub rollouts: usize,
 }
 
-/// Finds out which effects of the family's candidates are missing; `tell` hears every step of the ladder as it is reached.
+/// Finds out which effects of the family's candidates are missing; `on_step` hears every step of the ladder as it is reached.
 ///
 /// `None` where the model blows up as it stands.
-pub fn diagnose(bench: &Objective, question: DiagnoseOptions, tell: &dyn Fn(&Rung)) -> Option<Diagnosis> {
-    let state = begin(bench, tell)?;
-    Some(match bench.family.has_contact() {
-        true => go_on(bench, question, state, tell),
-        false => go_on_looking(bench, question, state, tell, LOOKS),
+pub fn diagnose(objective: &Objective, question: DiagnoseOptions, on_step: &dyn Fn(&LadderStep)) -> Option<Diagnosis> {
+    let state = begin(objective, on_step)?;
+    Some(match objective.model.has_contact() {
+        true => go_on(objective, question, state, on_step),
+        false => go_on_looking(objective, question, state, on_step, RESTARTS),
     })
 }
 
 /// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
 /// believed if nothing else is left to explain: a model that lacks something sees such that make up for it.
 fn go_on_looking(
-    bench: &Objective,
+    objective: &Objective,
     question: DiagnoseOptions,
     mut state: DiagnosisState,
-    tell: &dyn Fn(&Rung),
-    looks: usize,
+    on_step: &dyn Fn(&LadderStep),
+    restarts_left: usize,
 ) -> Diagnosis {
-    let contact = bench.family.has_contact();
-    let looks_again = leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench));
-    if looks == 0 || !looks_again {
-        return go_on(bench, question, state, tell);
+    let contact = objective.model.has_contact();
+    let looks_again = leaves_something(objective, &state, &state.fit) || (!contact && state.is_judged_badly(objective));
+    if restarts_left == 0 || !looks_again {
+        return go_on(objective, question, state, on_step);
     }
-    let seen = bench.seen_from(&state.fit.u);
+    let seen = objective.with_starts_at(&state.fit.u);
     if seen.is_none() && contact {
-        return go_on(bench, question, state, tell);
+        return go_on(objective, question, state, on_step);
     }
-    let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &state.fit.u);
+    let again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &state.fit.u);
     if !contact && !state.is_explained_by(&again) {
-        bench.count(&again);
-        return go_on(bench, question, state, tell);
+        objective.count(&again);
+        return go_on(objective, question, state, on_step);
     }
-    state.look_again(&again, tell);
-    go_on_looking(&again, question, state, tell, looks - 1)
+    state.look_again(&again, on_step);
+    go_on_looking(&again, question, state, on_step, restarts_left - 1)
 }
 
 /// Round after round; once something is found, with starts as the model that has it sees them.
-fn go_on(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisState, tell: &dyn Fn(&Rung)) -> Diagnosis {
+fn go_on(
+    objective: &Objective,
+    question: DiagnoseOptions,
+    mut state: DiagnosisState,
+    on_step: &dyn Fn(&LadderStep),
+) -> Diagnosis {
     let mut cut_short = false;
-    while state.chosen.len() < question.max_effects && leaves_something(bench, &state, &state.fit) {
-        cut_short = bench.rollouts().saturating_add(screen::rollouts(bench)) > question.max_rollouts;
+    while state.chosen.len() < question.max_effects && leaves_something(objective, &state, &state.fit) {
+        cut_short = objective.rollouts().saturating_add(screen::rollouts(objective)) > question.max_rollouts;
         if cut_short {
             break;
         }
-        let Some((rival, found)) = round(bench, &mut state) else { break };
-        state.accept(bench, rival, found, tell);
-        state.eliminate(bench);
-        state.simplify(bench);
-        let contact = bench.family.has_contact();
-        if leaves_something(bench, &state, &state.fit) || (!contact && state.is_judged_badly(bench)) {
-            let looks = if contact { 1 } else { LOOKS };
-            return go_on_looking(bench, question, state, tell, looks);
+        let Some((rival, found)) = round(objective, &mut state) else { break };
+        state.accept(objective, rival, found, on_step);
+        state.eliminate(objective);
+        state.simplify(objective);
+        let contact = objective.model.has_contact();
+        if leaves_something(objective, &state, &state.fit) || (!contact && state.is_judged_badly(objective)) {
+            let restarts_left = if contact { 1 } else { RESTARTS };
+            return go_on_looking(objective, question, state, on_step, restarts_left);
         }
     }
-    Diagnosis { cut_short, ..conclude(bench, question, state) }
+    Diagnosis { cut_short, ..conclude(objective, question, state) }
 }
 
 /// The model's own parameters at their best.
-fn begin(bench: &Objective, tell: &dyn Fn(&Rung)) -> Option<DiagnosisState> {
-    let family = bench.family;
-    let origin = vec![0.0; family.knobs().len()];
-    let mut fit = FitPoint::at(bench, family.doubtful().to_vec(), origin, &[])?;
+fn begin(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<DiagnosisState> {
+    let model = objective.model;
+    let origin = vec![0.0; model.parameters().len()];
+    let mut fit = FitPoint::at(objective, model.free().to_vec(), origin, &[])?;
     let mut state = DiagnosisState {
         held_out: None,
         fit: fit.clone(),
@@ -215,33 +210,33 @@ fn begin(bench: &Objective, tell: &dyn Fn(&Rung)) -> Option<DiagnosisState> {
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
-        integrator: fit.renew_step_error(bench),
+        integrator: fit.renew_step_error(objective),
     };
     state.fit = fit;
-    state.climb(bench, "model as it stands".to_owned(), tell);
-    if !family.doubtful().is_empty() {
-        state.fit.solve(bench, SearchBudget::FULL);
-        state.integrator = state.fit.renew_step_error(bench);
-        state.fit.solve(bench, SearchBudget { jacobians: 1, steps: 6 });
-        state.climb(bench, "its parameters fitted".to_owned(), tell);
+    state.record(objective, "model as it stands".to_owned(), on_step);
+    if !model.free().is_empty() {
+        state.fit.solve(objective, SearchBudget::FULL);
+        state.integrator = state.fit.renew_step_error(objective);
+        state.fit.solve(objective, SearchBudget { jacobians: 1, steps: 6 });
+        state.record(objective, "its parameters fitted".to_owned(), on_step);
     }
     state.bare = state.fit.clone();
     Some(state)
 }
 
 /// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
-fn leaves_something(bench: &Objective, state: &DiagnosisState, fit: &FitPoint) -> bool {
-    let squares = fit.squares() / bench.samples(LogSet::Learn).max(1) as f64;
+fn leaves_something(objective: &Objective, state: &DiagnosisState, fit: &FitPoint) -> bool {
+    let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
     // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
-    if bench.family.is_chaotic() {
+    if objective.model.is_chaotic() {
         return squares > NOISE.powi(2);
     }
     squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
-fn conclude(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
-    let last = state.ladder.last().map_or(f64::INFINITY, |rung| rung.held_out.unwrap_or(rung.train));
-    let integrator_error = state.fit.step_error_to_judge_on(bench).max(state.integrator);
+fn conclude(objective: &Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
+    let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
+    let integrator_error = state.fit.step_error_to_judge_on(objective).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
         (true, error) if error <= NOISE => Verdict::NothingMissing,
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
@@ -249,21 +244,23 @@ fn conclude(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisSt
     };
     let trusted = last <= NOISE;
     if trusted {
-        state.settle(bench);
+        state.settle(objective);
     }
-    let inflation = ComparisonMeasure::of(bench, &state.fit).inflation();
-    let all = estimates(bench, &state.fit, inflation, trusted);
+    let inflation = ComparisonMeasure::of(objective, &state.fit).inflation();
+    let all = estimates(objective, &state.fit, inflation, trusted);
     for found in &mut state.chosen {
-        let knobs: Vec<usize> = bench.family.candidates()[found.candidate].knobs().collect();
-        found.parameters = all.iter().filter(|(knob, _)| knobs.contains(knob)).map(|(_, e)| e.clone()).collect();
+        let parameters: Vec<usize> = objective.model.candidates()[found.candidate].parameters().collect();
+        found.parameters =
+            all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (verdict == Verdict::Unexplained && bench.rollouts() < question.max_rollouts)
-        .then(|| state.bare_now(bench))
+    let law = (verdict == Verdict::Unexplained && objective.rollouts() < question.max_rollouts)
+        .then(|| state.bare_now(objective))
         .flatten()
-        .and_then(|bare| residual_law(bench, &bare, found));
-    let doubtful = bench.family.doubtful();
-    let at_bound = all.iter().filter(|(knob, e)| doubtful.contains(knob) && e.at_bound).map(|(_, e)| e.name.clone());
+        .and_then(|bare| residual_law(objective, &bare, found));
+    let free = objective.model.free();
+    let at_bound =
+        all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {
         verdict,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
@@ -275,7 +272,7 @@ fn conclude(bench: &Objective, question: DiagnoseOptions, mut state: DiagnosisSt
         rivals: state.rivals,
         residual_law: law,
         cut_short: false,
-        rollouts: bench.rollouts(),
+        rollouts: objective.rollouts(),
         fit: state.fit,
     }
 }

@@ -37,64 +37,65 @@ pub(super) struct Rival {
 /// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of
 /// the starts run.
 pub(super) fn race(
-    bench: &Objective,
+    objective: &Objective,
     bases: &[FitPoint],
     starts: &[StartPoint],
     leader: Option<&FitPoint>,
 ) -> Vec<Rival> {
-    run(bench, bases, &starts[..starts.len().min(RUNNERS)], leader)
+    run(objective, bases, &starts[..starts.len().min(RUNNERS)], leader)
 }
 
 /// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have
 /// promised too little (a joint with much play does nothing that one with little does).
-pub(super) fn last_chance(bench: &Objective, base: &FitPoint, others: &[usize], leader: &FitPoint) -> Vec<Rival> {
+pub(super) fn last_chance(objective: &Objective, base: &FitPoint, others: &[usize], leader: &FitPoint) -> Vec<Rival> {
     let mut base = base.clone();
-    base.differentiate(bench);
-    let starts: Vec<StartPoint> = others.iter().map(|&candidate| of_size(bench, &base, candidate, TYPICAL)).collect();
-    run(bench, &[base], &starts, Some(leader))
+    base.differentiate(objective);
+    let starts: Vec<StartPoint> =
+        others.iter().map(|&candidate| of_size(objective, &base, candidate, TYPICAL)).collect();
+    run(objective, &[base], &starts, Some(leader))
 }
 
 /// The same where simulating takes long: only those run who do best at one of a few sizes.
 pub(super) fn last_chance_of_the_best(
-    bench: &Objective,
+    objective: &Objective,
     base: &FitPoint,
     others: &[usize],
     leader: &FitPoint,
 ) -> Vec<Rival> {
     let signs = |candidate: usize| {
-        let two = has_two_sides(bench, &bench.family.candidates()[candidate]);
+        let two = has_two_sides(objective, &objective.model.candidates()[candidate]);
         if two { [1.0, -1.0].iter() } else { [1.0].iter() }
     };
     let sizes = |candidate: usize| signs(candidate).flat_map(|sign| SIZES.map(|size| sign * size));
     let all = others.iter().flat_map(|&c| sizes(c).map(move |size| (c, size)));
-    let mut starts: Vec<StartPoint> = all.map(|(candidate, size)| of_size(bench, base, candidate, size)).collect();
-    simulate(bench, std::slice::from_ref(base), &mut starts);
+    let mut starts: Vec<StartPoint> = all.map(|(candidate, size)| of_size(objective, base, candidate, size)).collect();
+    simulate(objective, std::slice::from_ref(base), &mut starts);
     let starts = best(starts, CHANCES);
     let mut base = base.clone();
-    base.differentiate(bench);
-    run(bench, &[base], &starts, Some(leader))
+    base.differentiate(objective);
+    run(objective, &[base], &starts, Some(leader))
 }
 
 /// A candidate at so many typical sizes.
-fn of_size(bench: &Objective, base: &FitPoint, candidate: usize, size: f64) -> StartPoint {
-    let own = &bench.family.candidates()[candidate];
+fn of_size(objective: &Objective, base: &FitPoint, candidate: usize, size: f64) -> StartPoint {
+    let own = &objective.model.candidates()[candidate];
     let mut u = base.u.clone();
-    own.amplitudes.iter().for_each(|&knob| u[knob] = bench.family.knobs()[knob].clamp(size));
-    own.shapes.iter().zip(&own.starts[0]).for_each(|(&knob, &shape)| u[knob] = shape);
+    own.amplitudes.iter().for_each(|&parameter| u[parameter] = objective.model.parameters()[parameter].clamp(size));
+    own.shapes.iter().zip(&own.starts[0]).for_each(|(&parameter, &shape)| u[parameter] = shape);
     StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
 }
 
-fn run(bench: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Option<&FitPoint>) -> Vec<Rival> {
-    let begun = starts.iter().filter_map(|start| begin(bench, &bases[start.base], start));
-    let mut rivals: Vec<Rival> = begun.collect();
+fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Option<&FitPoint>) -> Vec<Rival> {
+    let with_initial_state = starts.iter().filter_map(|start| begin(objective, &bases[start.base], start));
+    let mut rivals: Vec<Rival> = with_initial_state.collect();
     for rival in &mut rivals {
-        rival.fit.solve(bench, SearchBudget::RACE);
+        rival.fit.solve(objective, SearchBudget::RACE);
     }
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
         let best = polished.iter().map(|r| &r.fit).chain(leader).map(FitPoint::squares).fold(f64::INFINITY, f64::min);
-        let explains = chi(best, bench.samples(LogSet::Learn)) <= NOISE;
+        let explains = chi(best, objective.samples(LogSet::Learn)) <= NOISE;
         let most = match rival.fit.squares() / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
@@ -102,10 +103,10 @@ fn run(bench: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Opt
         };
         if polished.len() < most {
             rival.fit.jacobian = None;
-            rival.fit.solve(bench, if polished.is_empty() { LEADER } else { FOLLOWER });
+            rival.fit.solve(objective, if polished.is_empty() { LEADER } else { FOLLOWER });
             // In contact every look takes long, and hardly anybody overtakes by it.
-            if !bench.family.is_chaotic() || rival.fit.squares() <= best {
-                reshape(bench, &mut rival);
+            if !objective.model.is_chaotic() || rival.fit.squares() <= best {
+                reshape(objective, &mut rival);
             }
             polished.push(rival);
         }
@@ -116,21 +117,21 @@ fn run(bench: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Opt
 
 /// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's
 /// law): tries the other shapes that it could have from where it ended.
-fn reshape(bench: &Objective, rival: &mut Rival) {
-    let candidate = &bench.family.candidates()[rival.candidate];
-    if candidate.starts.len() < 2 || chi(rival.fit.squares(), bench.samples(LogSet::Learn)) <= NOISE {
+fn reshape(objective: &Objective, rival: &mut Rival) {
+    let candidate = &objective.model.candidates()[rival.candidate];
+    if candidate.starts.len() < 2 || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
         return;
     }
     let reshaped = candidate.starts.iter().filter_map(|shapes| {
         let mut u = rival.fit.u.clone();
-        candidate.shapes.iter().zip(shapes).for_each(|(&knob, &shape)| u[knob] = shape);
-        let mut fit = FitPoint::at(bench, rival.fit.active.clone(), u, &rival.fit.step_error)?;
-        fit.solve(bench, RESHAPED);
+        candidate.shapes.iter().zip(shapes).for_each(|(&parameter, &shape)| u[parameter] = shape);
+        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), u, &rival.fit.step_error)?;
+        fit.solve(objective, RESHAPED);
         Some(fit)
     });
     if let Some(best) = reshaped.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < rival.fit.cost) {
         rival.fit = best;
-        rival.fit.solve(bench, FOLLOWER);
+        rival.fit.solve(objective, FOLLOWER);
     }
 }
 
@@ -139,11 +140,11 @@ fn sort(rivals: &mut [Rival]) {
 }
 
 /// A fit of base and candidate at the candidate's start: the base's Jacobian, with new columns for the candidate alone.
-fn begin(bench: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
-    let candidate = &bench.family.candidates()[start.candidate];
-    let mut fit = FitPoint::at(bench, with(base, candidate), start.u.clone(), &base.step_error)?;
-    let own: Vec<usize> = candidate.knobs().collect();
-    let added = columns(bench, &fit.u, &own, &fit.residual, &fit.step_error);
+fn begin(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
+    let candidate = &objective.model.candidates()[start.candidate];
+    let mut fit = FitPoint::at(objective, with(base, candidate), start.u.clone(), &base.step_error)?;
+    let own: Vec<usize> = candidate.parameters().collect();
+    let added = columns(objective, &fit.u, &own, &fit.residual, &fit.step_error);
     let known = base.jacobian.as_ref()?;
     let mut jacobian = DMatrix::zeros(known.nrows(), known.ncols() + added.len());
     jacobian.columns_mut(0, known.ncols()).copy_from(known);

@@ -56,19 +56,19 @@ pub struct ResidualLaw {
 /// The law that explains most, if any explains enough: first in place of all effects; then beside those that were
 /// found, or, where none was, from where the parameters in doubt began: they may have gone astray to make up for the
 /// law.
-pub(super) fn residual_law(bench: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
-    let first = law_on(bench, bare, bare);
+pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
+    let first = law_on(objective, bare, bare);
     if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
         return first.map(|(_, law)| law);
     }
     let second = match found {
         Some(found) => {
-            law_on(bench, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
+            law_on(objective, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
         }
-        None => FitPoint::at(bench, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
-            .and_then(|origin| law_on(bench, &origin, bare)),
+        None => FitPoint::at(objective, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
+            .and_then(|origin| law_on(objective, &origin, bare)),
     };
-    preferred(first, second, found.and_then(|found| judged(bench, found)))
+    preferred(first, second, found.and_then(|found| judged(objective, found)))
 }
 
 /// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take
@@ -84,35 +84,35 @@ fn preferred(
 }
 
 /// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
-fn law_on(bench: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
-    let (terms, fit) = search(bench, base)?;
-    let (before, left) = (judged(bench, from)?, judged(bench, &fit)?.max(0.0));
+fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
+    let (terms, fit) = search(objective, base)?;
+    let (before, left) = (judged(objective, from)?, judged(objective, &fit)?.max(0.0));
     let explains = if before > 0.0 { (1.0 - left / before).clamp(0.0, 1.0) } else { 0.0 };
     Some((left, ResidualLaw { terms, fit, beside_effects: false, explains }))
 }
 
 /// The sum of squares above the noise on the logs to judge on.
-fn judged(bench: &Objective, fit: &FitPoint) -> Option<f64> {
-    match bench.samples(LogSet::HeldOut) {
-        0 => Some(fit.squares() - bench.samples(LogSet::Learn) as f64),
-        samples => held_out_squares(bench, &fit.u).map(|squares| squares - samples as f64),
+fn judged(objective: &Objective, fit: &FitPoint) -> Option<f64> {
+    match objective.samples(LogSet::HeldOut) {
+        0 => Some(fit.squares() - objective.samples(LogSet::Learn) as f64),
+        samples => held_out_squares(objective, &fit.u).map(|squares| squares - samples as f64),
     }
 }
 
 /// The terms of the best law on top of a base, and the fit with it.
-fn search(bench: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoint)> {
+fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoint)> {
     let mut base = base.clone();
     if !base.fresh {
-        base.differentiate(bench);
+        base.differentiate(objective);
     }
-    let picture = LawPicture::new(bench, &base)?;
-    let places = places(bench.family.features());
+    let picture = LawPicture::new(objective, &base)?;
+    let places = places(objective.model.features());
     let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| picture.draft(place)).collect();
     drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     drafts.truncate(FINALISTS);
-    let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(bench, &base, draft)).collect();
+    let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(objective, &base, draft)).collect();
     let measure =
-        ComparisonMeasure::of(bench, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
+        ComparisonMeasure::of(objective, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
     let least = fits.iter().map(|(_, fit)| measure.criterion(fit)).fold(f64::INFINITY, f64::min);
     let close = fits.into_iter().filter(|(_, fit)| measure.criterion(fit) <= least + CLOSE);
     close.min_by(|(a, _), (b, _)| a.cmp(b))
@@ -132,36 +132,40 @@ fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
 }
 
 /// The fit with everything that is in doubt, from where the probes point.
-fn finish(bench: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
-    let (features, knobs) = (bench.family.features(), bench.family.knobs());
+fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
+    let (features, parameters) = (objective.model.features(), objective.model.parameters());
     let mut active = base.active.clone();
-    draft.terms.iter().for_each(|term| active.extend(features[term.feature].term.knobs()));
+    draft.terms.iter().for_each(|term| active.extend(features[term.feature].term.parameters()));
     let start = |share: &f64| {
         let mut u = base.u.clone();
         for term in &draft.terms {
             let candidate = &features[term.feature].term;
             candidate.shapes.iter().zip(&term.shapes).for_each(|(&k, &x)| u[k] = x);
-            candidate.amplitudes.iter().zip(&term.amplitudes).for_each(|(&k, &x)| u[k] = knobs[k].clamp(share * x));
+            candidate
+                .amplitudes
+                .iter()
+                .zip(&term.amplitudes)
+                .for_each(|(&k, &x)| u[k] = parameters[k].clamp(share * x));
         }
-        FitPoint::at(bench, active.clone(), u, &base.step_error)
+        FitPoint::at(objective, active.clone(), u, &base.step_error)
     };
     let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    fit.solve(bench, EFFORT);
+    fit.solve(objective, EFFORT);
     let terms = draft.terms.iter().map(|term| term.feature).collect();
-    Some(needed(bench, terms, fit))
+    Some(needed(objective, terms, fit))
 }
 
 /// Drops the terms that the fit can do without: far from where they were probed, some turn out to do nothing.
-fn needed(bench: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (Vec<usize>, FitPoint) {
+fn needed(objective: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (Vec<usize>, FitPoint) {
     for term in terms.clone().into_iter().rev() {
         if terms.len() == 1 {
             break;
         }
-        let knobs: Vec<usize> = bench.family.features()[term].term.knobs().collect();
+        let parameters: Vec<usize> = objective.model.features()[term].term.parameters().collect();
         let mut u = fit.u.clone();
-        knobs.iter().for_each(|&knob| u[knob] = 0.0);
-        let active = fit.active.iter().copied().filter(|knob| !knobs.contains(knob)).collect();
-        let without = FitPoint::at(bench, active, u, &fit.step_error);
+        parameters.iter().for_each(|&parameter| u[parameter] = 0.0);
+        let active = fit.active.iter().copied().filter(|parameter| !parameters.contains(parameter)).collect();
+        let without = FitPoint::at(objective, active, u, &fit.step_error);
         if let Some(without) = without.filter(|without| without.squares() <= NEEDED * fit.squares()) {
             fit = without;
             terms.retain(|other| *other != term);
@@ -193,7 +197,7 @@ struct TermTrial {
 
 /// The logs with the largest errors, and what the base's own parameters can do about them.
 struct LawPicture<'a> {
-    bench: &'a Objective<'a>,
+    objective: &'a Objective<'a>,
     base: &'a FitPoint,
     logs: Vec<(usize, Range<usize>)>,
     residual: DVector<f64>,
@@ -202,16 +206,16 @@ struct LawPicture<'a> {
 }
 
 impl<'a> LawPicture<'a> {
-    fn new(bench: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
-        let logs = bench.worst_logs(&base.residual, PROBED_LOGS);
+    fn new(objective: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
+        let logs = objective.worst_logs(&base.residual, PROBED_LOGS);
         let rows: Vec<usize> = logs.iter().flat_map(|(_, rows)| rows.clone()).collect();
         let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&row| base.residual[row]));
         let jacobian = base.jacobian.as_ref()?.select_rows(&rows);
         let mut normal = jacobian.tr_mul(&jacobian);
-        for (k, &knob) in base.active.iter().enumerate() {
-            normal[(k, k)] += bench.family.knobs()[knob].spread.powi(-2);
+        for (k, &parameter) in base.active.iter().enumerate() {
+            normal[(k, k)] += objective.model.parameters()[parameter].spread.powi(-2);
         }
-        Some(LawPicture { bench, base, logs, residual, jacobian, factors: normal.cholesky()? })
+        Some(LawPicture { objective, base, logs, residual, jacobian, factors: normal.cholesky()? })
     }
 
     /// What is left of columns when the base's parameters answer them.
@@ -221,7 +225,7 @@ impl<'a> LawPicture<'a> {
 
     /// The best law of a place.
     fn draft(&self, place: Range<usize>) -> Option<Draft> {
-        let features = self.bench.family.features();
+        let features = self.objective.model.features();
         let (mut trials, mut columns) = (Vec::new(), Vec::new());
         let steady: Vec<(usize, Vec<f64>)> = place
             .clone()
@@ -231,8 +235,8 @@ impl<'a> LawPicture<'a> {
         self.probe(&steady, &mut trials, &mut columns);
         let rate = |i: usize| {
             let plain = trials.iter().find(|trial| Some(trial.feature) == features[i].swings)?;
-            let knob = &self.bench.family.knobs()[*features[i].term.shapes.first()?];
-            Some((i, vec![knob.clamp(knob.coordinate(self.rate(&columns[plain.columns.start])?))]))
+            let parameter = &self.objective.model.parameters()[*features[i].term.shapes.first()?];
+            Some((i, vec![parameter.clamp(parameter.coordinate(self.rate(&columns[plain.columns.start])?))]))
         };
         let swinging: Vec<(usize, Vec<f64>)> = place.filter_map(rate).collect();
         self.probe(&swinging, &mut trials, &mut columns);
@@ -245,13 +249,13 @@ impl<'a> LawPicture<'a> {
 
     /// Simulates features of given shapes, and notes the columns of those that do not blow up.
     fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
-        let (features, knobs) = (self.bench.family.features(), self.bench.family.knobs());
+        let (features, parameters) = (self.objective.model.features(), self.objective.model.parameters());
         let mut points = Vec::new();
         for (i, shapes) in wanted {
             let term = &features[*i].term;
             for &amplitude in &term.amplitudes {
                 let mut u = self.base.u.clone();
-                term.shapes.iter().zip(shapes).for_each(|(&k, &x)| u[k] = knobs[k].clamp(x));
+                term.shapes.iter().zip(shapes).for_each(|(&k, &x)| u[k] = parameters[k].clamp(x));
                 u[amplitude] = PROBE;
                 points.push(u);
             }
@@ -272,7 +276,7 @@ impl<'a> LawPicture<'a> {
     fn respond(&self, points: &[Vec<f64>]) -> Vec<Option<DVector<f64>>> {
         let mut changes: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points.len()];
         for (log, rows) in &self.logs {
-            for (change, after) in changes.iter_mut().zip(self.bench.residuals_of(points, &[*log])) {
+            for (change, after) in changes.iter_mut().zip(self.objective.residuals_of(points, &[*log])) {
                 let Some((change, after)) = change.as_mut().zip(after) else {
                     *change = None;
                     continue;
@@ -292,7 +296,7 @@ impl<'a> LawPicture<'a> {
         let left = (&self.residual - share * response).component_mul(response);
         let (mut samples, mut row, mut step_s) = (Vec::new(), 0, 0.0_f64);
         for (log, rows) in &self.logs {
-            let clock = self.bench.family.clock_s(*log);
+            let clock = self.objective.model.clock_s(*log);
             let last_s = clock.last()?;
             step_s = step_s.max(last_s / clock.len() as f64);
             // All channels of a log are on its clock, one after the other.
@@ -327,7 +331,7 @@ impl<'a> LawPicture<'a> {
         let (_, last) = drafts.last()?;
         let left = residual.column(0)
             + last.columns.iter().zip(&last.amplitudes).map(|(&c, a)| own.column(c) * *a).sum::<DVector<f64>>();
-        let samples: usize = self.logs.iter().map(|(log, _)| self.bench.family.logs()[*log].present).sum();
+        let samples: usize = self.logs.iter().map(|(log, _)| self.objective.model.logs()[*log].present).sum();
         let memory = autocorrelation_time(left.as_slice());
         let scale = memory * (last.cost / samples.max(1) as f64).max(1.0);
         let price = (samples as f64 / memory).ln().max(1.0);

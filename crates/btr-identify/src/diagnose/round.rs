@@ -16,68 +16,75 @@ const MODEST: f64 = 0.5;
 const ELSEWHERE: usize = 3;
 
 /// Screens, races and judges; the winner if it is to be believed.
-pub(super) fn round(bench: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
+pub(super) fn round(objective: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
-    let offered: Vec<usize> = (0..bench.family.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
-    let (mut rivals, mut starts) = from_beginnings(bench, state, &offered);
+    let offered: Vec<usize> = (0..objective.model.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
+    let (mut rivals, mut starts) = from_beginnings(objective, state, &offered);
     rivals = best_of_each(rivals);
-    if rivals.first().is_none_or(|leader| leaves_something(bench, state, &leader.fit)) {
-        let (others, screened) = from_the_whole(bench, state, &offered);
+    if rivals.first().is_none_or(|leader| leaves_something(objective, state, &leader.fit)) {
+        let (others, screened) = from_the_whole(objective, state, &offered);
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
         starts.extend(screened);
     }
     let leader = rivals.first()?;
     if leader.fit.squares() > MODEST * state.fit.squares() {
-        beneath(bench, leader, state).into_iter().for_each(|beneath| state.follow(bench, beneath));
+        drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    let again = worth_another_look(bench, leader, &rivals, &starts, &offered);
-    if let Some(beneath) = beneath(bench, leader, state).filter(|_| !again.is_empty()) {
-        let mut bases = vec![beneath];
-        let starts = screen(bench, &mut bases, &again);
+    let again = worth_another_look(objective, leader, &rivals, &starts, &offered);
+    if let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) {
+        let mut bases = vec![drop_effect];
+        let starts = screen(objective, &mut bases, &again);
         // Cheap steps may leave who makes do with fewer numbers far behind: the best of them is fitted whatever they say.
-        let simpler = again.iter().any(|&candidate| is_simpler_kin(bench, leader.candidate, candidate));
-        let others = race(bench, &bases, &starts, (!simpler).then_some(&leader.fit));
+        let simpler = again.iter().any(|&candidate| is_simpler_kin(objective, leader.candidate, candidate));
+        let others = race(objective, &bases, &starts, (!simpler).then_some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
-    if bench.family.has_contact() {
-        let rivals = on_the_ground(bench, state, rivals, &offered);
-        return judge_rivals(bench, state, rivals);
+    if objective.model.has_contact() {
+        let rivals = on_the_ground(objective, state, rivals, &offered);
+        return judge_rivals(objective, state, rivals);
     }
-    let judged = judge_rivals(bench, state, rivals.clone());
-    if judged.is_some() || !leaves_much(bench, &rivals) {
+    let judged = judge_rivals(objective, state, rivals.clone());
+    if judged.is_some() || !leaves_much(objective, &rivals) {
         return judged;
     }
     let others = not_fitted(&rivals, &offered);
-    let late = last_chance(bench, &state.fit, &others, &rivals[0].fit);
+    let late = last_chance(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
-    judge_rivals(bench, state, best_of_each(rivals.into_iter().chain(late).collect()))
+    judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }
 
 /// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and
 /// then what the best leave may be because they sit elsewhere.
-fn on_the_ground(bench: &Objective, state: &DiagnosisState, mut rivals: Vec<Rival>, offered: &[usize]) -> Vec<Rival> {
-    let candidates = bench.family.candidates();
-    if let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) {
-        let base = unbiased(bench, state);
-        let late = last_chance_of_the_best(bench, &base, &not_fitted(&rivals, offered), &leader.fit);
+fn on_the_ground(
+    objective: &Objective,
+    state: &DiagnosisState,
+    mut rivals: Vec<Rival>,
+    offered: &[usize],
+) -> Vec<Rival> {
+    let candidates = objective.model.candidates();
+    if let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) {
+        let base = unbiased(objective, state);
+        let late = last_chance_of_the_best(objective, &base, &not_fitted(&rivals, offered), &leader.fit);
         rivals = best_of_each(rivals.into_iter().chain(late).collect());
     }
-    let Some(leader) = rivals.first().filter(|_| leaves_much(bench, &rivals)) else { return rivals };
+    let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) else { return rivals };
     let same = |candidate: &usize| {
         let named = |rival: &Rival| candidates[rival.candidate].effect == candidates[*candidate].effect;
         rivals.iter().take(ELSEWHERE).any(named)
     };
     let elsewhere: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
-    let base = beneath(bench, leader, state).unwrap_or_else(|| state.fit.clone());
-    let late = last_chance(bench, &base, &elsewhere, &leader.fit);
+    let base = drop_effect(objective, leader, state).unwrap_or_else(|| state.fit.clone());
+    let late = last_chance(objective, &base, &elsewhere, &leader.fit);
     best_of_each(rivals.into_iter().chain(late).collect())
 }
 
 /// The parameters in doubt as they were given, as long as nothing is found: what is missing may have led them astray.
-fn unbiased(bench: &Objective, state: &DiagnosisState) -> FitPoint {
+fn unbiased(objective: &Objective, state: &DiagnosisState) -> FitPoint {
     let origin = || vec![0.0; state.fit.u.len()];
-    let given =
-        state.chosen.is_empty().then(|| FitPoint::at(bench, state.fit.active.clone(), origin(), &state.fit.step_error));
+    let given = state
+        .chosen
+        .is_empty()
+        .then(|| FitPoint::at(objective, state.fit.active.clone(), origin(), &state.fit.step_error));
     given.flatten().unwrap_or_else(|| state.fit.clone())
 }
 
@@ -87,53 +94,56 @@ fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
 }
 
 /// Whether even the leader leaves more than noise.
-fn leaves_much(bench: &Objective, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), bench.samples(LogSet::Learn)) > NOISE)
+fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > NOISE)
 }
 
 /// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
-fn from_the_whole(bench: &Objective, state: &DiagnosisState, offered: &[usize]) -> (Vec<Rival>, Vec<StartPoint>) {
+fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usize]) -> (Vec<Rival>, Vec<StartPoint>) {
     let mut bases = vec![state.fit.clone()];
-    if state.chosen.is_empty() && !bench.family.doubtful().is_empty() {
+    if state.chosen.is_empty() && !objective.model.free().is_empty() {
         let origin = vec![0.0; state.fit.u.len()];
-        bases.extend(FitPoint::at(bench, state.fit.active.clone(), origin, &state.fit.step_error));
+        bases.extend(FitPoint::at(objective, state.fit.active.clone(), origin, &state.fit.step_error));
     }
-    let starts = screen(bench, &mut bases, offered);
-    (race(bench, &bases, &starts, None), starts)
+    let starts = screen(objective, &mut bases, offered);
+    (race(objective, &bases, &starts, None), starts)
 }
 
 /// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so
 /// that nothing is called certain which its like explains as well, and its kin that makes do with fewer numbers, which
 /// may only have failed to get there; and whoever was screened, if the leader leaves something to explain.
 fn worth_another_look(
-    bench: &Objective,
+    objective: &Objective,
     leader: &Rival,
     rivals: &[Rival],
     starts: &[StartPoint],
     offered: &[usize],
 ) -> Vec<usize> {
-    let kin = |candidate: &usize| {
+    let similar = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
-        let is_kin = bench.family.candidates()[leader.candidate].kin.contains(candidate);
-        (is_kin && !fitted) || is_simpler_kin(bench, leader.candidate, *candidate)
+        let is_kin = objective.model.candidates()[leader.candidate].similar.contains(candidate);
+        (is_kin && !fitted) || is_simpler_kin(objective, leader.candidate, *candidate)
     };
-    let explains = chi(leader.fit.squares(), bench.samples(LogSet::Learn)) <= NOISE;
+    let explains = chi(leader.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
     let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
-    offered.iter().copied().filter(|candidate| kin(candidate) || screened(candidate)).collect()
+    offered.iter().copied().filter(|candidate| similar(candidate) || screened(candidate)).collect()
 }
 
 /// Whether a candidate looks like another one and makes do with fewer numbers.
-fn is_simpler_kin(bench: &Objective, of: usize, candidate: usize) -> bool {
-    let candidates = bench.family.candidates();
-    candidates[of].kin.contains(&candidate) && candidates[candidate].knobs().count() < candidates[of].knobs().count()
+fn is_simpler_kin(objective: &Objective, of: usize, candidate: usize) -> bool {
+    let candidates = objective.model.candidates();
+    candidates[of].similar.contains(&candidate)
+        && candidates[candidate].parameters().count() < candidates[of].parameters().count()
 }
 
 /// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
 /// parameters in doubt have done to make up for it.
-fn beneath(bench: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
+fn drop_effect(objective: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
     let mut u = leader.fit.u.clone();
-    bench.family.candidates()[leader.candidate].knobs().for_each(|knob| u[knob] = state.fit.u[knob]);
-    FitPoint::at(bench, state.fit.active.clone(), u, &state.fit.step_error)
+    objective.model.candidates()[leader.candidate]
+        .parameters()
+        .for_each(|parameter| u[parameter] = state.fit.u[parameter]);
+    FitPoint::at(objective, state.fit.active.clone(), u, &state.fit.step_error)
 }
 
 /// The best fit of each candidate, best first.

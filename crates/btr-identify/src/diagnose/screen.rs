@@ -47,62 +47,64 @@ pub(super) struct StartPoint {
 }
 
 /// About how many logs a screening simulates.
-pub(super) fn rollouts(bench: &Objective) -> usize {
-    let (candidates, logs) = (bench.family.candidates(), bench.logs(LogSet::Learn).len());
-    let sides = |candidate: &EffectCandidate| if has_two_sides(bench, candidate) { 2 } else { 1 };
+pub(super) fn rollouts(objective: &Objective) -> usize {
+    let (candidates, logs) = (objective.model.candidates(), objective.logs(LogSet::Learn).len());
+    let sides = |candidate: &EffectCandidate| if has_two_sides(objective, candidate) { 2 } else { 1 };
     let probes = |candidate: &EffectCandidate| {
         sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len()
     };
     let all: Vec<usize> = (0..candidates.len()).collect();
     let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
     let glances =
-        kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| bench.family.near(c))).len());
+        kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.model.near(c))).len());
     glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
 /// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is
 /// seen from all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make
 /// up for it.
-pub(super) fn screen(bench: &Objective, bases: &mut [FitPoint], offered: &[usize]) -> Vec<StartPoint> {
+pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[usize]) -> Vec<StartPoint> {
     for (index, base) in bases.iter_mut().enumerate() {
-        if index == 0 { base.differentiate_finely(bench) } else { base.differentiate(bench) }
+        if index == 0 { base.differentiate_finely(objective) } else { base.differentiate(objective) }
     }
-    let Some((log, rows)) = bases.first().and_then(|base| bench.worst_logs(&base.residual, 1).pop()) else {
+    let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
-    let all = |&candidate: &usize| (candidate, bench.family.candidates()[candidate].starts.clone());
+    let all = |&candidate: &usize| (candidate, objective.model.candidates()[candidate].starts.clone());
     let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
     let glance = |(index, base): (usize, &FitPoint)| {
         let there = base.in_rows(rows.clone());
-        let seen = BasePoint::new(bench, index, &there, vec![log]);
-        seen.map_or_else(Vec::new, |seen| seen.promising_together(bench, &offered, &GLANCE))
+        let seen = BasePoint::new(objective, index, &there, vec![log]);
+        seen.map_or_else(Vec::new, |seen| seen.promising_together(objective, &offered, &GLANCE))
     };
     let glanced = best(bases.iter().enumerate().flat_map(glance).collect(), GLANCED);
     // Everyone is looked at from the first base, and from the one where it promised most.
     let look = |(index, base): (usize, &FitPoint)| {
-        let Some(seen) = BasePoint::new(bench, index, base, bench.logs(LogSet::Learn).to_vec()) else {
+        let Some(seen) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
             return (vec![], vec![]);
         };
         let own = glanced.iter().filter(|start| index == 0 || start.base == index);
-        let near: Vec<StartPoint> = own.filter_map(|start| seen.promising(bench, start, &LOOK)).collect();
-        let beyond = near.iter().filter(|start| goes_further(bench, start));
-        let far = beyond.filter_map(|start| seen.promising(bench, start, &FAR)).collect();
+        let near: Vec<StartPoint> = own.filter_map(|start| seen.promising(objective, start, &LOOK)).collect();
+        let beyond = near.iter().filter(|start| goes_further(objective, start));
+        let far = beyond.filter_map(|start| seen.promising(objective, start, &FAR)).collect();
         (near, far)
     };
     let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(look).unzip();
     let mut promising = best(near.concat(), VERIFIED);
     promising.extend(best(far.concat(), STRIKING));
     promising.extend(glanced.iter().take(STRIKING).cloned());
-    verify(bench, bases, &promising)
+    verify(objective, bases, &promising)
 }
 
 /// Whether a promise stops where the probes of the closer look are no longer believed, with room beyond.
-fn goes_further(bench: &Objective, start: &StartPoint) -> bool {
+fn goes_further(objective: &Objective, start: &StartPoint) -> bool {
     let believed = STRETCH * LOOK.amplitudes.iter().fold(0.0, |most: f64, size| most.max(*size));
-    let mut amplitudes = bench.family.candidates()[start.candidate].amplitudes.iter();
-    amplitudes.any(|&knob| {
-        let (u, knob) = (start.u[knob], &bench.family.knobs()[knob]);
-        knob.law == Parametrisation::Linear && u.abs() > 0.999 * believed && knob.clamp(2.0 * u).abs() > u.abs()
+    let mut amplitudes = objective.model.candidates()[start.candidate].amplitudes.iter();
+    amplitudes.any(|&parameter| {
+        let (u, parameter) = (start.u[parameter], &objective.model.parameters()[parameter]);
+        parameter.law == Parametrisation::Linear
+            && u.abs() > 0.999 * believed
+            && parameter.clamp(2.0 * u).abs() > u.abs()
     })
 }
 
@@ -120,25 +122,25 @@ pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> 
 
 impl StartPoint {
     /// Part of the way from a base to here; shapes have nowhere to come from.
-    fn partly(&self, bench: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
+    fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
         let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
-        bench.family.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
+        objective.model.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
         u
     }
 
-    pub(super) fn shapes(&self, bench: &Objective) -> Vec<f64> {
-        bench.family.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
+    pub(super) fn shapes(&self, objective: &Objective) -> Vec<f64> {
+        objective.model.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
     }
 }
 
 /// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In
 /// the order of what came out, but those that promise most are not lost for it.
-fn verify(bench: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -> Vec<StartPoint> {
+fn verify(objective: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -> Vec<StartPoint> {
     let partly = |start: &StartPoint| {
-        SHARES.map(|share| StartPoint { u: start.partly(bench, &bases[start.base], share), ..start.clone() })
+        SHARES.map(|share| StartPoint { u: start.partly(objective, &bases[start.base], share), ..start.clone() })
     };
     let mut tried: Vec<StartPoint> = promising.iter().flat_map(partly).collect();
-    simulate(bench, bases, &mut tried);
+    simulate(objective, bases, &mut tried);
     let shares = tried.chunks(SHARES.len());
     let all: Vec<StartPoint> = shares.filter_map(|shares| best(shares.to_vec(), 1).pop()).collect();
     let beaten = |start: &&StartPoint| all.iter().any(|o| o.candidate == start.candidate && o.cost < start.cost);
@@ -150,13 +152,13 @@ fn verify(bench: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -> Ve
 }
 
 /// What starts really cost; more than anything where one blows up.
-pub(super) fn simulate(bench: &Objective, bases: &[FitPoint], starts: &mut [StartPoint]) {
+pub(super) fn simulate(objective: &Objective, bases: &[FitPoint], starts: &mut [StartPoint]) {
     let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
-    for (start, residual) in starts.iter_mut().zip(bench.residuals(&points, LogSet::Learn)) {
+    for (start, residual) in starts.iter_mut().zip(objective.residuals(&points, LogSet::Learn)) {
         let base = &bases[start.base];
-        let active = with(base, &bench.family.candidates()[start.candidate]);
+        let active = with(base, &objective.model.candidates()[start.candidate]);
         let cost = |residual| {
-            crate::fit::cost(bench.family.knobs(), &active, &start.u, &corrected(residual, &base.step_error))
+            crate::fit::cost(objective.model.parameters(), &active, &start.u, &corrected(residual, &base.step_error))
         };
         start.cost = residual.map_or(f64::INFINITY, cost);
     }
@@ -164,12 +166,12 @@ pub(super) fn simulate(bench: &Objective, bases: &[FitPoint], starts: &mut [Star
 
 /// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
 /// where one that is lifted does not.
-pub(super) fn has_two_sides(bench: &Objective, candidate: &EffectCandidate) -> bool {
-    let knobs = bench.family.knobs();
-    bench.family.has_contact() && candidate.amplitudes.iter().any(|&knob| knobs[knob].bounds.0 < 0.0)
+pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
+    let parameters = objective.model.parameters();
+    objective.model.has_contact() && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
 }
 
 /// The base's free knobs and a candidate's.
 pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
-    base.active.iter().copied().chain(candidate.knobs()).collect()
+    base.active.iter().copied().chain(candidate.parameters()).collect()
 }

@@ -4,7 +4,8 @@ use super::judge::earns_its_numbers;
 use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{MissingEffect, RankedCandidate, Rung, leaves_something};
+use super::{MissingEffect, RankedCandidate, leaves_something};
+use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
@@ -22,7 +23,7 @@ pub(super) struct DiagnosisState {
     /// Squares on the held-out logs.
     pub(super) held_out: Option<f64>,
     pub(super) chosen: Vec<MissingEffect>,
-    pub(super) ladder: Vec<Rung>,
+    pub(super) ladder: Vec<LadderStep>,
     pub(super) rivals: Vec<(usize, Vec<f64>)>,
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// The integrator's error, in multiples of the noise floor.
@@ -31,50 +32,56 @@ pub(super) struct DiagnosisState {
 
 impl DiagnosisState {
     /// Makes the winner the new base.
-    pub(super) fn accept(&mut self, bench: &Objective, rival: Rival, found: MissingEffect, tell: &dyn Fn(&Rung)) {
+    pub(super) fn accept(
+        &mut self,
+        objective: &Objective,
+        rival: Rival,
+        found: MissingEffect,
+        on_step: &dyn Fn(&LadderStep),
+    ) {
         self.fit = rival.fit;
-        self.integrator = self.fit.renew_step_error(bench);
+        self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
-        self.fit.solve(bench, SearchBudget::FULL);
-        if leaves_something(bench, self, &self.fit) {
-            self.fit.polish(bench);
-            self.shake(bench, found.candidate);
+        self.fit.solve(objective, SearchBudget::FULL);
+        if leaves_something(objective, self, &self.fit) {
+            self.fit.polish(objective);
+            self.perturb(objective, found.candidate);
         }
         let step = format!("+ {}@{}", found.effect, found.site);
         self.chosen.push(found);
-        self.climb(bench, step, tell);
+        self.record(objective, step, on_step);
     }
 
     /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: begins anew on
     /// either side of where each of the latest effect's numbers ended, as long as that leads lower.
-    fn shake(&mut self, bench: &Objective, candidate: usize) {
+    fn perturb(&mut self, objective: &Objective, candidate: usize) {
         for _ in 0..SHAKES {
-            if bench.family.is_chaotic() || !leaves_something(bench, self, &self.fit) {
+            if objective.model.is_chaotic() || !leaves_something(objective, self, &self.fit) {
                 return;
             }
-            let own = &bench.family.candidates()[candidate];
-            let sides = own.knobs().flat_map(|knob| [-1.0, 1.0].map(|side| (knob, side)));
-            let begun = sides.filter_map(|(knob, side)| {
+            let own = &objective.model.candidates()[candidate];
+            let sides = own.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
+            let with_initial_state = sides.filter_map(|(parameter, side)| {
                 let mut u = self.fit.u.clone();
-                let away = if own.shapes.contains(&knob) { SHAKEN.1 } else { SHAKEN.0 * u[knob].abs() };
-                u[knob] = bench.family.knobs()[knob].clamp(u[knob] + side * away);
-                let mut fit = FitPoint::at(bench, self.fit.active.clone(), u, &self.fit.step_error)?;
-                fit.solve(bench, RESHAPED);
+                let away = if own.shapes.contains(&parameter) { SHAKEN.1 } else { SHAKEN.0 * u[parameter].abs() };
+                u[parameter] = objective.model.parameters()[parameter].clamp(u[parameter] + side * away);
+                let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error)?;
+                fit.solve(objective, RESHAPED);
                 Some(fit)
             });
-            let best = begun.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let best = with_initial_state.min_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
-            best.solve(bench, FOLLOWER);
+            best.solve(objective, FOLLOWER);
             self.fit = best;
         }
     }
 
     /// Drops earlier effects that the latest one has made superfluous.
-    pub(super) fn eliminate(&mut self, bench: &Objective) {
+    pub(super) fn eliminate(&mut self, objective: &Objective) {
         let mut index = 0;
         while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
-            let without = self.without(bench, index);
-            let measure = ComparisonMeasure::of(bench, &self.fit);
+            let without = self.without(objective, index);
+            let measure = ComparisonMeasure::of(objective, &self.fit);
             let needless = without.filter(|fit| {
                 let costs = measure.criterion(fit) - measure.criterion(&self.fit);
                 costs <= DECISIVE || fit.squares() <= (1.0 + LEARNT_FALL) * self.fit.squares()
@@ -82,9 +89,9 @@ impl DiagnosisState {
             match needless {
                 Some(fit) => {
                     self.fit = fit;
-                    self.held_out = held_out_squares(bench, &self.fit.u);
+                    self.held_out = held_out_squares(objective, &self.fit.u);
                     let gone = self.chosen.remove(index);
-                    self.ladder.push(self.rung(bench, format!("- {}@{}", gone.effect, gone.site)));
+                    self.ladder.push(self.step(objective, format!("- {}@{}", gone.effect, gone.site)));
                 }
                 None => index += 1,
             }
@@ -92,76 +99,78 @@ impl DiagnosisState {
     }
 
     /// The best fit without one of the chosen.
-    fn without(&self, bench: &Objective, index: usize) -> Option<FitPoint> {
-        let removed = self.less(bench, &[index]).map(|mut fit| {
-            fit.solve(bench, SearchBudget { jacobians: 2, steps: 12 });
+    fn without(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
+        let removed = self.less(objective, &[index]).map(|mut fit| {
+            fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
             fit
         });
         // The latest one may have got used to this one: once more as if it had never been found.
-        let without = removed.into_iter().chain(self.instead(bench, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let without =
+            removed.into_iter().chain(self.instead(objective, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
         without.map(|mut fit| {
             let near = (1.0 + LEARNT_FALL) * self.fit.squares()..CLOSE * self.fit.squares();
             if near.contains(&fit.squares()) {
-                fit.polish(bench);
+                fit.polish(objective);
             }
             fit
         })
     }
 
     /// The point without some of the chosen; all else stays.
-    fn less(&self, bench: &Objective, indices: &[usize]) -> Option<FitPoint> {
-        let knobs =
-            |&index: &usize| bench.family.candidates()[self.chosen[index].candidate].knobs().collect::<Vec<_>>();
-        let gone: Vec<usize> = indices.iter().flat_map(knobs).collect();
+    fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
+        let parameters = |&index: &usize| {
+            objective.model.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>()
+        };
+        let gone: Vec<usize> = indices.iter().flat_map(parameters).collect();
         let mut u = self.fit.u.clone();
-        gone.iter().for_each(|&knob| u[knob] = 0.0);
-        let active = self.fit.active.iter().copied().filter(|knob| !gone.contains(knob)).collect();
-        FitPoint::at(bench, active, u, &self.fit.step_error)
+        gone.iter().for_each(|&parameter| u[parameter] = 0.0);
+        let active = self.fit.active.iter().copied().filter(|parameter| !gone.contains(parameter)).collect();
+        FitPoint::at(objective, active, u, &self.fit.step_error)
     }
 
     /// The latest of the chosen fitted in the place of an earlier one.
-    fn instead(&self, bench: &Objective, index: usize) -> Option<FitPoint> {
+    fn instead(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
         let latest = self.chosen.len() - 1;
-        self.replaced(bench, &[index, latest], &[self.chosen[latest].candidate]).map(|rival| rival.fit)
+        self.replaced(objective, &[index, latest], &[self.chosen[latest].candidate]).map(|rival| rival.fit)
     }
 
     /// The best of some candidates in the place of some of the chosen.
-    fn replaced(&self, bench: &Objective, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
-        let mut bases = vec![self.less(bench, indices)?];
-        let starts = screen(bench, &mut bases, candidates);
-        race(bench, &bases, &starts, None).into_iter().next()
+    fn replaced(&self, objective: &Objective, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
+        let mut bases = vec![self.less(objective, indices)?];
+        let starts = screen(objective, &mut bases, candidates);
+        race(objective, &bases, &starts, None).into_iter().next()
     }
 
     /// Names what was found first anew where one of its kin that makes do with fewer numbers explains as much, now that
     /// others are known, and the logs to judge on do not object: it may have needed more of them to make up for those.
-    pub(super) fn simplify(&mut self, bench: &Objective) {
-        let candidates = bench.family.candidates();
+    pub(super) fn simplify(&mut self, objective: &Objective) {
+        let candidates = objective.model.candidates();
         for index in 0..self.chosen.len().saturating_sub(1) {
             let own = &candidates[self.chosen[index].candidate];
-            let simpler = |kin: &usize| {
-                candidates[*kin].knobs().count() < own.knobs().count()
-                    && self.chosen.iter().all(|found| found.candidate != *kin)
+            let simpler = |similar: &usize| {
+                candidates[*similar].parameters().count() < own.parameters().count()
+                    && self.chosen.iter().all(|found| found.candidate != *similar)
             };
-            let kin: Vec<usize> = own.kin.iter().copied().filter(simpler).collect();
-            if kin.is_empty() {
+            let similar: Vec<usize> = own.similar.iter().copied().filter(simpler).collect();
+            if similar.is_empty() {
                 continue;
             }
-            let Some(rival) = self.replaced(bench, &[index], &kin) else { continue };
-            let measure = ComparisonMeasure::of(bench, &self.fit);
+            let Some(rival) = self.replaced(objective, &[index], &similar) else { continue };
+            let measure = ComparisonMeasure::of(objective, &self.fit);
             let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
             let bears_out = |now: f64| {
-                held_out_squares(bench, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
+                held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
             };
-            let inside = own.contains.contains(&rival.candidate);
-            let will_do = costs <= TIE || inside && !earns_its_numbers(bench, &self.fit, &rival.fit);
+            let inside = own.nested.contains(&rival.candidate);
+            let will_do = costs <= TIE || inside && !earns_its_numbers(objective, &self.fit, &rival.fit);
             if will_do && self.held_out.is_none_or(bears_out) {
-                self.rename(bench, index, rival, costs);
+                self.rename(objective, index, rival, costs);
             }
         }
     }
 
-    fn rename(&mut self, bench: &Objective, index: usize, rival: Rival, costs: f64) {
-        let (own, found) = (&bench.family.candidates()[rival.candidate], &mut self.chosen[index]);
+    fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
+        let (own, found) = (&objective.model.candidates()[rival.candidate], &mut self.chosen[index]);
         let before = format!("{}@{}", found.effect, found.site);
         found.alike.retain(|alike| *alike != own.name());
         found.alike.push(before.clone());
@@ -169,18 +178,18 @@ impl DiagnosisState {
         (found.effect, found.site, found.candidate) = (own.effect.clone(), own.site.clone(), rival.candidate);
         self.fit = rival.fit;
         self.fit.jacobian = None;
-        self.fit.solve(bench, SearchBudget::FULL);
-        self.held_out = held_out_squares(bench, &self.fit.u).filter(|_| self.held_out.is_some());
-        self.ladder.push(self.rung(bench, format!("{} for {before}", own.name())));
+        self.fit.solve(objective, SearchBudget::FULL);
+        self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
+        self.ladder.push(self.step(objective, format!("{} for {before}", own.name())));
     }
 
     /// Takes another point without any further effect as the base, if it leads lower: what the base reaches by itself is no
     /// merit of an effect.
-    pub(super) fn follow(&mut self, bench: &Objective, mut base: FitPoint) {
-        base.solve(bench, FOLLOWER);
+    pub(super) fn follow(&mut self, objective: &Objective, mut base: FitPoint) {
+        base.solve(objective, FOLLOWER);
         if base.cost < self.fit.cost {
             self.fit = base;
-            self.renew_rung(bench);
+            self.renew_last_step(objective);
             if self.chosen.is_empty() {
                 self.bare = self.fit.clone();
             }
@@ -188,67 +197,67 @@ impl DiagnosisState {
     }
 
     /// The fit without any effect, with the time step as it is now.
-    pub(super) fn bare_now(&self, bench: &Objective) -> Option<FitPoint> {
-        let mut bare = FitPoint::at(bench, self.bare.active.clone(), self.bare.u.clone(), &[])?;
-        bare.renew_step_error(bench);
+    pub(super) fn bare_now(&self, objective: &Objective) -> Option<FitPoint> {
+        let mut bare = FitPoint::at(objective, self.bare.active.clone(), self.bare.u.clone(), &[])?;
+        bare.renew_step_error(objective);
         Some(bare)
     }
 
     /// Whether the error on the logs to judge on is more than noise.
-    pub(super) fn is_judged_badly(&self, bench: &Objective) -> bool {
-        self.held_out.is_some_and(|squares| chi(squares, bench.samples(LogSet::HeldOut)) > NOISE)
+    pub(super) fn is_judged_badly(&self, objective: &Objective) -> bool {
+        self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 
     /// Whether nothing is left to explain where a family is seen from here.
-    pub(super) fn is_explained_by(&self, bench: &Objective) -> bool {
-        let again = FitPoint::at(bench, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
+    pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
+        let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Some(mut fit) = again else { return false };
-        fit.solve(bench, FOLLOWER);
-        let samples = bench.samples(LogSet::HeldOut).max(1);
-        let judged = held_out_squares(bench, &fit.u).map_or(0.0, |squares| chi(squares, samples));
-        !leaves_something(bench, self, &fit) && judged <= NOISE
+        fit.solve(objective, FOLLOWER);
+        let samples = objective.samples(LogSet::HeldOut).max(1);
+        let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
+        !leaves_something(objective, self, &fit) && judged <= NOISE
     }
 
     /// Goes on beside a family that is seen from here.
-    pub(super) fn look_again(&mut self, bench: &Objective, tell: &dyn Fn(&Rung)) {
+    pub(super) fn look_again(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
         for fit in [&mut self.bare, &mut self.fit] {
-            if let Some(again) = FitPoint::at(bench, fit.active.clone(), fit.u.clone(), &[]) {
+            if let Some(again) = FitPoint::at(objective, fit.active.clone(), fit.u.clone(), &[]) {
                 *fit = again;
             }
         }
-        self.integrator = self.fit.renew_step_error(bench);
-        self.fit.solve(bench, SearchBudget::FULL);
-        self.climb(bench, "starts as it sees them".to_owned(), tell);
+        self.integrator = self.fit.renew_step_error(objective);
+        self.fit.solve(objective, SearchBudget::FULL);
+        self.record(objective, "starts as it sees them".to_owned(), on_step);
     }
 
     /// Notes where the error is now.
-    pub(super) fn climb(&mut self, bench: &Objective, step: String, tell: &dyn Fn(&Rung)) {
-        let judged = !bench.logs(LogSet::HeldOut).is_empty();
-        self.held_out = if judged { held_out_squares(bench, &self.fit.u) } else { None };
-        let rung = self.rung(bench, step);
-        tell(&rung);
-        self.ladder.push(rung);
+    pub(super) fn record(&mut self, objective: &Objective, step: String, on_step: &dyn Fn(&LadderStep)) {
+        let judged = !objective.logs(LogSet::HeldOut).is_empty();
+        self.held_out = if judged { held_out_squares(objective, &self.fit.u) } else { None };
+        let step = self.step(objective, step);
+        on_step(&step);
+        self.ladder.push(step);
     }
 
     /// Moves the estimates to the middle of what the logs leave open.
-    pub(super) fn settle(&mut self, bench: &Objective) {
-        self.fit.settle(bench);
-        self.renew_rung(bench);
+    pub(super) fn settle(&mut self, objective: &Objective) {
+        self.fit.settle(objective);
+        self.renew_last_step(objective);
     }
 
-    /// The last rung says what the error is where the fit is now.
-    fn renew_rung(&mut self, bench: &Objective) {
-        self.held_out = self.held_out.and_then(|_| held_out_squares(bench, &self.fit.u));
-        if let Some(step) = self.ladder.pop().map(|rung| rung.step) {
-            self.ladder.push(self.rung(bench, step));
+    /// The last step of the ladder says what the error is where the fit is now.
+    fn renew_last_step(&mut self, objective: &Objective) {
+        self.held_out = self.held_out.and_then(|_| held_out_squares(objective, &self.fit.u));
+        if let Some(step) = self.ladder.pop().map(|step| step.step) {
+            self.ladder.push(self.step(objective, step));
         }
     }
 
-    fn rung(&self, bench: &Objective, step: String) -> Rung {
-        Rung {
+    fn step(&self, objective: &Objective, step: String) -> LadderStep {
+        LadderStep {
             step,
-            train: chi(self.fit.squares(), bench.samples(LogSet::Learn)),
-            held_out: self.held_out.map(|squares| chi(squares, bench.samples(LogSet::HeldOut))),
+            train: chi(self.fit.squares(), objective.samples(LogSet::Learn)),
+            held_out: self.held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
         }
     }
 }

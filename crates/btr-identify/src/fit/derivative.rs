@@ -19,7 +19,7 @@ const SHORT: f64 = 0.005;
 /// factor...
 const GROWTH: f64 = 1.5;
 /// ... but no more often than this: each look sees less of the errors of short steps.
-const LOOKS: usize = 4;
+const RESTARTS: usize = 4;
 /// The step along the common factor of all that is measured in units of mass, in standard deviations of the prior, ...
 const COMMON: f64 = 0.3;
 /// ... and the share of what finer differences say of it below which it is believed.
@@ -76,8 +76,8 @@ impl Slope {
 
 impl FitPoint {
     /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
-    pub fn differentiate(&mut self, bench: &Objective) {
-        let columns = columns(bench, &self.u, &self.active, &self.residual, &self.step_error);
+    pub fn differentiate(&mut self, objective: &Objective) {
+        let columns = columns(objective, &self.u, &self.active, &self.residual, &self.step_error);
         let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
         for (k, column) in columns.iter().enumerate() {
             jacobian.column_mut(k).copy_from_slice(column);
@@ -88,15 +88,15 @@ impl FitPoint {
     /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
     /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again
     /// with shorter steps.
-    pub fn differentiate_finely(&mut self, bench: &Objective) {
-        let mut slopes = self.slopes(bench, &self.active, FINE);
+    pub fn differentiate_finely(&mut self, objective: &Objective) {
+        let mut slopes = self.slopes(objective, &self.active, FINE);
         for finer in SHORTER {
             let bent: Vec<usize> = (0..slopes.len()).filter(|&k| slopes[k].bend > BENT).collect();
             if bent.is_empty() {
                 break;
             }
-            let knobs: Vec<usize> = bent.iter().map(|&k| self.active[k]).collect();
-            for (k, slope) in bent.into_iter().zip(self.slopes(bench, &knobs, FINE * finer)) {
+            let parameters: Vec<usize> = bent.iter().map(|&k| self.active[k]).collect();
+            for (k, slope) in bent.into_iter().zip(self.slopes(objective, &parameters, FINE * finer)) {
                 if slope.bend < slopes[k].bend {
                     slopes[k] = slope;
                 }
@@ -108,19 +108,19 @@ impl FitPoint {
     }
 
     /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
-    fn slopes(&self, bench: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
-        let knobs = bench.family.knobs();
+    fn slopes(&self, objective: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
+        let parameters = objective.model.parameters();
         let stencils: Vec<[(f64, f64); 2]> =
-            active.iter().map(|&k| stencil(&knobs[k], self.u[k], share * knobs[k].reach)).collect();
-        let moved = |(&knob, stencil): (&usize, &[(f64, f64); 2])| {
+            active.iter().map(|&k| stencil(&parameters[k], self.u[k], share * parameters[k].reach)).collect();
+        let moved = |(&parameter, stencil): (&usize, &[(f64, f64); 2])| {
             stencil.map(|(offset, _)| {
                 let mut point = self.u.clone();
-                point[knob] += offset;
+                point[parameter] += offset;
                 point
             })
         };
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
-        let there = bench.residuals(&points, LogSet::Learn);
+        let there = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
         let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<ResidualVector>])| match there {
             [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
@@ -133,12 +133,12 @@ impl FitPoint {
     /// which little is told once more, in steps of the deviation that is left of it. The errors of short steps (a servo that
     /// sticks a sample earlier, a solver's tolerance) would otherwise pass for something that the logs tell, and intervals
     /// would be too narrow just where they matter.
-    pub fn differentiate_widely(&mut self, bench: &Objective) {
-        self.differentiate_finely(bench);
-        self.look_along_the_common_factor(bench);
+    pub fn differentiate_widely(&mut self, objective: &Objective) {
+        self.differentiate_finely(objective);
+        self.look_along_the_common_factor(objective);
         let mut steps = vec![SHORT; self.active.len()];
-        for _ in 0..LOOKS {
-            let Some(told) = told(bench.family.knobs(), self).filter(|told| !told.is_empty()) else { return };
+        for _ in 0..RESTARTS {
+            let Some(told) = told(objective.model.parameters(), self).filter(|told| !told.is_empty()) else { return };
             let eigen = told.symmetric_eigen();
             let deviation = |i: usize| (1.0 + eigen.eigenvalues[i].max(0.0)).powf(-0.5);
             // From the best told direction to the worst told one, so that each meets its likes of the look before.
@@ -152,17 +152,17 @@ impl FitPoint {
             if wider.is_empty() {
                 return;
             }
-            self.look_along(bench, wider);
+            self.look_along(objective, wider);
         }
     }
 
     /// A change of the unit of mass moves nothing. Where nothing that is measured or fixed has to do with mass, logs do
     /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
     /// seem to tell. So it is looked along by itself, and believed where that shows less.
-    fn look_along_the_common_factor(&mut self, bench: &Objective) {
-        let knobs = bench.family.knobs();
-        let Some(along) = self.common_factor(knobs) else { return };
-        let Some(ProbeResponse { along, scaled, change }) = self.look(bench, vec![(along, COMMON)]).pop() else {
+    fn look_along_the_common_factor(&mut self, objective: &Objective) {
+        let parameters = objective.model.parameters();
+        let Some(along) = self.common_factor(parameters) else { return };
+        let Some(ProbeResponse { along, scaled, change }) = self.look(objective, vec![(along, COMMON)]).pop() else {
             return;
         };
         let Some(jacobian) = self.jacobian.as_mut() else { return };
@@ -172,38 +172,38 @@ impl FitPoint {
     }
 
     /// The direction, in units of the priors, in which all that is measured in units of mass grows alike.
-    fn common_factor(&self, knobs: &[FitParameter]) -> Option<DVector<f64>> {
+    fn common_factor(&self, parameters: &[FitParameter]) -> Option<DVector<f64>> {
         let part = |&k: &usize| {
-            let growth = knobs[k].growth(self.u[k]);
-            let grows = knobs[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
-            if grows { 1.0 / (growth * knobs[k].spread) } else { 0.0 }
+            let growth = parameters[k].growth(self.u[k]);
+            let grows = parameters[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
+            if grows { 1.0 / (growth * parameters[k].spread) } else { 0.0 }
         };
         DVector::from_iterator(self.active.len(), self.active.iter().map(part)).try_normalize(0.0)
     }
 
     /// Replaces what the Jacobian says along directions (in units of the priors) by what is seen along them in steps as
     /// given.
-    fn look_along(&mut self, bench: &Objective, directions: Vec<(DVector<f64>, f64)>) {
-        let seen = self.look(bench, directions);
+    fn look_along(&mut self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) {
+        let seen = self.look(objective, directions);
         let Some(jacobian) = self.jacobian.as_mut() else { return };
         seen.iter().for_each(|ProbeResponse { along, scaled, change }| replace(jacobian, along, scaled, change));
     }
 
     /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
     /// as the bounds allow. Directions that blow up or have no room on either side are left out.
-    fn look(&self, bench: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
-        let knobs = bench.family.knobs();
-        let spreads = DVector::from_fn(self.active.len(), |k, _| knobs[self.active[k]].spread);
+    fn look(&self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
+        let parameters = objective.model.parameters();
+        let spreads = DVector::from_fn(self.active.len(), |k, _| parameters[self.active[k]].spread);
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
-            let stencil = self.stencil_along(knobs, &scaled, step)?;
+            let stencil = self.stencil_along(parameters, &scaled, step)?;
             Some(ProbeDirection { along: along.component_div(&spreads), scaled, stencil })
         };
         let looks: Vec<ProbeDirection> = directions.into_iter().filter_map(placed).collect();
         let moved =
-            |look: &ProbeDirection| look.stencil.map(|(step, _)| self.point_along(knobs, &(&look.scaled * step)));
+            |look: &ProbeDirection| look.stencil.map(|(step, _)| self.point_along(parameters, &(&look.scaled * step)));
         let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
-        let there = bench.residuals(&points, LogSet::Learn);
+        let there = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
         let seen = |(look, there): (ProbeDirection, &[Option<ResidualVector>])| {
             let ([Some(near), Some(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
@@ -217,18 +217,18 @@ impl FitPoint {
     }
 
     /// The point that a step of the free knobs leads to, in proportion.
-    pub(super) fn point_along(&self, knobs: &[FitParameter], step: &DVector<f64>) -> Vec<f64> {
+    pub(super) fn point_along(&self, parameters: &[FitParameter], step: &DVector<f64>) -> Vec<f64> {
         let mut point = self.u.clone();
         let moves = self.active.iter().zip(step.iter());
-        moves.for_each(|(&k, by)| point[k] = knobs[k].in_proportion(point[k], *by));
+        moves.for_each(|(&k, by)| point[k] = parameters[k].in_proportion(point[k], *by));
         point
     }
 
     /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.
-    fn stencil_along(&self, knobs: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
+    fn stencil_along(&self, parameters: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
         let room = |side: f64| {
             let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
-                let bound = if side * x > 0.0 { knobs[k].bounds.1 } else { knobs[k].bounds.0 };
+                let bound = if side * x > 0.0 { parameters[k].bounds.1 } else { parameters[k].bounds.0 };
                 (bound - self.u[k]).abs() / x.abs()
             });
             rooms.fold(step, f64::min)
@@ -244,8 +244,8 @@ impl FitPoint {
 }
 
 /// Two offsets and the weights of what changes there, for a derivative of second order with steps of `h`.
-fn stencil(knob: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
-    let (least, most) = knob.bounds;
+fn stencil(parameter: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
+    let (least, most) = parameter.bounds;
     let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
     match () {
         () if u - h >= least && u + h <= most => [(h, 0.5 / h), (-h, -0.5 / h)],
@@ -255,23 +255,29 @@ fn stencil(knob: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
 }
 
 /// d residual / d coordinate of each knob, by finite differences.
-pub fn columns(bench: &Objective, u: &[f64], active: &[usize], residual: &[f64], step_error: &[f64]) -> Vec<Vec<f64>> {
-    let knobs = bench.family.knobs();
-    let reach = |knob: usize| {
-        let reach = knobs[knob].reach;
-        if u[knob] + reach <= knobs[knob].bounds.1 { reach } else { -reach }
+pub fn columns(
+    objective: &Objective,
+    u: &[f64],
+    active: &[usize],
+    residual: &[f64],
+    step_error: &[f64],
+) -> Vec<Vec<f64>> {
+    let parameters = objective.model.parameters();
+    let reach = |parameter: usize| {
+        let reach = parameters[parameter].reach;
+        if u[parameter] + reach <= parameters[parameter].bounds.1 { reach } else { -reach }
     };
-    let moved = |&knob: &usize| {
+    let moved = |&parameter: &usize| {
         let mut point = u.to_vec();
-        point[knob] += reach(knob);
+        point[parameter] += reach(parameter);
         point
     };
     let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let there = bench.residuals(&points, LogSet::Learn);
-    let column = |(&knob, there): (&usize, Option<ResidualVector>)| match there {
+    let there = objective.residuals(&points, LogSet::Learn);
+    let column = |(&parameter, there): (&usize, Option<ResidualVector>)| match there {
         Some(there) => {
             let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
-            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(knob)).collect()
+            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(parameter)).collect()
         }
         None => vec![0.0; residual.len()],
     };

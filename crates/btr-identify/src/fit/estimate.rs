@@ -41,51 +41,51 @@ pub struct Estimate {
 /// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
 /// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
 /// too; with contact they are at least as wide as channels differ in what they say.
-pub fn estimates(bench: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
-    let (family, knobs) = (bench.family, bench.family.knobs());
-    let deviations_within = deviations(knobs, fit, inflation, 1.0);
-    let by_logs = deviations(knobs, fit, inflation, LOOSE);
-    let by_channels = if family.has_contact() { by_channels(family, fit) } else { None };
-    let by_step = if trusted { by_step(bench, fit) } else { None };
+pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
+    let (model, parameters) = (objective.model, objective.model.parameters());
+    let deviations_within = deviations(parameters, fit, inflation, 1.0);
+    let by_logs = deviations(parameters, fit, inflation, LOOSE);
+    let by_channels = if model.has_contact() { by_channels(model, fit) } else { None };
+    let by_step = if trusted { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
-        let (knob, u) = (&knobs[index], fit.u[index]);
-        let near = 1e-6 * (knob.bounds.1 - knob.bounds.0);
-        let at_bound = u <= knob.bounds.0 + near || u >= knob.bounds.1 - near;
+        let (parameter, u) = (&parameters[index], fit.u[index]);
+        let near = 1e-6 * (parameter.bounds.1 - parameter.bounds.0);
+        let at_bound = u <= parameter.bounds.0 + near || u >= parameter.bounds.1 - near;
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
         let deviation = deviation.map(|d| by_channels.as_ref().map_or(d, |by_channels| d.max(by_channels[k])));
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
-        let ends = |d: f64| [-1.0, 1.0].map(|side| knob.value(knob.along(u, side * NINETY_FIVE * d)));
+        let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
-        let (name, unit) = (knob.name.clone(), knob.unit.clone());
-        (index, Estimate { name, unit, value: knob.value(u), ci95, at_bound, by_bounds })
+        let (name, unit) = (parameter.name.clone(), parameter.unit.clone());
+        (index, Estimate { name, unit, value: parameter.value(u), ci95, at_bound, by_bounds })
     };
     fit.active.iter().enumerate().map(estimate).collect()
 }
 
 /// JᵀJ in units of the priors, so that what the logs tell is comparable with what is believed anyway.
-pub(super) fn told(knobs: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
+pub(super) fn told(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let spread = |k: usize| knobs[fit.active[k]].spread;
+    let spread = |k: usize| parameters[fit.active[k]].spread;
     let information = jacobian.tr_mul(jacobian);
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
 /// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as
 /// wide as they are.
-fn information(knobs: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
+fn information(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
-    for (k, &knob) in fit.active.iter().enumerate() {
-        information[(k, k)] += (looser * knobs[knob].spread).powi(-2);
+    for (k, &parameter) in fit.active.iter().enumerate() {
+        information[(k, k)] += (looser * parameters[parameter].spread).powi(-2);
     }
     Some(information)
 }
 
 /// Standard deviation of each free coordinate.
-fn deviations(knobs: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<Vec<f64>> {
-    information(knobs, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
+fn deviations(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<Vec<f64>> {
+    information(parameters, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
 }
 
 fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
@@ -95,9 +95,9 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
 /// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a
 /// channel is small and lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum
 /// of the squares of what each channel's residual says. None where channels are too few to tell.
-fn by_channels(family: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
+fn by_channels(model: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let channels = channels(family.logs().iter().filter(|log| !log.held_out));
+    let channels = channels(model.logs().iter().filter(|log| !log.held_out));
     let numbers = fit.active.len();
     if channels.len() < CHANNELS * numbers {
         return None;
@@ -110,16 +110,16 @@ fn by_channels(family: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
     }
     // A fit bends what channels say towards nothing.
     said *= channels.len() as f64 / (channels.len() - numbers) as f64;
-    let inverse = information(family.knobs(), fit, 1.0, 1.0)?.try_inverse()?;
+    let inverse = information(model.parameters(), fit, 1.0, 1.0)?.try_inverse()?;
     Some(roots(&(&inverse * said * &inverse)))
 }
 
 /// By how much the integrator's error moves each free coordinate; nothing is known of it where motion is chaotic.
-fn by_step(bench: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
-    let jacobian = fit.jacobian.as_ref().filter(|_| !bench.family.is_chaotic())?;
-    let error = bench.step_error(&fit.u, &fit.bare(), LogSet::Learn);
+fn by_step(objective: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
+    let jacobian = fit.jacobian.as_ref().filter(|_| !objective.model.is_chaotic())?;
+    let error = objective.step_error(&fit.u, &fit.bare(), LogSet::Learn);
     let says = jacobian.tr_mul(&DVector::from_vec(error));
-    let moved = information(bench.family.knobs(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
+    let moved = information(objective.model.parameters(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
     Some(moved.iter().map(|by| by.abs()).collect())
 }
 
@@ -135,14 +135,14 @@ pub struct NullDirection {
 
 /// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say: first the knobs
 /// that are dead by themselves, then combinations of the others, each of as few as possible.
-pub fn null_directions(family: &dyn ResidualModel, fit: &FitPoint) -> Vec<NullDirection> {
-    let knobs = family.knobs();
-    let Some(told) = told(knobs, fit) else { return Vec::new() };
+pub fn null_directions(model: &dyn ResidualModel, fit: &FitPoint) -> Vec<NullDirection> {
+    let parameters = model.parameters();
+    let Some(told) = told(parameters, fit) else { return Vec::new() };
     let (dead, alive): (Vec<usize>, Vec<usize>) = (0..told.nrows()).partition(|&k| is_dead(told[(k, k)]));
     let alone = dead.iter().map(|&k| vec![(k, 1.0)]);
     let among = null_space(&told.select_rows(&alive).select_columns(&alive));
     let together = among.into_iter().map(|x| alive.iter().copied().zip(x.iter().copied()).collect());
-    alone.chain(together).map(|direction: Vec<(usize, f64)>| named(knobs, fit, &direction)).collect()
+    alone.chain(together).map(|direction: Vec<(usize, f64)>| named(parameters, fit, &direction)).collect()
 }
 
 /// Directions of which next to nothing is told.
@@ -183,20 +183,21 @@ fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
 }
 
 /// A direction, given as positions among the free knobs with their shares.
-fn named(knobs: &[FitParameter], fit: &FitPoint, direction: &[(usize, f64)]) -> NullDirection {
+fn named(parameters: &[FitParameter], fit: &FitPoint, direction: &[(usize, f64)]) -> NullDirection {
     let largest = direction.iter().map(|(_, x)| *x).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
-    let part = |&(k, x): &(usize, f64)| DirectionPart::new(&knobs[fit.active[k]], fit.u[fit.active[k]], x / largest);
+    let part =
+        |&(k, x): &(usize, f64)| DirectionPart::new(&parameters[fit.active[k]], fit.u[fit.active[k]], x / largest);
     let parts: Vec<DirectionPart> = direction.iter().map(part).collect();
     let sentence = in_words(&parts);
     let mut shares: Vec<(String, f64)> =
-        parts.iter().filter(|part| part.is_named()).map(|part| (part.knob.name.clone(), part.share)).collect();
+        parts.iter().filter(|part| part.is_named()).map(|part| (part.parameter.name.clone(), part.share)).collect();
     shares.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     NullDirection { parts: shares, sentence }
 }
 
 /// A knob in a direction.
 struct DirectionPart<'a> {
-    knob: &'a FitParameter,
+    parameter: &'a FitParameter,
     /// How far it moves, in typical deviations; the largest is 1.
     share: f64,
     /// By which share of itself its value grows.
@@ -204,8 +205,8 @@ struct DirectionPart<'a> {
 }
 
 impl<'a> DirectionPart<'a> {
-    fn new(knob: &'a FitParameter, u: f64, share: f64) -> Self {
-        DirectionPart { knob, share, growth: share * knob.spread * knob.slope(u) / knob.value(u) }
+    fn new(parameter: &'a FitParameter, u: f64, share: f64) -> Self {
+        DirectionPart { parameter, share, growth: share * parameter.spread * parameter.slope(u) / parameter.value(u) }
     }
 
     fn is_named(&self) -> bool {
@@ -216,7 +217,7 @@ impl<'a> DirectionPart<'a> {
 /// What a direction, in the model's order, means.
 fn in_words(parts: &[DirectionPart]) -> String {
     let named: Vec<&DirectionPart> = parts.iter().filter(|part| part.is_named()).collect();
-    let has_mass = named.iter().any(|part| part.knob.unit == "kg");
+    let has_mass = named.iter().any(|part| part.parameter.unit == "kg");
     if let Some(growth) = factor(&named) {
         // What may be of any size moves by a small share of what it may be, though it grows like the others.
         let scaled: Vec<&DirectionPart> =
@@ -229,7 +230,7 @@ fn in_words(parts: &[DirectionPart]) -> String {
     }
     match named.as_slice() {
         [] => String::new(),
-        [one] => format!("{} is dead: these logs say next to nothing about it", one.knob.name),
+        [one] => format!("{} is dead: these logs say next to nothing about it", one.parameter.name),
         several => {
             let remedy = if has_mass { "add a payload of known mass" } else { "fix one of them" };
             format!("only {} together can be told; {remedy} or add a log that separates them", list(several))
@@ -239,7 +240,7 @@ fn in_words(parts: &[DirectionPart]) -> String {
 
 /// "a, b and c".
 fn list(parts: &[&DirectionPart]) -> String {
-    let names: Vec<&str> = parts.iter().map(|part| part.knob.name.as_str()).collect();
+    let names: Vec<&str> = parts.iter().map(|part| part.parameter.name.as_str()).collect();
     match names.as_slice() {
         [several @ .., last] if !several.is_empty() => format!("{} and {last}", several.join(", ")),
         names => names.concat(),

@@ -4,6 +4,7 @@ use super::estimate::{Estimate, NullDirection, estimates, null_directions};
 use super::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
 use super::objective::{LogSet, Objective};
 use super::solve::{FitPoint, FitStop, SearchBudget};
+use crate::LadderStep;
 use crate::residual_model::TimeStep;
 
 /// Where amplitudes that are off are started from: at off, where some effects have no slope, and beside it.
@@ -31,7 +32,7 @@ pub struct FitResult {
     /// What these logs do not tell.
     pub null_directions: Vec<NullDirection>,
     /// What was done, and the two errors after it.
-    pub ladder: Vec<Rung>,
+    pub ladder: Vec<LadderStep>,
     /// Why it ended.
     pub ended: FitStop,
     /// Why there are no intervals, where there are none.
@@ -45,27 +46,25 @@ pub struct FitResult {
     pub rollouts: usize,
 }
 
-/// A step of the ladder: what was done, and the error after it on the logs to learn from and on held-out ones.
-type Rung = (String, f64, Option<f64>);
-
 /// The steps so far, and who hears of them.
 struct LadderRecorder<'a> {
-    rungs: Vec<Rung>,
-    tell: &'a dyn Fn(&str, f64, Option<f64>),
+    steps: Vec<LadderStep>,
+    on_step: &'a dyn Fn(&LadderStep),
 }
 
 impl LadderRecorder<'_> {
-    fn climb(&mut self, bench: &Objective, step: &str, fit: &FitPoint) {
-        let train = chi(fit.squares(), bench.samples(LogSet::Learn));
-        let held_out = held_out_squares(bench, &fit.u).filter(|_| !bench.logs(LogSet::HeldOut).is_empty());
-        let held_out = held_out.map(|squares| chi(squares, bench.samples(LogSet::HeldOut)));
-        (self.tell)(step, train, held_out);
-        self.rungs.push((step.to_owned(), train, held_out));
+    fn record(&mut self, objective: &Objective, step: &str, fit: &FitPoint) {
+        let train = chi(fit.squares(), objective.samples(LogSet::Learn));
+        let held_out = held_out_squares(objective, &fit.u).filter(|_| !objective.logs(LogSet::HeldOut).is_empty());
+        let held_out = held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut)));
+        let step = LadderStep { step: step.to_owned(), train, held_out };
+        (self.on_step)(&step);
+        self.steps.push(step);
     }
 
     /// The last error on held-out logs, or else on those to learn from.
     fn error(&self) -> f64 {
-        self.rungs.last().map_or(f64::INFINITY, |(_, train, held_out)| held_out.unwrap_or(*train))
+        self.steps.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train))
     }
 }
 
@@ -73,52 +72,58 @@ impl LadderRecorder<'_> {
 type FinishedSearch = (FitPoint, FitStop, f64);
 
 /// How often a motion without contact is looked at anew, ...
-pub(crate) const LOOKS: usize = 3;
+pub(crate) const RESTARTS: usize = 3;
 /// ... while the squares fall below this share, or to this one where that leaves something to explain.
 const LESS: f64 = 0.99;
 const MOST: f64 = 0.5;
 
-/// Fits everything that is in doubt; `tell` hears each step: what was done, the error on the logs to learn from and on
+/// Fits everything that is in doubt; `on_step` is called with each step: what was done, the error on the logs to learn from and on
 /// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
 /// where the model blows up as it stands.
-pub fn fitted(bench: &Objective, tell: &dyn Fn(&str, f64, Option<f64>)) -> Option<FitResult> {
-    let mut ladder = LadderRecorder { rungs: Vec::new(), tell };
-    let fit = begin(bench, &mut ladder)?;
-    let done = finish(bench, fit, &mut ladder, "fitted");
-    let looks = if bench.family.has_contact() { 1 } else { LOOKS };
-    looked(bench, done, ladder, looks)
+pub fn fitted(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<FitResult> {
+    let mut ladder = LadderRecorder { steps: Vec::new(), on_step };
+    let fit = begin(objective, &mut ladder)?;
+    let done = finish(objective, fit, &mut ladder, "fitted");
+    let restarts_left = if objective.model.has_contact() { 1 } else { RESTARTS };
+    looked(objective, done, ladder, restarts_left)
 }
 
 /// Goes on with starts as the fitted model sees them, so often at most. Where nothing is touched, that is tried in any case,
 /// and kept if it leaves less.
-fn looked(bench: &Objective, done: FinishedSearch, mut ladder: LadderRecorder, looks: usize) -> Option<FitResult> {
-    let contact = bench.family.has_contact();
-    if looks == 0 || (contact && ladder.error() <= NOISE) {
-        return Some(conclude(bench, done, ladder));
+fn looked(
+    objective: &Objective,
+    done: FinishedSearch,
+    mut ladder: LadderRecorder,
+    restarts_left: usize,
+) -> Option<FitResult> {
+    let contact = objective.model.has_contact();
+    if restarts_left == 0 || (contact && ladder.error() <= NOISE) {
+        return Some(conclude(objective, done, ladder));
     }
-    let seen = bench.seen_from(&done.0.u);
+    let seen = objective.with_starts_at(&done.0.u);
     if seen.is_none() && contact {
-        return Some(conclude(bench, done, ladder));
+        return Some(conclude(objective, done, ladder));
     }
-    let again = bench.going_on(seen.as_deref().unwrap_or(bench.family), &done.0.u);
+    let again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &done.0.u);
     let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
     fit.renew_step_error(&again);
     if !contact {
         fit.solve(&again, TRIAL);
-        if !is_better(&again, &fit, bench, &done.0) {
-            bench.count(&again);
-            return Some(conclude(bench, done, ladder));
+        if !is_better(&again, &fit, objective, &done.0) {
+            objective.count(&again);
+            return Some(conclude(objective, done, ladder));
         }
     }
     let done = finish(&again, fit, &mut ladder, "starts as it sees them");
-    looked(&again, done, ladder, looks - 1)
+    looked(&again, done, ladder, restarts_left - 1)
 }
 
 /// Whether starts that were seen anew are to be believed: nothing is left to explain, and less than before; or they were so
 /// wrong that most is explained now. A model that lacks something sees starts that make up for a little of it.
-fn is_better(again: &Objective, fit: &FitPoint, bench: &Objective, before: &FitPoint) -> bool {
-    let squares = |bench: &Objective, fit: &FitPoint| (fit.squares(), held_out_squares(bench, &fit.u).unwrap_or(0.0));
-    let ((learnt, judged), (learnt_before, judged_before)) = (squares(again, fit), squares(bench, before));
+fn is_better(again: &Objective, fit: &FitPoint, objective: &Objective, before: &FitPoint) -> bool {
+    let squares =
+        |objective: &Objective, fit: &FitPoint| (fit.squares(), held_out_squares(objective, &fit.u).unwrap_or(0.0));
+    let ((learnt, judged), (learnt_before, judged_before)) = (squares(again, fit), squares(objective, before));
     let samples = |logs| again.samples(logs);
     let explained =
         chi(learnt, samples(LogSet::Learn)) <= NOISE && chi(judged, samples(LogSet::HeldOut).max(1)) <= NOISE;
@@ -127,23 +132,23 @@ fn is_better(again: &Objective, fit: &FitPoint, bench: &Objective, before: &FitP
 }
 
 /// The best of several starts.
-fn begin(bench: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint> {
-    let knobs = bench.family.knobs();
-    let doubtful = bench.family.doubtful().to_vec();
-    let mut fit = FitPoint::at(bench, doubtful.clone(), vec![0.0; knobs.len()], &[])?;
-    fit.renew_step_error(bench);
-    ladder.climb(bench, "model as it stands", &fit);
-    let off: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].amplitude).collect();
-    let open: Vec<usize> = doubtful.iter().copied().filter(|&k| knobs[k].is_of_any_magnitude()).collect();
+fn begin(objective: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint> {
+    let parameters = objective.model.parameters();
+    let free = objective.model.free().to_vec();
+    let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; parameters.len()], &[])?;
+    fit.renew_step_error(objective);
+    ladder.record(objective, "model as it stands", &fit);
+    let off: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].amplitude).collect();
+    let open: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].is_of_any_magnitude()).collect();
     if off.is_empty() && open.is_empty() {
         return Some(fit);
     }
     let start = |(size, factor): (f64, f64)| {
         let mut u = fit.u.clone();
-        off.iter().for_each(|&k| u[k] = knobs[k].clamp(size));
-        open.iter().for_each(|&k| u[k] = knobs[k].clamp(knobs[k].coordinate(factor * knobs[k].origin)));
-        let mut fit = FitPoint::at(bench, doubtful.clone(), u, &fit.step_error)?;
-        fit.solve(bench, TRIAL);
+        off.iter().for_each(|&k| u[k] = parameters[k].clamp(size));
+        open.iter().for_each(|&k| u[k] = parameters[k].clamp(parameters[k].coordinate(factor * parameters[k].origin)));
+        let mut fit = FitPoint::at(objective, free.clone(), u, &fit.step_error)?;
+        fit.solve(objective, TRIAL);
         Some(fit)
     };
     let best_of = |sizes: &[f64], factors: &[f64]| {
@@ -152,50 +157,53 @@ fn begin(bench: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint> {
     };
     let (at_off, beside_it) = STARTS.split_at(1);
     let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0])?;
-    if !open.is_empty() && chi(best.squares(), bench.samples(LogSet::Learn)) > NOISE {
+    if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > NOISE {
         let other = best_of(if off.is_empty() { at_off } else { beside_it }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
-    ladder.climb(bench, "best of several starts", &best);
+    ladder.record(objective, "best of several starts", &best);
     Some(best)
 }
 
 /// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
-fn finish(bench: &Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
+fn finish(objective: &Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
-    fit.solve(bench, SearchBudget::FULL);
-    let integrator_error = fit.renew_step_error(bench);
-    let ended = fit.solve(bench, SearchBudget { jacobians: 2, steps: 8 });
+    fit.solve(objective, SearchBudget::FULL);
+    let integrator_error = fit.renew_step_error(objective);
+    let ended = fit.solve(objective, SearchBudget { jacobians: 2, steps: 8 });
     let solved = fit.cost;
-    fit.settle(bench);
+    fit.settle(objective);
     // Steps along slopes as wide as what is left in doubt lead nowhere either.
     let ended = if solved - fit.cost <= CONVERGED * solved { FitStop::Converged } else { ended };
-    ladder.climb(bench, step, &fit);
+    ladder.record(objective, step, &fit);
     (fit, ended, integrator_error)
 }
 
-fn conclude(bench: &Objective, (fit, ended, integrator_error): FinishedSearch, ladder: LadderRecorder) -> FitResult {
+fn conclude(
+    objective: &Objective,
+    (fit, ended, integrator_error): FinishedSearch,
+    ladder: LadderRecorder,
+) -> FitResult {
     let error = ladder.error();
     let withheld = (error > NOISE).then(|| {
         format!(
             "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
         )
     });
-    let inflation = ComparisonMeasure::of(bench, &fit).inflation();
-    let (train, held_out) =
-        ladder.rungs.last().map_or((f64::INFINITY, None), |(_, train, held_out)| (*train, *held_out));
+    let inflation = ComparisonMeasure::of(objective, &fit).inflation();
+    let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
     FitResult {
-        parameters: estimates(bench, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
-        null_directions: null_directions(bench.family, &fit),
-        integrator_error: integrator_error.max(fit.step_error_to_judge_on(bench)),
+        parameters: estimates(objective, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
+        null_directions: null_directions(objective.model, &fit),
+        integrator_error: integrator_error.max(fit.step_error_to_judge_on(objective)),
         fit,
         train,
         held_out,
-        ladder: ladder.rungs,
+        ladder: ladder.steps,
         ended,
         withheld,
-        step: bench.step(),
-        rollouts: bench.rollouts(),
+        step: objective.step(),
+        rollouts: objective.rollouts(),
     }
 }
 
@@ -203,7 +211,7 @@ fn conclude(bench: &Objective, (fit, ended, integrator_error): FinishedSearch, l
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::{Made, knob};
+    use crate::fit::fixture::{Made, parameter};
     use crate::residual_model::{FitParameter, Parametrisation};
 
     #[test]
@@ -212,13 +220,13 @@ mod tests {
         let rate = FitParameter {
             spread: 3.0,
             reach: 0.01,
-            ..knob(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
+            ..parameter(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
         };
         let made = Made::new(vec![rate], 120, |values| {
             let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
             (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
         });
-        let found = fitted(&Objective::new(&made), &|_, _, _| {}).unwrap();
+        let found = fitted(&Objective::new(&made), &|_| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

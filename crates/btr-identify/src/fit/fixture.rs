@@ -7,14 +7,14 @@ use crate::residual_model::{
 use btr_core::world::WorldError;
 
 pub(crate) struct Made {
-    pub(crate) knobs: Vec<FitParameter>,
-    doubtful: Vec<usize>,
+    pub(crate) parameters: Vec<FitParameter>,
+    free: Vec<usize>,
     logs: Vec<RecordedLog>,
     residual: fn(&[f64]) -> Vec<f64>,
 }
 
 /// A knob between -10 and 10, expected to be within 1.
-pub(crate) fn knob(law: Parametrisation, origin: f64, size: f64) -> FitParameter {
+pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitParameter {
     FitParameter {
         name: String::new(),
         unit: String::new(),
@@ -30,20 +30,20 @@ pub(crate) fn knob(law: Parametrisation, origin: f64, size: f64) -> FitParameter
 
 impl Made {
     /// All knobs are in doubt; `residual` is of so many rows.
-    pub(crate) fn new(knobs: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
+    pub(crate) fn new(parameters: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
         let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
         let log = RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };
-        Made { doubtful: (0..knobs.len()).collect(), knobs, logs: vec![log], residual }
+        Made { free: (0..parameters.len()).collect(), parameters, logs: vec![log], residual }
     }
 }
 
 impl ResidualModel for Made {
-    fn knobs(&self) -> &[FitParameter] {
-        &self.knobs
+    fn parameters(&self) -> &[FitParameter] {
+        &self.parameters
     }
 
-    fn doubtful(&self) -> &[usize] {
-        &self.doubtful
+    fn free(&self) -> &[usize] {
+        &self.free
     }
 
     fn candidates(&self) -> &[EffectCandidate] {
@@ -55,7 +55,7 @@ impl ResidualModel for Made {
     }
 
     fn residual(&self, ResidualRequest { u, .. }: ResidualRequest, _: TimeStep) -> Result<Vec<f64>, WorldError> {
-        let values: Vec<f64> = self.knobs.iter().zip(u).map(|(knob, u)| knob.value(*u)).collect();
+        let values: Vec<f64> = self.parameters.iter().zip(u).map(|(parameter, u)| parameter.value(*u)).collect();
         Ok((self.residual)(&values))
     }
 }

@@ -40,26 +40,26 @@ pub struct Identifiable {
 
 /// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model
 /// blows up as it stands.
-pub fn identifiable(bench: &Objective) -> Option<Identifiable> {
-    let (family, knobs) = (bench.family, bench.family.knobs());
-    if family.doubtful().is_empty() {
+pub fn identifiable(objective: &Objective) -> Option<Identifiable> {
+    let (model, parameters) = (objective.model, objective.model.parameters());
+    if model.free().is_empty() {
         return None;
     }
-    let mut fit = FitPoint::at(bench, family.doubtful().to_vec(), vec![0.0; knobs.len()], &[])?;
-    fit.differentiate_widely(bench);
-    let told = told(knobs, &fit)?;
+    let mut fit = FitPoint::at(objective, model.free().to_vec(), vec![0.0; parameters.len()], &[])?;
+    fit.differentiate_widely(objective);
+    let told = told(parameters, &fit)?;
     let left = (DMatrix::identity(told.nrows(), told.nrows()) + &told).cholesky()?.inverse();
-    let samples = bench.samples(LogSet::Learn).max(1) as f64;
+    let samples = objective.samples(LogSet::Learn).max(1) as f64;
     let sensitivity = |(k, &index): (usize, &usize)| Sensitivity {
-        name: knobs[index].name.clone(),
-        unit: knobs[index].unit.clone(),
-        value: knobs[index].origin,
+        name: parameters[index].name.clone(),
+        unit: parameters[index].unit.clone(),
+        value: parameters[index].origin,
         sensitivity: (told[(k, k)] / samples).sqrt(),
         uncertainty_left: left[(k, k)].max(0.0).sqrt(),
         dead: is_dead(told[(k, k)]),
     };
     let parameters = fit.active.iter().enumerate().map(sensitivity).collect();
-    let null_directions = null_directions(family, &fit);
+    let null_directions = null_directions(model, &fit);
     let squares = told.symmetric_eigenvalues();
     let (most, least) = (squares.max(), squares.min());
     // Below this the smallest is rounding.

@@ -22,9 +22,9 @@ pub struct ComparisonMeasure {
 
 impl ComparisonMeasure {
     /// Taken from the best fit, or the last.
-    pub fn of(bench: &Objective, best: &FitPoint) -> Self {
-        let samples = bench.samples(LogSet::Learn) as f64;
-        ComparisonMeasure { variance: (best.squares() / samples).max(1.0), memory: memory(bench, best), samples }
+    pub fn of(objective: &Objective, best: &FitPoint) -> Self {
+        let samples = objective.samples(LogSet::Learn) as f64;
+        ComparisonMeasure { variance: (best.squares() / samples).max(1.0), memory: memory(objective, best), samples }
     }
 
     /// B: the smaller, the better. Differences above ten are decisive.
@@ -46,19 +46,19 @@ pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
 
 /// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
 /// blows up.
-pub(crate) fn held_out_squares(bench: &Objective, u: &[f64]) -> Option<f64> {
-    let residual = bench.residual(u, LogSet::HeldOut)?;
+pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> {
+    let residual = objective.residual(u, LogSet::HeldOut)?;
     let as_simulated = squares(&residual);
-    if bench.family.is_chaotic() {
+    if objective.model.is_chaotic() {
         return Some(as_simulated);
     }
-    let error = bench.step_error(u, &residual, LogSet::HeldOut);
+    let error = objective.step_error(u, &residual, LogSet::HeldOut);
     Some(squares(&corrected(residual, &error)).min(as_simulated))
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
-fn memory(bench: &Objective, fit: &FitPoint) -> f64 {
-    let logs = bench.logs(LogSet::Learn).iter().map(|&log| &bench.family.logs()[log]);
+fn memory(objective: &Objective, fit: &FitPoint) -> f64 {
+    let logs = objective.logs(LogSet::Learn).iter().map(|&log| &objective.model.logs()[log]);
     let (mut weighted, mut weight) = (0.0, 0.0);
     for rows in channels(logs) {
         let series = &fit.residual[rows];

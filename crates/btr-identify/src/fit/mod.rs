@@ -16,7 +16,7 @@ mod start_states;
 
 pub use derivative::columns;
 pub use estimate::{Estimate, NullDirection, estimates, null_directions};
-pub(crate) use fitted::LOOKS;
+pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use measure::{ComparisonMeasure, NOISE};

@@ -20,7 +20,7 @@ pub const FINEST: u32 = 4;
 /// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
 pub struct Objective<'a> {
     /// The family.
-    pub family: &'a dyn ResidualModel,
+    pub model: &'a dyn ResidualModel,
     learn: Vec<usize>,
     held_out: Vec<usize>,
     starts: StartStates,
@@ -42,29 +42,29 @@ pub type ResidualVector = Vec<f64>;
 
 impl<'a> Objective<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
-    pub fn new(family: &'a dyn ResidualModel) -> Self {
-        Self::at(family, &vec![0.0; family.knobs().len()])
+    pub fn new(model: &'a dyn ResidualModel) -> Self {
+        Self::at(model, &vec![0.0; model.parameters().len()])
     }
 
     /// The same where what another start state does is answered by the model at a point.
-    pub fn at(family: &'a dyn ResidualModel, u: &[f64]) -> Self {
-        let (held_out, learn) = (0..family.logs().len()).partition(|log| family.logs()[*log].held_out);
-        let (starts, rollouts) = StartStates::at(family, u);
-        Objective { family, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
+    pub fn at(model: &'a dyn ResidualModel, u: &[f64]) -> Self {
+        let (held_out, learn) = (0..model.logs().len()).partition(|log| model.logs()[*log].held_out);
+        let (starts, rollouts) = StartStates::at(model, u);
+        Objective { model, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
     }
 
     /// A bench for the same family as it is seen from a point: with this one's step, counting on.
-    pub(crate) fn going_on<'b>(&self, family: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
-        let other = Objective::at(family, u);
+    pub(crate) fn going_on<'b>(&self, model: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
+        let other = Objective::at(model, u);
         let rollouts = self.rollouts() + other.rollouts();
         Objective { halvings: self.step().halvings().into(), rollouts: rollouts.into(), ..other }
     }
 
-    /// The family as the model at a point has it; see [`ResidualModel::seen_from`]. `None` where that is no different.
-    pub(crate) fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
-        let (moved, rollouts) = nearest_starts(self.family, u, MOVED);
+    /// The family as the model at a point has it; see [`ResidualModel::with_starts_at`]. `None` where that is no different.
+    pub(crate) fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+        let (moved, rollouts) = nearest_starts(self.model, u, MOVED);
         self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
-        if moved.is_empty() { self.family.seen_from(u) } else { self.family.begun(&moved) }
+        if moved.is_empty() { self.model.with_starts_at(u) } else { self.model.with_initial_state(&moved) }
     }
 
     /// Takes over the count of a bench that went on from here.
@@ -86,7 +86,7 @@ impl<'a> Objective<'a> {
     /// or else in those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors
     /// have that error in them.
     pub(super) fn refine(&self, learn: f64, held_out: impl FnOnce() -> f64) -> bool {
-        let refinable = self.step().divides_by() < FINEST && !self.family.is_chaotic();
+        let refinable = self.step().divides_by() < FINEST && !self.model.is_chaotic();
         let refines = refinable && (learn > FINE_ENOUGH || held_out() > FINE_ENOUGH);
         if refines {
             self.halvings.fetch_add(1, Ordering::Relaxed);
@@ -116,7 +116,7 @@ impl<'a> Objective<'a> {
         let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
         let rollouts: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
         self.rollouts.fetch_add(rollouts.len(), Ordering::Relaxed);
-        let parts = each(self.family, &rollouts, step, &|log, residual| self.known(log, residual));
+        let parts = each(self.model, &rollouts, step, &|log, residual| self.known(log, residual));
         let joined = |point: usize| {
             let of_logs = (0..which.len()).map(|log| parts[log * points.len() + point].as_deref());
             Some(of_logs.collect::<Option<Vec<&[f64]>>>()?.concat())
@@ -134,7 +134,7 @@ impl<'a> Objective<'a> {
 
     /// Measured samples of the logs of a kind, without those that their start states take.
     pub fn samples(&self, logs: LogSet) -> usize {
-        let count = |log: &usize| self.family.logs()[*log].present.saturating_sub(self.starts.rank(*log));
+        let count = |log: &usize| self.model.logs()[*log].present.saturating_sub(self.starts.rank(*log));
         self.logs(logs).iter().map(count).sum()
     }
 
@@ -143,7 +143,7 @@ impl<'a> Objective<'a> {
         let mut start = 0;
         let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();
         for &log in &self.learn {
-            let rows = start..start + self.family.logs()[log].rows();
+            let rows = start..start + self.model.logs()[log].rows();
             start = rows.end;
             logs.push((squares(&residual[rows.clone()]), log, rows));
         }
@@ -168,21 +168,21 @@ impl<'a> Objective<'a> {
 
     /// The change that half the step makes, extrapolated to no step at all (Richardson).
     pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
-        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.family.order()) - 1.0);
+        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.model.order()) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
 }
 
 /// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
 pub(super) fn each<T: Send>(
-    family: &dyn ResidualModel,
+    model: &dyn ResidualModel,
     rollouts: &[ResidualRequest],
     step: TimeStep,
     made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
 ) -> Vec<T> {
-    let at_once = side_by_side(family.side_by_side(), rollouts.len());
+    let at_once = side_by_side(model.side_by_side(), rollouts.len());
     let run = |few: &[ResidualRequest]| {
-        let residuals = family.residuals(few, step);
+        let residuals = model.residuals(few, step);
         few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
     };
     rollouts.par_chunks(at_once).with_max_len(1).flat_map_iter(run).collect()

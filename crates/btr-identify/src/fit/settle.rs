@@ -23,11 +23,11 @@ impl FitPoint {
     /// factor of masses, gains and friction), so steps go in proportion and follow what is left of the curve:
     /// M. K. Transtrum and J. P. Sethna, "Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
     /// minimization", arXiv:1201.5885.
-    pub fn settle(&mut self, bench: &Objective) {
-        self.differentiate_widely(bench);
+    pub fn settle(&mut self, objective: &Objective) {
+        self.differentiate_widely(objective);
         let mut renewals = 0;
         for _ in 0..SETTLING {
-            let (fall, promised) = match self.settling_step(bench) {
+            let (fall, promised) = match self.settling_step(objective) {
                 Some((to, promised)) => {
                     let (fall, jacobian) = (self.cost - to.cost, self.jacobian.take());
                     *self = FitPoint { jacobian, ..to };
@@ -38,7 +38,7 @@ impl FitPoint {
             };
             // Slopes that promised more than came are not those of here.
             if fall < KEPT * promised && promised > WORTH_A_STEP && renewals < RENEWALS {
-                self.differentiate_widely(bench);
+                self.differentiate_widely(objective);
                 renewals += 1;
             } else if fall < WORTH_A_STEP {
                 return;
@@ -48,24 +48,24 @@ impl FitPoint {
 
     /// The best point on the way to where the local model is least, if it is better than here, and by how much the cost
     /// should fall on the way.
-    fn settling_step(&self, bench: &Objective) -> Option<(FitPoint, f64)> {
-        let (knobs, jacobian) = (bench.family.knobs(), self.jacobian.as_ref()?);
-        let (straight, pinned) = self.bounded_step(knobs, jacobian)?;
-        let promised = self.promised(knobs, jacobian, &straight);
-        let bend = self.bend(bench, jacobian, &straight, &pinned);
+    fn settling_step(&self, objective: &Objective) -> Option<(FitPoint, f64)> {
+        let (parameters, jacobian) = (objective.model.parameters(), self.jacobian.as_ref()?);
+        let (straight, pinned) = self.bounded_step(parameters, jacobian)?;
+        let promised = self.promised(parameters, jacobian, &straight);
+        let bend = self.bend(objective, jacobian, &straight, &pinned);
         let curved = bend.map(|bend| SHARES.map(|share| &straight * share + &bend * share.powi(2)));
         let steps = SHARES.map(|share| &straight * share).into_iter().chain(curved.into_iter().flatten());
-        let points = steps.map(|step| self.point_along(knobs, &step)).collect();
-        let best = self.elsewhere(bench, points).into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let points = steps.map(|step| self.point_along(parameters, &step)).collect();
+        let best = self.elsewhere(objective, points).into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.filter(|best| best.cost < self.cost).map(|best| (best, promised))
     }
 
     /// The same fit at other points, without slopes; those that blow up are left out.
-    fn elsewhere(&self, bench: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
-        let there = bench.residuals(&points, LogSet::Learn);
+    fn elsewhere(&self, objective: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
+        let there = objective.residuals(&points, LogSet::Learn);
         let fit = |(u, residual): (Vec<f64>, Option<ResidualVector>)| {
             let residual = corrected(residual?, &self.step_error);
-            let cost = cost(bench.family.knobs(), &self.active, &u, &residual);
+            let cost = cost(objective.model.parameters(), &self.active, &u, &residual);
             let (active, step_error) = (self.active.clone(), self.step_error.clone());
             Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
         };
@@ -73,8 +73,8 @@ impl FitPoint {
     }
 
     /// By how much the local model's cost falls with a step.
-    fn promised(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>, step: &DVector<f64>) -> f64 {
-        let prior = |(&k, by): (&usize, &f64)| (2.0 * self.u[k] * by + by * by) / knobs[k].spread.powi(2);
+    fn promised(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, step: &DVector<f64>) -> f64 {
+        let prior = |(&k, by): (&usize, &f64)| (2.0 * self.u[k] * by + by * by) / parameters[k].spread.powi(2);
         let change = jacobian * step;
         let priors: f64 = self.active.iter().zip(step.iter()).map(prior).sum();
         -(2.0 * change.dot(&DVector::from_column_slice(&self.residual)) + change.norm_squared() + priors)
@@ -84,17 +84,17 @@ impl FitPoint {
     /// farthest beyond first, and the others do what is best then; with those that do.
     fn bounded_step(
         &self,
-        knobs: &[FitParameter],
+        parameters: &[FitParameter],
         jacobian: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
-        let gradient = self.gradient(knobs, jacobian);
+        let gradient = self.gradient(parameters, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
-            let step = self.solved(knobs, jacobian, 0.0, &pinned, gradient.clone())?;
+            let step = self.solved(parameters, jacobian, 0.0, &pinned, gradient.clone())?;
             let beyond = |k: usize| {
-                let (knob, u) = (&knobs[self.active[k]], self.u[self.active[k]]);
-                let bound = if step[k] < 0.0 { knob.bounds.0 } else { knob.bounds.1 };
-                (((step[k] - (bound - u)) * step[k].signum()) / knob.spread, bound - u)
+                let (parameter, u) = (&parameters[self.active[k]], self.u[self.active[k]]);
+                let bound = if step[k] < 0.0 { parameter.bounds.0 } else { parameter.bounds.1 };
+                (((step[k] - (bound - u)) * step[k].signum()) / parameter.spread, bound - u)
             };
             let free = (0..pinned.len()).filter(|&k| pinned[k].is_none());
             let farthest = free.map(|k| (k, beyond(k))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));
@@ -109,20 +109,21 @@ impl FitPoint {
     /// where it bends too much to be followed.
     fn bend(
         &self,
-        bench: &Objective,
+        objective: &Objective,
         jacobian: &DMatrix<f64>,
         step: &DVector<f64>,
         pinned: &[Option<f64>],
     ) -> Option<DVector<f64>> {
-        let knobs = bench.family.knobs();
-        let there = bench.residuals(&AHEAD.map(|share| self.point_along(knobs, &(step * share))), LogSet::Learn);
+        let parameters = objective.model.parameters();
+        let there =
+            objective.residuals(&AHEAD.map(|share| self.point_along(parameters, &(step * share))), LogSet::Learn);
         let [Some(near), Some(far)] = &there[..] else { return None };
         let (near_weight, far_weight, here_weight) = second_difference(AHEAD);
         let here = self.bare();
         let second = |row: usize| 0.5 * (near_weight * near[row] + far_weight * far[row] + here_weight * here[row]);
         let second = DVector::from_fn(here.len(), |row, _| second(row));
         let held: Vec<Option<f64>> = pinned.iter().map(|pinned| pinned.map(|_| 0.0)).collect();
-        let bend = self.solved(knobs, jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
+        let bend = self.solved(parameters, jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
         (bend.norm() < BENT * step.norm()).then_some(bend)
     }
 }
@@ -137,7 +138,7 @@ fn second_difference([near, far]: [f64; 2]) -> (f64, f64, f64) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::{Made, knob};
+    use crate::fit::fixture::{Made, parameter};
     use crate::fit::{SearchBudget, estimates};
     use crate::residual_model::Parametrisation;
 
@@ -147,12 +148,13 @@ mod tests {
 
     /// A servo with friction: what is measured follows from gain over mass and from friction over mass alone.
     fn servo() -> Made {
-        let of = |unit: &str, knob: FitParameter| FitParameter { unit: unit.to_owned(), ..knob };
-        let factor = |origin| FitParameter { bounds: (-2.0, 2.0), ..knob(Parametrisation::Exponential, origin, 0.3) };
-        let friction = knob(Parametrisation::Linear, 0.0, 0.1);
+        let of = |unit: &str, parameter: FitParameter| FitParameter { unit: unit.to_owned(), ..parameter };
+        let factor =
+            |origin| FitParameter { bounds: (-2.0, 2.0), ..parameter(Parametrisation::Exponential, origin, 0.3) };
+        let friction = parameter(Parametrisation::Linear, 0.0, 0.1);
         let friction = FitParameter { bounds: (0.0, 30.0), spread: 33.0, amplitude: true, ..friction };
-        let knobs = vec![of("kg", factor(2.0)), of("N.m/rad", factor(30.0)), of("N.m", friction)];
-        Made::new(knobs, ROWS, |values| {
+        let parameters = vec![of("kg", factor(2.0)), of("N.m/rad", factor(30.0)), of("N.m", friction)];
+        Made::new(parameters, ROWS, |values| {
             let noise = |row: usize| ((row * row) as f64 * 0.7).sin() * std::f64::consts::SQRT_2;
             (0..ROWS).map(|row| swing(&TRUTH, row) + noise(row) - swing(values, row)).collect()
         })
@@ -164,23 +166,23 @@ mod tests {
     }
 
     /// A fit that has gone downhill from somewhere along the factor.
-    fn downhill(bench: &Objective, factor: f64) -> FitPoint {
-        let knobs = bench.family.knobs();
-        let u = knobs.iter().zip(TRUTH).map(|(knob, value)| knob.coordinate(factor * value)).collect();
-        let mut fit = FitPoint::at(bench, vec![0, 1, 2], u, &[]).unwrap();
-        fit.solve(bench, SearchBudget::FULL);
+    fn downhill(objective: &Objective, factor: f64) -> FitPoint {
+        let parameters = objective.model.parameters();
+        let u = parameters.iter().zip(TRUTH).map(|(parameter, value)| parameter.coordinate(factor * value)).collect();
+        let mut fit = FitPoint::at(objective, vec![0, 1, 2], u, &[]).unwrap();
+        fit.solve(objective, SearchBudget::FULL);
         fit
     }
 
     #[test]
     fn a_common_factor_that_is_not_told_is_found_in_its_middle() {
         let servo = servo();
-        let bench = Objective::new(&servo);
+        let objective = Objective::new(&servo);
         let mut ends = Vec::new();
         for factor in [0.8, 1.0, 1.3] {
-            let mut fit = downhill(&bench, factor);
-            fit.settle(&bench);
-            let estimates = estimates(&bench, &fit, 1.0, true);
+            let mut fit = downhill(&objective, factor);
+            fit.settle(&objective);
+            let estimates = estimates(&objective, &fit, 1.0, true);
             for ((_, estimate), truth) in estimates.iter().zip(TRUTH) {
                 let [least, most] = estimate.ci95.unwrap();
                 assert!(least < truth && truth < most, "{factor}: {estimate:?}");
@@ -199,12 +201,12 @@ mod tests {
     fn knobs_go_to_their_bounds_one_by_one_and_the_others_make_the_best_of_it() {
         let mut servo = servo();
         // The middle lies beyond this bound of the gain: mass and friction follow it there.
-        servo.knobs[1].bounds.1 = servo.knobs[1].coordinate(31.0);
-        let bench = Objective::new(&servo);
-        let mut fit = downhill(&bench, 0.7);
-        fit.settle(&bench);
-        assert!((fit.u[1] - servo.knobs[1].bounds.1).abs() < 1e-9, "{:?}", fit.u);
-        let ratio = servo.knobs[1].value(fit.u[1]) / servo.knobs[0].value(fit.u[0]);
+        servo.parameters[1].bounds.1 = servo.parameters[1].coordinate(31.0);
+        let objective = Objective::new(&servo);
+        let mut fit = downhill(&objective, 0.7);
+        fit.settle(&objective);
+        assert!((fit.u[1] - servo.parameters[1].bounds.1).abs() < 1e-9, "{:?}", fit.u);
+        let ratio = servo.parameters[1].value(fit.u[1]) / servo.parameters[0].value(fit.u[0]);
         assert!((ratio / 18.0 - 1.0).abs() < 0.01, "{ratio}");
         assert!(fit.squares() < 1.1 * ROWS as f64, "{}", fit.squares());
     }

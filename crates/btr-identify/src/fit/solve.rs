@@ -64,11 +64,11 @@ pub struct FitPoint {
 
 impl FitPoint {
     /// A fit at a point; `None` where the simulation blows up.
-    pub fn at(bench: &Objective, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<FitPoint> {
-        let residual = bench.residual(&u, LogSet::Learn)?;
+    pub fn at(objective: &Objective, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<FitPoint> {
+        let residual = objective.residual(&u, LogSet::Learn)?;
         let step_error = if step_error.is_empty() { vec![0.0; residual.len()] } else { step_error.to_vec() };
         let residual = corrected(residual, &step_error);
-        let cost = cost(bench.family.knobs(), &active, &u, &residual);
+        let cost = cost(objective.model.parameters(), &active, &u, &residual);
         Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
     }
 
@@ -97,32 +97,32 @@ impl FitPoint {
     /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
     /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
     /// square in the logs to learn from, in multiples of the noise floor.
-    pub fn renew_step_error(&mut self, bench: &Objective) -> f64 {
+    pub fn renew_step_error(&mut self, objective: &Objective) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
-            let halved = bench.halved(&self.u, LogSet::Learn).unwrap_or_else(|| bare.clone());
-            let error = bench.beyond(&bare, &halved);
-            let size = chi(squares(&error), bench.samples(LogSet::Learn));
-            if !bench.refine(size, || self.step_error_to_judge_on(bench)) {
+            let halved = objective.halved(&self.u, LogSet::Learn).unwrap_or_else(|| bare.clone());
+            let error = objective.beyond(&bare, &halved);
+            let size = chi(squares(&error), objective.samples(LogSet::Learn));
+            if !objective.refine(size, || self.step_error_to_judge_on(objective)) {
                 break (error, size);
             }
             bare = halved;
         };
         let extrapolated = corrected(bare.clone(), &error);
-        let orderly = !bench.family.is_chaotic() && squares(&extrapolated) < squares(&bare);
+        let orderly = !objective.model.is_chaotic() && squares(&extrapolated) < squares(&bare);
         (self.residual, self.step_error) = match orderly {
             true => (extrapolated, error),
             false => (bare, vec![0.0; error.len()]),
         };
-        self.cost = cost(bench.family.knobs(), &self.active, &self.u, &self.residual);
+        self.cost = cost(objective.model.parameters(), &self.active, &self.u, &self.residual);
         size
     }
 
     /// The integrator's error in the held-out logs; 0 without such, or where it blows up.
-    pub(crate) fn step_error_to_judge_on(&self, bench: &Objective) -> f64 {
-        let usual = bench.residual(&self.u, LogSet::HeldOut).unwrap_or_default();
-        let error = bench.step_error(&self.u, &usual, LogSet::HeldOut);
-        chi(squares(&error), bench.samples(LogSet::HeldOut))
+    pub(crate) fn step_error_to_judge_on(&self, objective: &Objective) -> f64 {
+        let usual = objective.residual(&self.u, LogSet::HeldOut).unwrap_or_default();
+        let error = objective.step_error(&self.u, &usual, LogSet::HeldOut);
+        chi(squares(&error), objective.samples(LogSet::HeldOut))
     }
 
     /// The residual as simulated.
@@ -131,7 +131,7 @@ impl FitPoint {
     }
 
     /// Goes downhill as far as the effort allows.
-    pub fn solve(&mut self, bench: &Objective, effort: SearchBudget) -> FitStop {
+    pub fn solve(&mut self, objective: &Objective, effort: SearchBudget) -> FitStop {
         let (start, better, worse, hopeless) = DAMPING;
         let (mut damping, mut spent) = (start, 0);
         let mut cost_there = self.cost;
@@ -142,10 +142,10 @@ impl FitPoint {
                 if spent == effort.jacobians {
                     return FitStop::Effort;
                 }
-                self.differentiate(bench);
+                self.differentiate(objective);
                 (spent, cost_there, damping) = (spent + 1, self.cost, start);
             }
-            let Some(next) = self.step(bench, damping) else {
+            let Some(next) = self.step(objective, damping) else {
                 return if self.fresh { FitStop::Converged } else { FitStop::Stuck };
             };
             let fall = self.cost - next.cost;
@@ -167,31 +167,34 @@ impl FitPoint {
     }
 
     /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
-    pub fn polish(&mut self, bench: &Objective) {
-        self.differentiate_widely(bench);
-        self.solve(bench, SearchBudget { jacobians: 0, steps: 8 });
+    pub fn polish(&mut self, objective: &Objective) {
+        self.differentiate_widely(objective);
+        self.solve(objective, SearchBudget { jacobians: 0, steps: 8 });
     }
 
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
     /// simulated.
-    fn step(&self, bench: &Objective, damping: f64) -> Option<FitPoint> {
-        let knobs = bench.family.knobs();
+    fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
+        let parameters = objective.model.parameters();
         let jacobian = self.jacobian.as_ref()?;
-        let step = self.direction(knobs, jacobian, damping)?;
+        let step = self.direction(parameters, jacobian, damping)?;
         let mut u = self.u.clone();
-        for (k, &knob) in self.active.iter().enumerate() {
-            u[knob] = knobs[knob].clamp(u[knob] + step[k]);
+        for (k, &parameter) in self.active.iter().enumerate() {
+            u[parameter] = parameters[parameter].clamp(u[parameter] + step[k]);
         }
-        let moved = DVector::from_iterator(self.active.len(), self.active.iter().map(|&knob| u[knob] - self.u[knob]));
+        let moved = DVector::from_iterator(
+            self.active.len(),
+            self.active.iter().map(|&parameter| u[parameter] - self.u[parameter]),
+        );
         if moved.norm_squared() < 1e-18 {
             return None;
         }
-        let Some(residual) = bench.residual(&u, LogSet::Learn) else {
+        let Some(residual) = objective.residual(&u, LogSet::Learn) else {
             // A blow-up is infinitely bad: the caller damps.
             return Some(FitPoint { cost: f64::INFINITY, ..self.clone() });
         };
         let residual = corrected(residual, &self.step_error);
-        let cost = cost(knobs, &self.active, &u, &residual);
+        let cost = cost(parameters, &self.active, &u, &residual);
         let mut next = FitPoint { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
         let change =
             DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
@@ -204,13 +207,13 @@ impl FitPoint {
 
     /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
     /// carry over it; a gradient alone does not tell, where knobs move together.
-    fn direction(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let gradient = self.gradient(knobs, jacobian);
+    fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
+        let gradient = self.gradient(parameters, jacobian);
         let mut held = vec![None; self.active.len()];
         loop {
-            let step = self.solved(knobs, jacobian, damping, &held, gradient.clone())?;
+            let step = self.solved(parameters, jacobian, damping, &held, gradient.clone())?;
             let leaves = |k: usize| {
-                let (u, (least, most)) = (self.u[self.active[k]], knobs[self.active[k]].bounds);
+                let (u, (least, most)) = (self.u[self.active[k]], parameters[self.active[k]].bounds);
                 (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
             };
             let more: Vec<usize> = (0..held.len()).filter(|&k| held[k].is_none() && leaves(k)).collect();
@@ -222,10 +225,10 @@ impl FitPoint {
     }
 
     /// Half the cost's gradient.
-    pub(super) fn gradient(&self, knobs: &[FitParameter], jacobian: &DMatrix<f64>) -> DVector<f64> {
+    pub(super) fn gradient(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> DVector<f64> {
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
-        for (k, &knob) in self.active.iter().enumerate() {
-            gradient[k] += knobs[knob].spread.powi(-2) * self.u[knob];
+        for (k, &parameter) in self.active.iter().enumerate() {
+            gradient[k] += parameters[parameter].spread.powi(-2) * self.u[parameter];
         }
         gradient
     }
@@ -234,15 +237,15 @@ impl FitPoint {
     /// much.
     pub(super) fn solved(
         &self,
-        knobs: &[FitParameter],
+        parameters: &[FitParameter],
         jacobian: &DMatrix<f64>,
         damping: f64,
         held: &[Option<f64>],
         mut gradient: DVector<f64>,
     ) -> Option<DVector<f64>> {
         let mut normal = jacobian.tr_mul(jacobian);
-        for (k, &knob) in self.active.iter().enumerate() {
-            normal[(k, k)] = (normal[(k, k)] + knobs[knob].spread.powi(-2)) * (1.0 + damping);
+        for (k, &parameter) in self.active.iter().enumerate() {
+            normal[(k, k)] = (normal[(k, k)] + parameters[parameter].spread.powi(-2)) * (1.0 + damping);
         }
         let held = || held.iter().enumerate().filter_map(|(k, by)| Some((k, (*by)?)));
         for (k, by) in held() {
@@ -260,24 +263,24 @@ impl FitPoint {
 }
 
 /// Sum of squares of residual and priors.
-pub fn cost(knobs: &[FitParameter], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
-    let prior: f64 = active.iter().map(|&knob| (u[knob] / knobs[knob].spread).powi(2)).sum();
+pub fn cost(parameters: &[FitParameter], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
+    let prior: f64 = active.iter().map(|&parameter| (u[parameter] / parameters[parameter].spread).powi(2)).sum();
     squares(residual) + prior
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::knob;
+    use crate::fit::fixture::parameter;
     use crate::residual_model::Parametrisation;
 
     #[test]
     fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
-        let knob = |most: f64| FitParameter {
+        let parameter = |most: f64| FitParameter {
             bounds: (-9.0, most),
             spread: 1e6,
             reach: 0.1,
-            ..knob(Parametrisation::Linear, 0.0, 1.0)
+            ..parameter(Parametrisation::Linear, 0.0, 1.0)
         };
         // Both would lower the error by growing, but together only as the first makes room for the second.
         let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
@@ -292,7 +295,7 @@ mod tests {
             jacobian: None,
             fresh: false,
         };
-        let step = |most: [f64; 2]| fit.direction(&most.map(knob), &jacobian, 0.0).map(|step| (step[0], step[1]));
+        let step = |most: [f64; 2]| fit.direction(&most.map(parameter), &jacobian, 0.0).map(|step| (step[0], step[1]));
         assert!(step([1.0, 9.0]).is_some_and(|(first, second)| first < 0.0 && second > 0.0));
         assert_eq!(step([1.0, 1.0]), Some((0.0, 0.0)));
     }

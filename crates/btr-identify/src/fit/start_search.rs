@@ -22,10 +22,10 @@ pub(super) const MOVED: f64 = 3.0;
 ///
 /// A model that lacks something sees starts that make up for a little of it: whether they are to be believed is to be asked of
 /// what they explain.
-pub fn nearest_starts(family: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
-    let logs: Vec<usize> = (0..family.logs().len()).filter(|&log| family.begins_with(log) == log).collect();
+pub fn nearest_starts(model: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
+    let logs: Vec<usize> = (0..model.logs().len()).filter(|&log| model.begins_with(log) == log).collect();
     let look = |log: usize| {
-        let start = StartSearch { family, u, log, open: family.start_open(log), rollouts: Cell::new(0) };
+        let start = StartSearch { model, u, log, open: model.start_open(log), rollouts: Cell::new(0) };
         let moved = start.nearest().filter(|at| at.amax() > least).map(|at| (log, at.as_slice().to_vec()));
         (moved, start.rollouts.get())
     };
@@ -36,7 +36,7 @@ pub fn nearest_starts(family: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec
 
 /// The start of a log as it is now, to be moved.
 struct StartSearch<'a> {
-    family: &'a dyn ResidualModel,
+    model: &'a dyn ResidualModel,
     u: &'a [f64],
     log: usize,
     open: Vec<f64>,
@@ -69,7 +69,7 @@ impl StartSearch<'_> {
             moved.iter().map(|by| ResidualRequest { u, log, moved: by.as_slice() }).collect();
         let there = |r: &f64| if r.is_finite() { *r } else { 0.0 };
         let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(there));
-        each(self.family, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
+        each(self.model, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
     }
 
     fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {
@@ -139,11 +139,11 @@ mod tests {
     }
 
     impl ResidualModel for Throws {
-        fn knobs(&self) -> &[FitParameter] {
+        fn parameters(&self) -> &[FitParameter] {
             &[]
         }
 
-        fn doubtful(&self) -> &[usize] {
+        fn free(&self) -> &[usize] {
             &[]
         }
 

@@ -31,8 +31,8 @@ struct NudgedRollout {
 }
 
 impl NudgedRollout {
-    fn of(family: &dyn ResidualModel, log: usize, nudged: Vec<usize>) -> Self {
-        let mut moved = vec![0.0; family.starts(log)];
+    fn of(model: &dyn ResidualModel, log: usize, nudged: Vec<usize>) -> Self {
+        let mut moved = vec![0.0; model.starts(log)];
         nudged.iter().for_each(|&number| moved[number] = 1.0);
         NudgedRollout { log, nudged, moved }
     }
@@ -40,30 +40,30 @@ impl NudgedRollout {
 
 impl StartStates {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
-    pub(super) fn at(family: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
+    pub(super) fn at(model: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
         // The first of each log is moved nowhere.
-        let nudged = |log: usize| shared((0..family.starts(log)).map(|number| family.start_near(log, number)));
+        let nudged = |log: usize| shared((0..model.starts(log)).map(|number| model.start_near(log, number)));
         let shots =
-            |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(family, log, n));
-        let logs = (0..family.logs().len()).filter(|&log| family.starts(log) > 0);
+            |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(model, log, n));
+        let logs = (0..model.logs().len()).filter(|&log| model.starts(log) > 0);
         let shots: Vec<NudgedRollout> = logs.flat_map(shots).collect();
         let rollouts: Vec<ResidualRequest> =
             shots.iter().map(|shot| ResidualRequest { u, log: shot.log, moved: &shot.moved }).collect();
-        let answers = each(family, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
+        let answers = each(model, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
         let windows = |log: usize| {
             let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
             let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
             let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
             for (shot, there) in own().skip(1) {
                 let Some(there) = there else { continue };
-                let change = |&number: &usize| (number, change(family, log, number, usual, there));
+                let change = |&number: &usize| (number, change(model, log, number, usual, there));
                 changes.extend(shot.nudged.iter().map(change));
             }
             changes.sort_by_key(|(number, _)| *number);
             let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
-            rows(family, log).into_iter().map(|rows| StartWindow::new(rows, &changes, family.start_spread())).collect()
+            rows(model, log).into_iter().map(|rows| StartWindow::new(rows, &changes, model.start_spread())).collect()
         };
-        let starts = (0..family.logs().len()).map(windows).collect();
+        let starts = (0..model.logs().len()).map(windows).collect();
         (StartStates(starts), shots.len())
     }
 
@@ -81,9 +81,9 @@ impl StartStates {
 }
 
 /// What one number of a start changes, where it is felt.
-fn change(family: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+fn change(model: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
     let mut change = vec![0.0; usual.len()];
-    for row in rows_near(&family.logs()[log], family.start_near(log, number)).into_iter().flatten() {
+    for row in rows_near(&model.logs()[log], model.start_near(log, number)).into_iter().flatten() {
         let moved = there[row] - usual[row];
         change[row] = if moved.is_finite() { moved } else { 0.0 };
     }
@@ -91,8 +91,8 @@ fn change(family: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], 
 }
 
 /// The rows of each window of a log.
-fn rows(family: &dyn ResidualModel, log: usize) -> Vec<Vec<usize>> {
-    let (recorded, windows) = (&family.logs()[log], family.windows(log));
+fn rows(model: &dyn ResidualModel, log: usize) -> Vec<Vec<usize>> {
+    let (recorded, windows) = (&model.logs()[log], model.windows(log));
     if windows.is_empty() {
         return vec![(0..recorded.rows()).collect()];
     }

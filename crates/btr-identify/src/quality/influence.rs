@@ -16,7 +16,7 @@ const LEAST_LEFT: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CommandInfluence {
     /// How alike the two are, from -1 to 1; positive where the command pulls the joint towards itself.
-    pub likeness: f64,
+    pub correlation: f64,
     /// How many standard deviations that is from nothing.
     pub telling: f64,
 }
@@ -50,12 +50,12 @@ pub(super) fn pull(clock_s: &[f64], command: &[f64], position: &[f64]) -> Option
     if cc <= LEAST_LEFT * all || aa <= 0.0 {
         return None;
     }
-    let likeness = ca / (cc * aa).sqrt();
+    let correlation = ca / (cc * aa).sqrt();
     // Samples that were smoothed together are one observation.
     let observations = (n / together(clock_s)).max(4.0);
     Some(CommandInfluence {
-        likeness,
-        telling: likeness * (observations / (1.0 - likeness * likeness).max(1e-9)).sqrt(),
+        correlation,
+        telling: correlation * (observations / (1.0 - correlation * correlation).max(1e-9)).sqrt(),
     })
 }
 

@@ -77,7 +77,7 @@ fn pinned(joint: &str, command: &Channel, position: &Channel) -> Option<Finding>
 
 /// A joint that moves as it is told, but 57 times as far, or a 57th of it.
 fn in_degrees(joint: &str, command: &Channel, position: &Channel, lag: Option<Lag>) -> Option<Finding> {
-    let follows = lag.is_some_and(|lag| lag.likeness >= 0.5);
+    let follows = lag.is_some_and(|lag| lag.correlation >= 0.5);
     if command.unit != "rad" || position.unit != "rad" || !follows || !is_moved(command, position) {
         return None;
     }
@@ -115,34 +115,34 @@ fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, strai
     if command.unit != position.unit || !is_moved(command, position) {
         return None;
     }
-    let say = |likeness: f64| {
+    let say = |correlation: f64| {
         let sentence = format!(
-            "{joint} follows its command upside down (likeness {likeness:.2}): is its encoder reversed, or its command?"
+            "{joint} follows its command upside down (likeness {correlation:.2}): is its encoder reversed, or its command?"
         );
         Some(Finding::new(Topic::Sign, Severity::Bad, joint, sentence))
     };
     // A swing beyond its resonance moves against its command as well, and a load moves a joint anywhere.
     let pulled = pull(log.clock_s(), &command.values, &position.values);
     let telling = pulled.map_or(0.0, |pulled| pulled.telling);
-    if let Some(pushed) = pulled.filter(|pulled| pulled.likeness <= -PUSHED.0 && pulled.telling <= -PUSHED.1) {
-        return say(-pushed.likeness);
+    if let Some(pushed) = pulled.filter(|pulled| pulled.correlation <= -PUSHED.0 && pulled.telling <= -PUSHED.1) {
+        return say(-pushed.correlation);
     }
     let upside_down: Vec<f64> = position.values.iter().map(|q| -q).collect();
     let against = lag(log.clock_s(), &command.values, &upside_down, MOST_LAG_S)?;
     // What comes before its command does not come of it.
-    if against.seconds < -3.0 * against.sd_s - log.usual_step_s().unwrap_or(0.0) || against.likeness < 0.5 {
+    if against.seconds < -3.0 * against.sd_s - log.usual_step_s().unwrap_or(0.0) || against.correlation < 0.5 {
         return None;
     }
-    let (likeness, slope) = alike(log, command, position, against.seconds);
-    let turned_over = likeness <= -TURNED_OVER && AS_FAR.contains(&-slope);
+    let (correlation, slope) = alike(log, command, position, against.seconds);
+    let turned_over = correlation <= -TURNED_OVER && AS_FAR.contains(&-slope);
     // A wave that comes half a period late looks like one that is turned over, and may look so a little more.
     let slack = if turned_over && telling < 0.0 { ABOUT } else { 0.0 };
     let better = straight.is_none_or(|lag| {
         let sooner = lag.seconds > LATE_S && against.seconds.abs() < lag.seconds;
-        lag.likeness < against.likeness - ABOUT || sooner && lag.likeness < against.likeness + slack
+        lag.correlation < against.correlation - ABOUT || sooner && lag.correlation < against.correlation + slack
     });
     let sure = telling <= -PULLS || turned_over && telling < MAY_PULL;
-    if better && sure { say(against.likeness) } else { None }
+    if better && sure { say(against.correlation) } else { None }
 }
 
 /// How late a joint follows.
@@ -161,14 +161,14 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
     let pull = pull(log.clock_s(), &command.values, &position.values);
     let pulled = pull.is_some_and(|pull| pull.telling >= PULLS);
     // A mass on a spring is late without anybody's clock being wrong.
-    let swings = pull.is_some_and(|pull| pull.likeness >= SWINGS);
+    let swings = pull.is_some_and(|pull| pull.correlation >= SWINGS);
     let before = |lag: &Lag| lag.seconds < -3.0 * lag.sd_s - 1e-3;
     let least = |lag: &Lag| match (before(lag), pulled) {
         (false, _) => 0.5,
         (true, false) => FORETOLD.0,
         (true, true) => FORETOLD.1,
     };
-    let Some(lag) = lag.filter(|lag| lag.likeness >= least(lag)) else {
+    let Some(lag) = lag.filter(|lag| lag.correlation >= least(lag)) else {
         return unlike(joint, command, position, pulled);
     };
     if lag.sd_s > MOST_DOUBT_S {
@@ -180,14 +180,14 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
         () if lag.seconds > LATE_S && !swings => {
             (Severity::Doubtful, ": late for a servo; are commands and positions stamped by one clock?")
         }
-        () if lag.likeness < LIKE && of_positions < LIKE && !pulled => {
+        () if lag.correlation < LIKE && of_positions < LIKE && !pulled => {
             (Severity::Doubtful, ": its motion is not much like its command; is it that joint's, in that unit?")
         }
         () => (Severity::Fine, ""),
     };
     let (ms, sd) = (1e3 * lag.seconds, 1e3 * lag.sd_s);
     let sentence =
-        format!("{joint} follows its command after {ms:.1} ± {sd:.1} ms (likeness {:.2}){why}", lag.likeness);
+        format!("{joint} follows its command after {ms:.1} ± {sd:.1} ms (likeness {:.2}){why}", lag.correlation);
     say(Topic::CommandLag, severity, sentence)
 }
 
@@ -236,20 +236,20 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
     let said = smooth(log.clock_s(), &velocity.values);
     let pairs = slopes.iter().zip(&said).map(|(q, dq)| (q.velocity, dq.value)).filter(|(a, b)| (a * b).is_finite());
     let (aa, bb, ab) = pairs.fold((0.0, 0.0, 0.0), |(aa, bb, ab), (a, b)| (aa + a * a, bb + b * b, ab + a * b));
-    let (ratio, likeness) = (ab / aa, ab / (aa * bb).sqrt());
+    let (ratio, correlation) = (ab / aa, ab / (aa * bb).sqrt());
     let moves = NoiseEstimate::of(&position.values).is_some_and(|noise| {
         let usual_s = log.usual_step_s().unwrap_or(1.0);
         // The slope of smoothed noise is below this.
         (aa / slopes.len() as f64).sqrt() > 0.3 * noise.sigma() / usual_s
     });
-    if !moves || !likeness.is_finite() {
+    if !moves || !correlation.is_finite() {
         return None;
     }
     let near = |expected: f64| (ratio / expected - 1.0).abs() < NEAR;
     let degrees = 1f64.to_degrees();
     let [q, dq] = ["q", "dq"].map(|kind| format!("{kind}_{joint}"));
     let (topic, severity, suspect, what) = match () {
-        () if likeness.abs() < 0.5 => (Topic::Sign, Severity::Doubtful, &dq, "has little to do with".to_owned()),
+        () if correlation.abs() < 0.5 => (Topic::Sign, Severity::Doubtful, &dq, "has little to do with".to_owned()),
         () if near(degrees) => (Topic::Unit, Severity::Bad, &dq, "is 57 times".to_owned()),
         () if near(degrees.recip()) => (Topic::Unit, Severity::Bad, &q, "is a 57th of".to_owned()),
         () if near(-1.0) => (Topic::Sign, Severity::Bad, &dq, "has the opposite sign of".to_owned()),

@@ -29,7 +29,7 @@ fn a_healthy_log_is_fine_and_its_lags_are_told() {
     assert_eq!(quality.worst(), Severity::Fine, "{:?}", quality.findings);
     assert!((quality.clock.rate_hz - 200.0).abs() < 1e-6 && quality.clock.jitter_s < 1e-9);
     let lag = quality.joints[1].lag.unwrap();
-    assert!((lag.seconds - 0.04).abs() < 5e-4 && lag.likeness > 0.99, "{lag:?}");
+    assert!((lag.seconds - 0.04).abs() < 5e-4 && lag.correlation > 0.99, "{lag:?}");
     assert!((quality.sensors[1].quantum.unwrap() - 1e-3).abs() < 1e-9);
 }
 

@@ -138,7 +138,7 @@ pub(super) enum Batch {
 /// An answer with the worker's proof.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Answer<T> {
-    pub(super) proof: u64,
+    pub(super) fingerprint: u64,
     /// Which batch it answers.
     pub(super) batch: u64,
     pub(super) results: Vec<T>,
@@ -146,10 +146,10 @@ pub(super) struct Answer<T> {
 
 impl<T: DeserializeOwned> Answer<T> {
     /// The results, if the proof is this one and they are those of a batch for so many.
-    pub(super) fn read(bytes: &[u8], proof: u64, batch: &[u8], many: usize) -> Result<Vec<T>, String> {
+    pub(super) fn read(bytes: &[u8], fingerprint: u64, batch: &[u8], many: usize) -> Result<Vec<T>, String> {
         let answer: Answer<T> =
             postcard::from_bytes(bytes).map_err(|e| format!("a worker's answer makes no sense: {e}"))?;
-        if answer.proof != proof {
+        if answer.fingerprint != fingerprint {
             return Err("a worker simulates the model differently than it is simulated here: its files may differ (an index of logs?), \
                         or its build of btr"
                 .to_owned());
@@ -169,7 +169,7 @@ pub(super) fn name_of(bytes: &[u8]) -> u64 {
 }
 
 /// A proof of numbers: the same for the same bits.
-pub(super) fn proof_of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> u64 {
+pub(super) fn fingerprint_of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> u64 {
     let mut hasher = DefaultHasher::new();
     for block in blocks {
         hasher.write_usize(block.len());

@@ -39,7 +39,7 @@ pub trait Executor: Send + Sync {
     ///
     /// # Errors
     /// Whatever keeps the answer from coming: all work ends with it.
-    fn work(&self, parcels: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
 }
 
 /// How long work is done, and by whom: it can be stopped, and it can be handed out.
@@ -86,7 +86,7 @@ impl ExecutionContext {
     }
 
     /// Unwinds with [`Stopped`] where the work was stopped.
-    pub fn heed(&self) {
+    pub fn check_cancelled(&self) {
         if self.is_stopped() {
             resume_unwind(Box::new(Stopped));
         }
@@ -95,21 +95,21 @@ impl ExecutionContext {
     /// The answer to a batch for so many, from a worker that has proved itself; `None` where there is nobody to ask.
     fn ask<T: DeserializeOwned>(
         &self,
-        parcels: &[Arc<Payload>],
+        payloads: &[Arc<Payload>],
         batch: &Batch,
         many: usize,
-        proof: impl FnOnce() -> u64,
+        fingerprint: impl FnOnce() -> u64,
     ) -> Option<Vec<T>> {
-        self.heed();
+        self.check_cancelled();
         let executor = self.executor.as_ref()?;
         let senseless = |why: String| -> Box<dyn Any + Send> { Box::new(why) };
         let asked = || {
             let batch = postcard::to_allocvec(batch).map_err(|e| senseless(e.to_string()))?;
-            let answer = executor.work(parcels, &batch)?;
-            Answer::read(&answer, proof(), &batch, many).map_err(senseless)
+            let answer = executor.work(payloads, &batch)?;
+            Answer::read(&answer, fingerprint(), &batch, many).map_err(senseless)
         };
         let answer = asked().unwrap_or_else(|why| resume_unwind(why));
-        self.heed();
+        self.check_cancelled();
         Some(answer)
     }
 }

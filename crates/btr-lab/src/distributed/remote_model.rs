@@ -2,7 +2,7 @@
 
 use super::bundle::Folder;
 use super::messages::{
-    Batch, Derivation, Payload, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, proof_of,
+    Batch, Derivation, Payload, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, fingerprint_of,
 };
 use super::{ExecutionContext, MOST_AT_ONCE};
 use crate::experiment;
@@ -23,9 +23,9 @@ pub struct RemoteModel {
     /// The family that the parcel holds, and what was made of it one after the other to get this one.
     base: Arc<dyn ResidualModel>,
     derived: Vec<Derivation>,
-    way: Arc<ExecutionContext>,
-    parcel: Option<Arc<Payload>>,
-    proof: Arc<OnceLock<u64>>,
+    context: Arc<ExecutionContext>,
+    payload: Option<Arc<Payload>>,
+    fingerprint: Arc<OnceLock<u64>>,
 }
 
 impl RemoteModel {
@@ -34,75 +34,87 @@ impl RemoteModel {
     /// # Errors
     /// A file that the model names and that cannot be read any more.
     pub fn new(
-        problem: &VerbInput,
+        input: &VerbInput,
         learn: &[LogSource],
         held_out: &[LogSource],
-        way: Arc<ExecutionContext>,
+        context: Arc<ExecutionContext>,
     ) -> Result<Self, String> {
-        let local: Arc<dyn ResidualModel> = Arc::new(problem.beside.clone());
-        let parcel = way.executor.as_ref().map(|e| parcel(problem, learn, held_out, e.functions())).transpose()?;
-        Ok(RemoteModel { parcel: parcel.map(Arc::new), ..RemoteModel::here(local, way) })
+        let local: Arc<dyn ResidualModel> = Arc::new(input.problem.clone());
+        let payload = context.executor.as_ref().map(|e| payload(input, learn, held_out, e.functions())).transpose()?;
+        Ok(RemoteModel { payload: payload.map(Arc::new), ..RemoteModel::here(local, context) })
     }
 
     /// A family that nobody works on but this process, as long as nobody stops it.
-    pub fn here(local: Arc<dyn ResidualModel>, way: Arc<ExecutionContext>) -> Self {
-        RemoteModel { base: local.clone(), local, derived: Vec::new(), way, parcel: None, proof: Arc::default() }
+    pub fn here(local: Arc<dyn ResidualModel>, context: Arc<ExecutionContext>) -> Self {
+        RemoteModel {
+            base: local.clone(),
+            local,
+            derived: Vec::new(),
+            context,
+            payload: None,
+            fingerprint: Arc::default(),
+        }
     }
 
     fn derived(&self, local: Box<dyn ResidualModel>, how: Derivation) -> Box<dyn ResidualModel> {
-        let (way, parcel, proof) = (self.way.clone(), self.parcel.clone(), self.proof.clone());
+        let (context, payload, fingerprint) = (self.context.clone(), self.payload.clone(), self.fingerprint.clone());
         let (base, derived) = (self.base.clone(), self.derived.iter().cloned().chain([how]).collect());
-        Box::new(RemoteModel { local: Arc::from(local), base, derived, way, parcel, proof })
+        Box::new(RemoteModel { local: Arc::from(local), base, derived, context, payload, fingerprint })
     }
 
     /// What workers make of some rollouts; `None` where there is nobody to ask.
     fn ask(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
-        let parcel = self.parcel.as_ref()?;
+        let payload = self.payload.as_ref()?;
         let asked =
             |one: &ResidualRequest| RolloutMessage { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
         let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
         let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
-        let proof = || *self.proof.get_or_init(|| proof(self.base.as_ref()));
+        let fingerprint = || *self.fingerprint.get_or_init(|| fingerprint(self.base.as_ref()));
         let residuals: Vec<ResidualMessage> =
-            self.way.ask(std::slice::from_ref(parcel), &batch, rollouts.len(), proof)?;
+            self.context.ask(std::slice::from_ref(payload), &batch, rollouts.len(), fingerprint)?;
         Some(residuals.into_iter().map(|r| r.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
 
 /// What a family computes for the model as it stands.
-pub(super) fn proof(family: &dyn ResidualModel) -> u64 {
-    let origin = vec![0.0; family.knobs().len()];
-    let of_log = |log: usize| family.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL).unwrap_or_default();
-    let residuals: Vec<Vec<f64>> = (0..family.logs().len()).map(of_log).collect();
-    let sizes: Vec<f64> = family.knobs().iter().flat_map(|knob| [knob.origin, knob.size, knob.reach]).collect();
-    proof_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
+pub(super) fn fingerprint(residual_model: &dyn ResidualModel) -> u64 {
+    let origin = vec![0.0; residual_model.parameters().len()];
+    let of_log =
+        |log: usize| residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL).unwrap_or_default();
+    let residuals: Vec<Vec<f64>> = (0..residual_model.logs().len()).map(of_log).collect();
+    let sizes: Vec<f64> = residual_model
+        .parameters()
+        .iter()
+        .flat_map(|parameter| [parameter.origin, parameter.size, parameter.reach])
+        .collect();
+    fingerprint_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
 }
 
-fn parcel(
-    problem: &VerbInput,
+fn payload(
+    input: &VerbInput,
     learn: &[LogSource],
     held_out: &[LogSource],
     functions: &[u8],
 ) -> Result<Payload, String> {
     let read = |log: &LogSource| -> Result<(PathBuf, Log), String> {
         let path = std::path::absolute(log.path()).map_err(|e| e.to_string())?;
-        Ok((path, experiment::recorded(&problem.source, log).map_err(|e| e.to_string())?))
+        Ok((path, experiment::recorded(&input.source, log).map_err(|e| e.to_string())?))
     };
     let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
     Payload::of(&PayloadContent::Problem {
-        model: Folder::pack(&problem.source, false, functions)?,
+        model: Folder::pack(&input.source, false, functions)?,
         learn: read(learn)?,
         held_out: read(held_out)?,
     })
 }
 
 impl ResidualModel for RemoteModel {
-    fn knobs(&self) -> &[FitParameter] {
-        self.local.knobs()
+    fn parameters(&self) -> &[FitParameter] {
+        self.local.parameters()
     }
 
-    fn doubtful(&self) -> &[usize] {
-        self.local.doubtful()
+    fn free(&self) -> &[usize] {
+        self.local.free()
     }
 
     fn candidates(&self) -> &[EffectCandidate] {
@@ -126,11 +138,11 @@ impl ResidualModel for RemoteModel {
     }
 
     fn side_by_side(&self) -> usize {
-        if self.parcel.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
+        if self.payload.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
     }
 
     fn residuals(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
-        self.way.heed();
+        self.context.check_cancelled();
         self.ask(rollouts, step).unwrap_or_else(|| self.local.residuals(rollouts, step))
     }
 
@@ -154,13 +166,13 @@ impl ResidualModel for RemoteModel {
         self.local.is_chaotic()
     }
 
-    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
-        self.way.heed();
-        Some(self.derived(self.local.seen_from(u)?, Derivation::SeenFrom(u.to_vec())))
+    fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+        self.context.check_cancelled();
+        Some(self.derived(self.local.with_starts_at(u)?, Derivation::SeenFrom(u.to_vec())))
     }
 
-    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
-        Some(self.derived(self.local.begun(moved)?, Derivation::Begun(moved.to_vec())))
+    fn with_initial_state(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
+        Some(self.derived(self.local.with_initial_state(moved)?, Derivation::Begun(moved.to_vec())))
     }
 
     fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {

@@ -1,7 +1,7 @@
 //! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
 
 use super::bundle::Folder;
-use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, proof_of};
+use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, fingerprint_of};
 use super::{ExecutionContext, Executor, MOST_AT_ONCE};
 use crate::experiment::Source;
 use btr_core::distance::DistanceSpec;
@@ -21,8 +21,8 @@ pub struct RunPayloads {
 /// A model whose runs are served.
 pub struct RemoteSimulator<'a> {
     local: &'a Model,
-    way: &'a ExecutionContext,
-    parcels: &'a RunPayloads,
+    context: &'a ExecutionContext,
+    payloads: &'a RunPayloads,
     /// The experiment's parcel, and what workers must prove; none where there are no workers.
     experiment: Option<(Arc<Payload>, u64)>,
 }
@@ -37,13 +37,13 @@ impl<'a> RemoteSimulator<'a> {
         local: &'a Model,
         source: &Source,
         (distance, robot): (&DistanceSpec, bool),
-        way: &'a ExecutionContext,
-        parcels: &'a RunPayloads,
+        context: &'a ExecutionContext,
+        payloads: &'a RunPayloads,
     ) -> Result<Self, String> {
-        let parcel =
-            |executor: &dyn Executor| parcels.experiment(local, source, (distance, robot), executor.functions());
-        let experiment = way.executor.as_deref().map(parcel).transpose()?;
-        Ok(RemoteSimulator { local, way, parcels, experiment })
+        let payload =
+            |executor: &dyn Executor| payloads.experiment(local, source, (distance, robot), executor.functions());
+        let experiment = context.executor.as_deref().map(payload).transpose()?;
+        Ok(RemoteSimulator { local, context, payloads, experiment })
     }
 }
 
@@ -56,15 +56,15 @@ impl RunPayloads {
         functions: &[u8],
     ) -> Result<(Arc<Payload>, u64), String> {
         let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, parcel, proof)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
-            return Ok((parcel.clone(), *proof));
+        if let Some((_, payload, fingerprint)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
+            return Ok((payload.clone(), *fingerprint));
         }
         let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
         let experiment = Folder::pack(source, !robot, functions)?;
-        let parcel = Payload::of(&PayloadContent::Experiment { experiment, distance, robot })?;
-        let (parcel, proof) = (Arc::new(parcel), proof(model));
-        *known = Some((source.text.clone(), parcel.clone(), proof));
-        Ok((parcel, proof))
+        let payload = Payload::of(&PayloadContent::Experiment { experiment, distance, robot })?;
+        let (payload, fingerprint) = (Arc::new(payload), fingerprint(model));
+        *known = Some((source.text.clone(), payload.clone(), fingerprint));
+        Ok((payload, fingerprint))
     }
 
     fn test(&self, number: usize, behaviour: &Behaviour) -> Option<Arc<Payload>> {
@@ -72,23 +72,23 @@ impl RunPayloads {
         if let Some(known) = tests.get(&number) {
             return Some(known.clone());
         }
-        let parcel = Arc::new(Payload::of(&PayloadContent::Test(behaviour.clone())).ok()?);
-        tests.insert(number, parcel.clone());
-        Some(parcel)
+        let payload = Arc::new(Payload::of(&PayloadContent::Test(behaviour.clone())).ok()?);
+        tests.insert(number, payload.clone());
+        Some(payload)
     }
 }
 
 /// What a model computes as it stands.
-pub(super) fn proof(model: &Model) -> u64 {
+pub(super) fn fingerprint(model: &Model) -> u64 {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let Ok(log) = model.simulate(&s, &c, 0, None) else { return 0 };
-    proof_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
+    fingerprint_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
 }
 
 impl RemoteSimulator<'_> {
     fn ask(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Option<Vec<Result<Output, WorldError>>> {
-        let (experiment, proof) = self.experiment.as_ref()?;
-        let (mut parcels, mut numbers) = (vec![experiment.clone()], Vec::new());
+        let (experiment, fingerprint) = self.experiment.as_ref()?;
+        let (mut payloads, mut numbers) = (vec![experiment.clone()], Vec::new());
         let mut asked = |wanted: &OutputRequest| {
             Some(match wanted {
                 OutputRequest::Behaviour => OutputOrder::Behaviour,
@@ -97,7 +97,7 @@ impl RemoteSimulator<'_> {
                     let test = match numbers.iter().position(|number| *number == against.test) {
                         Some(known) => known,
                         None => {
-                            parcels.push(self.parcels.test(against.test, against.real)?);
+                            payloads.push(self.payloads.test(against.test, against.real)?);
                             numbers.push(against.test);
                             numbers.len() - 1
                         }
@@ -112,7 +112,7 @@ impl RemoteSimulator<'_> {
         };
         let candidates: Option<Vec<Candidate>> = jobs.iter().zip(wanted).map(candidate).collect();
         let made: Vec<CandidateResult> =
-            self.way.ask(&parcels, &Batch::Population(candidates?), jobs.len(), || *proof)?;
+            self.context.ask(&payloads, &Batch::Population(candidates?), jobs.len(), || *fingerprint)?;
         Some(made.into_iter().map(|made| made.map_err(|what| WorldError::Setup { what })).collect())
     }
 }
@@ -147,7 +147,7 @@ impl Simulator for RemoteSimulator<'_> {
     }
 
     fn evaluate_all(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
-        self.way.heed();
+        self.context.check_cancelled();
         self.ask(jobs, wanted).unwrap_or_else(|| self.local.evaluate_all(jobs, wanted))
     }
 }

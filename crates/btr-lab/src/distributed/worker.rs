@@ -6,7 +6,7 @@ use super::messages::{
     Answer, Batch, Candidate, CandidateResult, Derivation, OutputOrder, Payload, PayloadContent, ResidualMessage,
     Rollouts, name_of,
 };
-use super::remote_model::proof;
+use super::remote_model::fingerprint;
 use super::remote_simulator;
 use crate::experiment;
 use crate::experiment::LogSource;
@@ -19,8 +19,8 @@ use std::hash::{DefaultHasher, Hasher};
 
 /// What a worker knows of a parcel.
 enum DecodedPayload {
-    Family { family: Box<dyn ResidualModel>, proof: u64 },
-    Simulations { model: Box<Model>, distance: Box<dyn Distance>, proof: u64 },
+    Family { residual_model: Box<dyn ResidualModel>, fingerprint: u64 },
+    Simulations { model: Box<Model>, distance: Box<dyn Distance>, fingerprint: u64 },
     Test(Behaviour),
 }
 
@@ -29,22 +29,22 @@ static PROBLEMS: Cache<DecodedPayload> = Cache::new(4);
 /// Real tests of a run.
 static TESTS: Cache<DecodedPayload> = Cache::new(256);
 
-/// Answers a batch: `parcels` are keys and contents, the first of them what the batch is about. To be called wherever work is
+/// Answers a batch: `payloads` are keys and contents, the first of them what the batch is about. To be called wherever work is
 /// done, in one thread; what a parcel takes to be opened is done once in a process. `functions` makes laws of what
 /// [`Executor::functions`](super::Executor::functions) packed.
 ///
 /// # Errors
 /// Parcels of another version, files that are not there.
-pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Result<Vec<u8>, String> {
-    let ((key, content), tests) = parcels.split_first().ok_or("no parcel")?;
+pub fn serve(payloads: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Result<Vec<u8>, String> {
+    let ((key, content), tests) = payloads.split_first().ok_or("no parcel")?;
     let (batch, asked) = (name_of(batch), postcard::from_bytes(batch).map_err(|e| e.to_string())?);
     let known = PROBLEMS.get(*key, || open(Payload::content(content)?, functions))?;
     let answer = match (&*known, asked) {
-        (DecodedPayload::Family { family, proof }, Batch::Rollouts(rollouts)) => {
-            let results = residuals(family.as_ref(), *key, &rollouts)?;
-            postcard::to_allocvec(&Answer { proof: *proof, batch, results })
+        (DecodedPayload::Family { residual_model, fingerprint }, Batch::Rollouts(rollouts)) => {
+            let results = residuals(residual_model.as_ref(), *key, &rollouts)?;
+            postcard::to_allocvec(&Answer { fingerprint: *fingerprint, batch, results })
         }
-        (DecodedPayload::Simulations { model, distance, proof }, Batch::Population(candidates)) => {
+        (DecodedPayload::Simulations { model, distance, fingerprint }, Batch::Population(candidates)) => {
             let open = |(key, content): &(u64, &[u8])| TESTS.get(*key, || open(Payload::content(content)?, functions));
             let tests = tests.iter().map(open).collect::<Result<Vec<_>, String>>()?;
             let tests: Vec<&Behaviour> = tests
@@ -52,7 +52,7 @@ pub fn serve(parcels: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Re
                 .filter_map(|test| if let DecodedPayload::Test(test) = &**test { Some(test) } else { None })
                 .collect();
             postcard::to_allocvec(&Answer {
-                proof: *proof,
+                fingerprint: *fingerprint,
                 batch,
                 results: population(model, distance.as_ref(), &tests, &candidates)?,
             })
@@ -68,14 +68,17 @@ fn open(content: PayloadContent, functions: Functions) -> Result<DecodedPayload,
             let made = |logs: Vec<_>| -> Vec<LogSource> {
                 logs.into_iter().map(|(name, log)| LogSource::Made { name, log }).collect()
             };
-            let problem = VerbInput::new(source, &made(learn), &made(held_out)).map_err(|e| e.to_string())?;
-            Ok(DecodedPayload::Family { proof: proof(&problem.beside), family: Box::new(problem.beside) })
+            let input = VerbInput::new(source, &made(learn), &made(held_out)).map_err(|e| e.to_string())?;
+            Ok(DecodedPayload::Family {
+                fingerprint: fingerprint(&input.problem),
+                residual_model: Box::new(input.problem),
+            })
         }),
         PayloadContent::Experiment { experiment, distance, robot } => experiment.unpacked(functions, |source| {
             let model = experiment::simulations(&source, robot).map_err(|e| e.to_string())?;
             let spec: DistanceSpec = serde_json::from_str(&distance).map_err(|e| e.to_string())?;
             Ok(DecodedPayload::Simulations {
-                proof: remote_simulator::proof(&model),
+                fingerprint: remote_simulator::fingerprint(&model),
                 model: Box::new(model),
                 distance: spec.build(),
             })
@@ -92,31 +95,32 @@ fn residuals(base: &dyn ResidualModel, key: u64, rollouts: &Rollouts) -> Result<
     hasher.write_u64(key);
     hasher.write(&postcard::to_allocvec(&rollouts.derived).map_err(|e| e.to_string())?);
     let derive = || {
-        let mut family: Option<Box<dyn ResidualModel>> = None;
+        let mut residual_model: Option<Box<dyn ResidualModel>> = None;
         for how in &rollouts.derived {
-            let from = family.as_deref().unwrap_or(base);
+            let from = residual_model.as_deref().unwrap_or(base);
             let next = match how {
                 Derivation::Beginnings => from.beginnings(),
-                Derivation::SeenFrom(u) => from.seen_from(u),
-                Derivation::Begun(moved) => from.begun(moved),
+                Derivation::SeenFrom(u) => from.with_starts_at(u),
+                Derivation::Begun(moved) => from.with_initial_state(moved),
             };
-            family = Some(next.ok_or("this family cannot be derived here")?);
+            residual_model = Some(next.ok_or("this family cannot be derived here")?);
         }
-        let family = family.ok_or("nothing was derived")?;
-        Ok(DecodedPayload::Family { family, proof: 0 })
+        let residual_model = residual_model.ok_or("nothing was derived")?;
+        Ok(DecodedPayload::Family { residual_model, fingerprint: 0 })
     };
     match &*PROBLEMS.get(hasher.finish(), derive)? {
-        DecodedPayload::Family { family, .. } => Ok(made_of(family.as_ref(), rollouts)),
+        DecodedPayload::Family { residual_model, .. } => Ok(made_of(residual_model.as_ref(), rollouts)),
         _ => Err("the batch does not fit its parcel".to_owned()),
     }
 }
 
-fn made_of(family: &dyn ResidualModel, rollouts: &Rollouts) -> Vec<ResidualMessage> {
+fn made_of(residual_model: &dyn ResidualModel, rollouts: &Rollouts) -> Vec<ResidualMessage> {
     let step = TimeStep::of_halvings(rollouts.halvings);
     let dense: Vec<_> = rollouts.asked.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
     let asked: Vec<ResidualRequest> =
         dense.iter().map(|(u, log, moved)| ResidualRequest { u, log: *log, moved }).collect();
-    let results = asked.chunks(family.side_by_side().max(1)).flat_map(|few| family.residuals(few, step));
+    let results =
+        asked.chunks(residual_model.side_by_side().max(1)).flat_map(|few| residual_model.residuals(few, step));
     results.map(|result| result.map_err(|e| e.to_string())).collect()
 }
 

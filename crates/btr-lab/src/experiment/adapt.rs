@@ -125,7 +125,7 @@ fn with_schema(text: &str, folder: &Path, into: &Path) -> String {
     let Some(schema) = line.strip_prefix(SCHEMA).map(str::trim) else { return text.to_owned() };
     match folder.join(schema) {
         _ if schema.contains("://") => text.to_owned(),
-        file if file.is_file() => format!("{SCHEMA} {}\n{rest}", way(into, &file).display()),
+        file if file.is_file() => format!("{SCHEMA} {}\n{rest}", context(into, &file).display()),
         _ => rest.to_owned(),
     }
 }
@@ -170,7 +170,7 @@ pub fn named_files(source: &Source) -> Vec<PathBuf> {
 fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
     each_named_file(document, |_, value| {
         let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
-        let path = way(into, &folder.join(path));
+        let path = context(into, &folder.join(path));
         let decor = value.decor().clone();
         *value = path.to_string_lossy().into_owned().into();
         *value.decor_mut() = decor;
@@ -191,7 +191,7 @@ pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(
 }
 
 /// The way from a folder to a file: up to where both lie, and down; absolute where that is no more than the root.
-fn way(from: &Path, file: &Path) -> PathBuf {
+fn context(from: &Path, file: &Path) -> PathBuf {
     let (from, folder) = (real(from), real(file.parent().unwrap_or(file)));
     let name = file.file_name().unwrap_or_default();
     let common = from.components().zip(folder.components()).take_while(|(a, b)| a == b).count();

@@ -3,7 +3,7 @@
 use super::IdentificationProblem;
 use super::law_terms;
 use super::law_terms::{TermContext, TermDefinition};
-use super::parameters::{knob, own};
+use super::parameters::{own, parameter};
 use super::sites::sites;
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{EffectCandidate, LawTerm};
@@ -13,7 +13,7 @@ use btr_physics::robot::Actuator;
 impl IdentificationProblem {
     /// Adds every effect at every site to what may be missing, but those named in `without`.
     pub(super) fn offer_effects(&mut self, without: &[&str]) {
-        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.card().name)) {
+        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
             for site in sites(effect, &self.model) {
                 self.offer(effect, site);
             }
@@ -22,25 +22,34 @@ impl IdentificationProblem {
     }
 
     fn offer(&mut self, effect: &'static dyn Effect, site: String) {
-        let card = effect.card();
+        let spec = effect.spec();
         let (mut amplitudes, mut shapes) = (Vec::new(), Vec::new());
-        for param in card.params {
+        for param in spec.params {
             let list = if param.shape { &mut shapes } else { &mut amplitudes };
-            list.push(self.knobs.len());
-            let name = format!("{}.{}@{site}", card.name, param.name);
+            list.push(self.parameters.len());
+            let name = format!("{}.{}@{site}", spec.name, param.name);
             let scale = self.scales.of_unit(param.unit, &site);
-            self.knobs.push(knob(name, param, scale, own(param, &self.model.setup)));
+            self.parameters.push(parameter(name, param, scale, own(param, &self.model.setup)));
         }
-        let start =
-            |values: &&[f64]| shapes.iter().zip(values.iter()).map(|(&k, v)| self.knobs[k].coordinate(*v)).collect();
-        let mut starts: Vec<Vec<f64>> = card.starts.iter().map(start).collect();
+        let start = |values: &&[f64]| {
+            shapes.iter().zip(values.iter()).map(|(&k, v)| self.parameters[k].coordinate(*v)).collect()
+        };
+        let mut starts: Vec<Vec<f64>> = spec.starts.iter().map(start).collect();
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
         self.near.push(self.limb_of(&site));
-        let effect_name = card.name.to_owned();
-        let (kin, contains) = (Vec::new(), Vec::new());
-        self.candidates.push(EffectCandidate { effect: effect_name, site, amplitudes, shapes, starts, kin, contains });
+        let effect_name = spec.name.to_owned();
+        let (similar, nested) = (Vec::new(), Vec::new());
+        self.candidates.push(EffectCandidate {
+            effect: effect_name,
+            site,
+            amplitudes,
+            shapes,
+            starts,
+            similar,
+            nested,
+        });
         self.effects.push(effect);
     }
 
@@ -59,16 +68,16 @@ impl IdentificationProblem {
         let place =
             |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
         let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
-        let says = |a: usize, b: usize| self.effects[a].card().alike.contains(&self.effects[b].card().name);
+        let says = |a: usize, b: usize| self.effects[a].spec().similar.contains(&self.effects[b].spec().name);
         let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
         let all = 0..self.candidates.len();
-        let kin: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
-        for (a, kin) in kin.into_iter().enumerate() {
+        let similar: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
+        for (a, similar) in similar.into_iter().enumerate() {
             let inside = |b: &&usize| {
-                self.effects[a].card().contains.iter().any(|(name, _)| *name == self.effects[**b].card().name)
+                self.effects[a].spec().nested.iter().any(|(name, _)| *name == self.effects[**b].spec().name)
             };
-            self.candidates[a].contains = kin.iter().filter(inside).copied().collect();
-            self.candidates[a].kin = kin;
+            self.candidates[a].nested = similar.iter().filter(inside).copied().collect();
+            self.candidates[a].similar = similar;
         }
     }
 
@@ -99,15 +108,16 @@ impl IdentificationProblem {
         first: usize,
     ) -> Result<(), WorldError> {
         let effect = term.formula().map_err(|e| WorldError::Setup { what: e.to_string() })?;
-        let knobs = term.knobs(joint, &self.scales, extent);
-        let start = |values: Vec<f64>| knobs.iter().skip(term.amplitudes()).zip(values).map(|(k, v)| k.coordinate(v));
+        let parameters = term.parameters(joint, &self.scales, extent);
+        let start =
+            |values: Vec<f64>| parameters.iter().skip(term.amplitudes()).zip(values).map(|(k, v)| k.coordinate(v));
         let starts = term.starts().into_iter().map(|values| start(values).collect()).collect();
-        let mut amplitudes: Vec<usize> = (self.knobs.len()..self.knobs.len() + knobs.len()).collect();
+        let mut amplitudes: Vec<usize> = (self.parameters.len()..self.parameters.len() + parameters.len()).collect();
         let shapes = amplitudes.split_off(term.amplitudes());
-        self.knobs.extend(knobs);
-        let (name, site) = (effect.card().name.to_owned(), joint.to_owned());
-        let (kin, contains) = (Vec::new(), Vec::new());
-        let candidate = EffectCandidate { effect: name, site, amplitudes, shapes, starts, kin, contains };
+        self.parameters.extend(parameters);
+        let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
+        let (similar, nested) = (Vec::new(), Vec::new());
+        let candidate = EffectCandidate { effect: name, site, amplitudes, shapes, starts, similar, nested };
         let swings = term.swings.map(|i| first + i);
         self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

@@ -94,8 +94,8 @@ impl TermDefinition {
     }
 
     /// Its knobs, in the order of its names.
-    pub(crate) fn knobs(&self, joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<FitParameter> {
-        let knob = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| FitParameter {
+    pub(crate) fn parameters(&self, joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<FitParameter> {
+        let parameter = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| FitParameter {
             name: format!("formula.{name}@{joint}"),
             unit: unit.to_owned(),
             origin,
@@ -107,14 +107,14 @@ impl TermDefinition {
             amplitude: name != "s",
         };
         let size = self.size * scales.of_unit(self.unit, joint);
-        let amplitude = |name: &&str| knob(name, self.unit, (0.0, size), (-MOST, MOST), WEAK);
+        let amplitude = |name: &&str| parameter(name, self.unit, (0.0, size), (-MOST, MOST), WEAK);
         let shape = self.shape.map(|shape| match shape {
             // A rate that is off by this much is off by a radian when the log ends.
-            TermShape::Rate => knob("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
-            TermShape::Order => knob("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
+            TermShape::Rate => parameter("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
+            TermShape::Order => parameter("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
             TermShape::Threshold([start, _]) => {
                 let range = (extent.q.1 - extent.q.0).max(f64::MIN_POSITIVE);
-                knob("s", "rad", (start, range), (-1.0, 1.0), ANYWHERE)
+                parameter("s", "rad", (start, range), (-1.0, 1.0), ANYWHERE)
             }
         });
         self.names().iter().take(self.amplitudes()).map(amplitude).chain(shape).collect()
@@ -294,7 +294,7 @@ mod tests {
         ));
         for term in terms("hinge", &scales, &extent) {
             let effect = term.formula().unwrap();
-            assert_eq!(effect.card().params.len(), term.knobs("hinge", &scales, &extent).len());
+            assert_eq!(effect.spec().params.len(), term.parameters("hinge", &scales, &extent).len());
             let values: Vec<f64> = term.names().iter().map(|_| -0.25).collect();
             formula(term.on, &law(term.on, &[(&term, values)]), &[]).unwrap();
         }

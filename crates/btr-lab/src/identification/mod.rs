@@ -24,7 +24,7 @@ use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
 use law_terms::TermDefinition;
 use log_parts::{LogPart, parts, whole};
-use parameters::in_doubt;
+use parameters::free_parameter;
 use scales::RobotScales;
 use sites::limbs;
 pub(crate) use sites::sites;
@@ -45,8 +45,8 @@ pub struct IdentificationProblem {
     /// The logs' clocks, as laws count time.
     clocks_s: Vec<Vec<f64>>,
     parts: Vec<LogPart>,
-    knobs: Vec<FitParameter>,
-    doubtful: Vec<usize>,
+    parameters: Vec<FitParameter>,
+    free: Vec<usize>,
     candidates: Vec<EffectCandidate>,
     logs: Vec<RecordedLog>,
     scales: RobotScales,
@@ -86,10 +86,18 @@ impl IdentificationProblem {
     pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
         let other = Self::without_effects(model, recorded, parts)?;
-        let (knobs, candidates, features) = (self.knobs.clone(), self.candidates.clone(), self.features.clone());
+        let (parameters, candidates, features) =
+            (self.parameters.clone(), self.candidates.clone(), self.features.clone());
         let (effects, terms) = (self.effects.clone(), self.terms.clone());
-        let mut other =
-            IdentificationProblem { knobs, candidates, features, effects, terms, near: self.near.clone(), ..other };
+        let mut other = IdentificationProblem {
+            parameters,
+            candidates,
+            features,
+            effects,
+            terms,
+            near: self.near.clone(),
+            ..other
+        };
         other.begin(u)?;
         Ok(other)
     }
@@ -110,25 +118,25 @@ impl IdentificationProblem {
         without: &[&str],
         parts: Vec<LogPart>,
     ) -> Result<Self, WorldError> {
-        let mut beside = Self::without_effects(model, recorded, parts)?;
-        let origin = vec![0.0; beside.knobs.len()];
-        beside.begin(&origin)?;
-        if beside.is_chaotic() {
-            noise_floor::raise(&mut beside, &origin)?;
+        let mut problem = Self::without_effects(model, recorded, parts)?;
+        let origin = vec![0.0; problem.parameters.len()];
+        problem.begin(&origin)?;
+        if problem.is_chaotic() {
+            noise_floor::raise(&mut problem, &origin)?;
         }
-        beside.offer_effects(without);
-        if beside.is_chaotic() {
-            contact_probes::enlarge(&mut beside)?;
+        problem.offer_effects(without);
+        if problem.is_chaotic() {
+            contact_probes::enlarge(&mut problem)?;
         }
-        beside.offer_terms()?;
-        Ok(beside)
+        problem.offer_terms()?;
+        Ok(problem)
     }
 
     fn without_effects(model: Arc<Model>, recorded: Vec<Log>, parts: Vec<LogPart>) -> Result<Self, WorldError> {
         let scales = RobotScales::of(&model, &recorded)?;
         Ok(IdentificationProblem {
-            knobs: model.simulations.dims().iter().map(|dim| in_doubt(dim, &scales)).collect(),
-            doubtful: (0..model.simulations.len()).collect(),
+            parameters: model.simulations.dims().iter().map(|dim| free_parameter(dim, &scales)).collect(),
+            free: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
             logs: Vec::new(),
             effects: Vec::new(),
@@ -239,7 +247,7 @@ impl IdentificationProblem {
 
     /// The values of what is in doubt at a point.
     pub(crate) fn inner(&self, u: &[f64]) -> Vec<f64> {
-        self.doubtful.iter().map(|&k| self.inside(k, self.knobs[k].value(u[k]))).collect()
+        self.free.iter().map(|&k| self.inside(k, self.parameters[k].value(u[k]))).collect()
     }
 
     /// The scenarios of the logs that are learnt from.
@@ -266,7 +274,7 @@ impl IdentificationProblem {
             pairs.filter(|(candidate, _)| on(candidate)).map(|(candidate, effect)| self.place(candidate, *effect, u));
         let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| on(&&feature.term));
         let terms = terms.map(|(feature, (_, effect))| {
-            let values = feature.term.knobs().map(|k| self.knobs[k].value(u[k])).collect();
+            let values = feature.term.parameters().map(|k| self.parameters[k].value(u[k])).collect();
             PlacedEffect { effect: *effect, site: feature.term.site.clone(), values }
         });
         effects.chain(terms).collect()
@@ -276,8 +284,8 @@ impl IdentificationProblem {
     pub fn law(&self, law: &ResidualLaw) -> Option<(String, FormulaTarget, String)> {
         let first = *law.terms.first()?;
         let values = |&i: &usize| {
-            let knobs = self.features[i].term.knobs();
-            (&self.terms[i].0, knobs.map(|k| self.knobs[k].value(law.fit.u[k])).collect())
+            let parameters = self.features[i].term.parameters();
+            (&self.terms[i].0, parameters.map(|k| self.parameters[k].value(law.fit.u[k])).collect())
         };
         let on = self.terms[first].0.on;
         let terms: Vec<(&TermDefinition, Vec<f64>)> = law.terms.iter().map(values).collect();
@@ -286,14 +294,14 @@ impl IdentificationProblem {
 
     fn place(&self, candidate: &EffectCandidate, effect: &'static dyn Effect, u: &[f64]) -> PlacedEffect {
         let (mut amplitudes, mut shapes) = (candidate.amplitudes.iter(), candidate.shapes.iter());
-        let knob = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
-        let knobs: Vec<Option<&usize>> = effect.card().params.iter().map(knob).collect();
+        let parameter = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
+        let parameters: Vec<Option<&usize>> = effect.spec().params.iter().map(parameter).collect();
         // Rounding must not carry a value across the bound at which its sign would change.
         let least = |param: &Param| param.bounds.0.min(0.0);
-        let value = |(knob, param): (Option<&usize>, &Param)| {
-            knob.map_or(param.off, |&k| self.knobs[k].value(u[k]).max(least(param)))
+        let value = |(parameter, param): (Option<&usize>, &Param)| {
+            parameter.map_or(param.off, |&k| self.parameters[k].value(u[k]).max(least(param)))
         };
-        let values = knobs.into_iter().zip(effect.card().params).map(value).collect();
+        let values = parameters.into_iter().zip(effect.spec().params).map(value).collect();
         PlacedEffect { effect, site: candidate.site.clone(), values }
     }
 

@@ -42,10 +42,10 @@ type RemainingErrors = Vec<(usize, IndexMap<String, RemainingSquares>)>;
 /// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the
 /// sensors' noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a
 /// short log says too little.
-pub(crate) fn raise(beside: &mut IdentificationProblem, u: &[f64]) -> Result<(), WorldError> {
+pub(crate) fn raise(problem: &mut IdentificationProblem, u: &[f64]) -> Result<(), WorldError> {
     let mut left: Vec<RemainingErrors> = Vec::new();
     for draw in 0..DRAWS {
-        left.push(of_logs(beside, u, &plausible(beside, u, draw), draw)?);
+        left.push(of_logs(problem, u, &plausible(problem, u, draw), draw)?);
     }
     let all = || left.iter().flatten();
     let mut channels: IndexMap<String, RemainingSquares> = IndexMap::new();
@@ -60,8 +60,8 @@ pub(crate) fn raise(beside: &mut IdentificationProblem, u: &[f64]) -> Result<(),
         }
         if share.1 == 0 { 1.0 } else { share.rms() }
     };
-    let shares: Vec<f64> = (0..beside.logs().len()).map(|log| of_scenario(beside.scenario(log))).collect();
-    for (log, share) in beside.floors().zip(shares) {
+    let shares: Vec<f64> = (0..problem.logs().len()).map(|log| of_scenario(problem.scenario(log))).collect();
+    for (log, share) in problem.floors().zip(shares) {
         for channel in &mut log.channels {
             channel.sigma *= excess.get(&channel.name).map_or(1.0, |excess| (excess * share).max(1.0));
         }
@@ -70,39 +70,44 @@ pub(crate) fn raise(beside: &mut IdentificationProblem, u: &[f64]) -> Result<(),
 }
 
 /// The noise floor of a channel as its sensor has it.
-fn noise_of(beside: &IdentificationProblem, scenario: usize, name: &str) -> f64 {
-    let values = beside.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
-    beside.model().setup.noise.floor(name, values).unwrap_or(1.0)
+fn noise_of(problem: &IdentificationProblem, scenario: usize, name: &str) -> f64 {
+    let values = problem.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
+    problem.model().setup.noise.floor(name, values).unwrap_or(1.0)
 }
 
 /// The point with numbers in doubt that could be true as well.
-fn plausible(beside: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> {
+fn plausible(problem: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> {
     let mut truth = u.to_vec();
     let mut rng = stream(SEED, &[draw]);
-    for &k in beside.doubtful() {
+    for &k in problem.free() {
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
-        truth[k] = beside.knobs()[k].clamp(u[k] + sign * OFF * beside.knobs()[k].spread.min(1.0));
+        truth[k] = problem.parameters()[k].clamp(u[k] + sign * OFF * problem.parameters()[k].spread.min(1.0));
     }
     truth
 }
 
 /// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts
 /// are seen by the model at `u`.
-fn of_logs(beside: &IdentificationProblem, u: &[f64], truth: &[f64], draw: u64) -> Result<RemainingErrors, WorldError> {
-    let mut model = beside.model().in_situations(beside.model().scenarios.clone());
-    model.setup.noise = noise(beside);
-    let (values, effects) = (beside.inner(truth), beside.placed(truth));
+fn of_logs(
+    problem: &IdentificationProblem,
+    u: &[f64],
+    truth: &[f64],
+    draw: u64,
+) -> Result<RemainingErrors, WorldError> {
+    let mut model = problem.model().in_situations(problem.model().scenarios.clone());
+    model.setup.noise = noise(problem);
+    let (values, effects) = (problem.inner(truth), problem.placed(truth));
     let record = |(scenario, recorded): (usize, &Log)| {
         // With a finer step: the integrator's own error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
         seen(&model.measured(&values, &model.scenarios[scenario], &effects, seed)?, recorded)
     };
-    let logs: Vec<Log> = beside.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
-    let twin = beside.beside_others(Arc::new(model), logs, u)?;
-    let bench = Objective::at(&twin, truth);
+    let logs: Vec<Log> = problem.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
+    let twin = problem.beside_others(Arc::new(model), logs, u)?;
+    let objective = Objective::at(&twin, truth);
     let mut left = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
-        let residual = bench.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
+        let residual = objective.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
         let own = |channel: &btr_identify::residual_model::MeasuredChannel| {
@@ -114,14 +119,14 @@ fn of_logs(beside: &IdentificationProblem, u: &[f64], truth: &[f64], draw: u64) 
 }
 
 /// Sensors as noisy as those of the logs.
-fn noise(beside: &IdentificationProblem) -> SensorNoise {
+fn noise(problem: &IdentificationProblem) -> SensorNoise {
     let largest = |begin: &str| {
         let channels =
-            beside.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
+            problem.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
         let own = channels.filter(|(_, name)| name.starts_with(begin));
-        own.map(|(log, name)| noise_of(beside, beside.scenario(log), name)).fold(0.0, f64::max)
+        own.map(|(log, name)| noise_of(problem, problem.scenario(log), name)).fold(0.0, f64::max)
     };
-    let noise = beside.model().setup.noise;
+    let noise = problem.model().setup.noise;
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
     let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
     SensorNoise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }

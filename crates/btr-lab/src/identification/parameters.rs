@@ -14,12 +14,12 @@ const SHAPE: f64 = 3.0;
 const REACH: (f64, f64) = (0.05, 0.1);
 
 /// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
-pub(super) fn in_doubt(dim: &Dim, scales: &RobotScales) -> FitParameter {
+pub(super) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
     let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
-        let card = btr_physics::effects::find(effect)?.card();
-        Some((card.params.iter().find(|p| p.name == param)?, site))
+        let spec = btr_physics::effects::find(effect)?.spec();
+        Some((spec.params.iter().find(|p| p.name == param)?, site))
     });
     let (law, size, spread) = match effect {
         // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
@@ -32,7 +32,7 @@ pub(super) fn in_doubt(dim: &Dim, scales: &RobotScales) -> FitParameter {
         _ if dim.min > 0.0 && nominal > 0.0 => (Parametrisation::Exponential, (dim.max / dim.min).ln() / 4.0, 1.0),
         _ => (Parametrisation::Linear, (dim.max - dim.min) / 4.0, 1.0),
     };
-    let mut knob = FitParameter {
+    let mut parameter = FitParameter {
         name: dim.name.clone(),
         unit: dim.unit.clone(),
         origin: nominal,
@@ -43,12 +43,12 @@ pub(super) fn in_doubt(dim: &Dim, scales: &RobotScales) -> FitParameter {
         reach: if effect.is_some() { REACH.1 } else { REACH.0 },
         amplitude: law == Parametrisation::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
     };
-    knob.bounds = (knob.coordinate(dim.min), knob.coordinate(dim.max));
-    knob
+    parameter.bounds = (parameter.coordinate(dim.min), parameter.coordinate(dim.max));
+    parameter
 }
 
 /// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
-pub(super) fn knob(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
+pub(super) fn parameter(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
     let size = param.hint.abs() * scale;
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let (law, origin, size, bounds, spread) = match param {

@@ -19,12 +19,12 @@ use std::ops::Range;
 const BEGINNING: f64 = 0.3;
 
 impl ResidualModel for IdentificationProblem {
-    fn knobs(&self) -> &[FitParameter] {
-        &self.knobs
+    fn parameters(&self) -> &[FitParameter] {
+        &self.parameters
     }
 
-    fn doubtful(&self) -> &[usize] {
-        &self.doubtful
+    fn free(&self) -> &[usize] {
+        &self.free
     }
 
     fn candidates(&self) -> &[EffectCandidate] {
@@ -91,7 +91,7 @@ impl ResidualModel for IdentificationProblem {
         self.parts.iter().any(|part| !part.windows.is_empty())
     }
 
-    fn seen_from(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+    fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         if self.model.robot.base == Base::Fixed {
             return None;
         }
@@ -105,7 +105,7 @@ impl ResidualModel for IdentificationProblem {
         differs.then(|| Box::new(other) as Box<dyn ResidualModel>)
     }
 
-    fn begun(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
+    fn with_initial_state(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
         Some(Box::new(self.begun_elsewhere(moved)))
     }
 

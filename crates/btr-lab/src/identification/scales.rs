@@ -132,7 +132,7 @@ mod tests {
     fn drag_is_scaled_as_torque_over_squared_speed() {
         let whole = JointScale { torque: 2.0, speed: 12.0, ..DESK };
         let scales = RobotScales { joints: Vec::new(), whole };
-        let drag = btr_physics::effects::find("quadratic_drag").unwrap().card();
+        let drag = btr_physics::effects::find("quadratic_drag").unwrap().spec();
         assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
     }
 }

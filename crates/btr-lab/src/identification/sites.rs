@@ -6,20 +6,20 @@ use btr_physics::robot::{JointKind, Robot};
 
 /// Where an effect could sit and does not yet.
 pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
-    let card = effect.card();
+    let spec = effect.spec();
     let taken = |site: &str| {
         let there = |placed: &&PlacedEffect| {
-            placed.effect.card().name == card.name && btr_physics::robot::site::matches(&placed.site, site)
+            placed.effect.spec().name == spec.name && btr_physics::robot::site::matches(&placed.site, site)
         };
-        let named = format!("{}.", card.name);
-        let in_doubt = model.simulations.dims().iter().any(|dim| {
+        let named = format!("{}.", spec.name);
+        let free_parameter = model.simulations.dims().iter().any(|dim| {
             dim.name.starts_with(&named)
                 && btr_physics::robot::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
         });
-        in_doubt || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
+        free_parameter || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
     };
     let joints = || model.robot.movable().map(|(_, link)| link);
-    let all: Vec<String> = match card.site {
+    let all: Vec<String> = match spec.site {
         SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
         SiteKind::Link => {
             let moves = |link: &&btr_physics::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;

@@ -10,7 +10,7 @@ use crate::experiment::adapt;
 use crate::failure::Failure;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
 use btr_core::world::Simulator;
-use btr_identify::diagnose::Rung;
+use btr_identify::LadderStep;
 use std::path::{Path, PathBuf};
 
 /// Who looks on while a run goes on.
@@ -20,7 +20,7 @@ pub trait RunObserver {
     /// A step was done and written down; of another distance's identification where there is none.
     fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>);
     /// The populations lost each other, and the error falls like this while a cause is looked for.
-    fn rung(&self, rung: &Rung);
+    fn ladder_step(&self, ladder_step: &LadderStep);
     /// Something about a real test is not as it should be.
     fn warn(&mut self, line: &str);
     /// Something is to be said.
@@ -133,7 +133,7 @@ fn goes_on(
     if run.state().disengaged() {
         watch.say("disengaged: looking for the cause in the real tests");
     }
-    let goes_on = run.look_for_cause(experiment, reason, &|rung| watch.rung(rung))?;
+    let goes_on = run.look_for_cause(experiment, reason, &|ladder_step| watch.ladder_step(ladder_step))?;
     if let Some(cause) = run.cause().filter(|_| goes_on) {
         let how = if cause.missing().is_empty() { "from what explains the tests" } else { "with that in S" };
         watch.say(&format!("{}; the run goes on {how}", cause.sentence()));

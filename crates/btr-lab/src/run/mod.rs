@@ -13,7 +13,8 @@ use crate::verbs::AddError;
 use augment::Cause;
 use btr_core::coevolve::{Coevolution, Environment, Explanation, Plan, PlanError, RunState, StepOutcome, StopReason};
 use btr_core::distance::Distance;
-use btr_identify::diagnose::{Rung, Verdict};
+use btr_identify::LadderStep;
+use btr_identify::diagnose::Verdict;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -94,7 +95,7 @@ pub struct Run {
     distance: Box<dyn Distance>,
     state: Coevolution,
     larger: Enlargement,
-    parcels: RunPayloads,
+    payloads: RunPayloads,
 }
 
 /// What a checkpoint remembers beside the loop's own state.
@@ -128,7 +129,7 @@ impl Run {
             distance,
             state,
             larger: Enlargement::default(),
-            parcels: RunPayloads::default(),
+            payloads: RunPayloads::default(),
         };
         run.write("experiment.toml", experiment.stamp().as_bytes())?;
         run.checkpoint()?;
@@ -151,7 +152,7 @@ impl Run {
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
         let distance = state.plan().distance.build();
-        let mut run = Run { folder: folder.to_owned(), distance, state, larger, parcels: RunPayloads::default() };
+        let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
         if let Some(text) = wished {
             run.enlarge(experiment, text)?;
         }
@@ -176,7 +177,7 @@ impl Run {
     /// When the disk refuses; the state before the step is still there.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
         let (model, spec) = (experiment.model.clone(), (&self.state.plan().distance, experiment.has_robot()));
-        let served = RemoteSimulator::new(&model, experiment.source(), spec, &experiment.way, &self.parcels);
+        let served = RemoteSimulator::new(&model, experiment.source(), spec, &experiment.context, &self.payloads);
         let served = served.map_err(RunError::NotServed)?;
         let mut on =
             Environment { simulator: &served, distance: self.distance.as_ref(), reality: experiment.reality.as_mut() };
@@ -186,7 +187,7 @@ impl Run {
     }
 
     /// Where the run stopped because the populations lost each other: asks its real tests for the cause, once. Where the plan
-    /// allows it and the cause is clear, adds it to S; true if the run goes on. `tell` hears how the error falls.
+    /// allows it and the cause is clear, adds it to S; true if the run goes on. `on_step` hears how the error falls.
     ///
     /// # Errors
     /// When the disk refuses.
@@ -194,7 +195,7 @@ impl Run {
         &mut self,
         experiment: &mut Experiment,
         reason: &StopReason,
-        tell: &dyn Fn(&Rung),
+        on_step: &dyn Fn(&LadderStep),
     ) -> Result<bool, RunError> {
         if !self.state.disengaged() {
             return Ok(false);
@@ -203,7 +204,7 @@ impl Run {
         let cause = match self.larger.cause.take().filter(|cause| cause.after_iteration == closed) {
             Some(known) => known,
             None => {
-                let (cause, explanation) = Cause::of(experiment, &self.state, tell);
+                let (cause, explanation) = Cause::of(experiment, &self.state, on_step);
                 self.larger.explanation = explanation;
                 cause
             }

@@ -78,11 +78,11 @@ impl Addition {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
         let effect = effects::find(name).ok_or_else(|| AddError::Unknown {
             name: name.to_owned(),
-            near: suggestion(name, EFFECTS.iter().map(|e| e.card().name)),
+            near: suggestion(name, EFFECTS.iter().map(|e| e.spec().name)),
         })?;
         let placed = PlacedEffect::off(effect, site);
         if placed.check_site(robot).is_err() {
-            let known = match effect.card().site {
+            let known = match effect.spec().site {
                 SiteKind::Joint => robot.movable().map(|(_, link)| link.joint.name.clone()).collect(),
                 SiteKind::Link => robot.links.iter().map(|link| link.name.clone()).collect(),
                 SiteKind::Base => vec!["base".to_owned()],
@@ -95,7 +95,7 @@ impl Addition {
 
     /// `EFFECT.PARAM@SITE`.
     fn parameter(&self, param: &Param) -> String {
-        format!("{}.{}@{}", self.effect.card().name, param.name, self.site)
+        format!("{}.{}@{}", self.effect.spec().name, param.name, self.site)
     }
 }
 
@@ -118,18 +118,18 @@ pub(super) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Add
 }
 
 fn write(document: &mut DocumentMut, scales: &RobotScales, addition: &Addition) -> Result<(), AddError> {
-    let card = addition.effect.card();
+    let spec = addition.effect.spec();
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };
-    for (k, param) in card.params.iter().enumerate() {
+    for (k, param) in spec.params.iter().enumerate() {
         let name = addition.parameter(param);
         if parameters.contains_key(&name) {
-            return Err(AddError::Twice { name: format!("{}@{}", card.name, addition.site) });
+            return Err(AddError::Twice { name: format!("{}@{}", spec.name, addition.site) });
         }
         parameters.insert(&name, value(entry(param, scales.of_unit(param.unit, &addition.site))));
         if let Some(mut key) = parameters.key_mut(&name) {
             let comment = if k == 0 {
-                format!("\n# {}: {}. Source: {}.\n# In {}", card.name, card.law, card.cite, param.unit)
+                format!("\n# {}: {}. Source: {}.\n# In {}", spec.name, spec.law, spec.cite, param.unit)
             } else {
                 format!("# In {}", param.unit)
             };

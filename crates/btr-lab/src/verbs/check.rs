@@ -25,7 +25,7 @@ impl CheckReport {
     /// The answer with the keys of `--json`.
     pub fn document(&self) -> Value {
         let joint = |j: &CommandResponse| {
-            let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.likeness }));
+            let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.correlation }));
             json!({ "joint": j.joint, "command_lag": lag })
         };
         let log = |CheckedLog { log: name, quality }: &CheckedLog| {
@@ -75,15 +75,15 @@ fn told(replays: Replays) -> IdentifiabilityReport {
     let not_judged =
         |why: &str| IdentifiabilityReport { not_judged: Some(why.to_owned()), ..IdentifiabilityReport::default() };
     // Logs that cannot be compared with the model have a quality all the same.
-    let beside = match IdentificationProblem::to_learn(Arc::new(replays.model), replays.logs) {
-        Ok(beside) => beside,
+    let problem = match IdentificationProblem::to_learn(Arc::new(replays.model), replays.logs) {
+        Ok(problem) => problem,
         Err(why) => return not_judged(&why.to_string()),
     };
-    if beside.doubtful().is_empty() {
+    if problem.free().is_empty() {
         return not_judged("no number of the model is in doubt ([parameters])");
     }
-    let bench = Objective::new(&beside);
-    let Some(found) = identifiable(&bench) else {
+    let objective = Objective::new(&problem);
+    let Some(found) = identifiable(&objective) else {
         return not_judged("the model blows up on these logs as it stands");
     };
     let dead = found.parameters.iter().filter(|parameter| parameter.dead).map(|parameter| parameter.name.clone());
@@ -94,6 +94,6 @@ fn told(replays: Replays) -> IdentifiabilityReport {
         null_directions: found.null_directions,
         parameters: found.parameters,
         not_judged: None,
-        rollouts: bench.rollouts(),
+        rollouts: objective.rollouts(),
     }
 }

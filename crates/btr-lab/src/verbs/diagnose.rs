@@ -1,9 +1,10 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Doubt, LadderStep, NextExperiment, NoiseFloor, VerbInput};
+use super::{Doubt, NextExperiment, NoiseFloor, VerbInput};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::stats;
-use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Rung, Verdict};
+use btr_identify::LadderStep;
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
 use btr_identify::fit::{Estimate, NOISE, Objective};
 use btr_identify::residual_model::ResidualModel;
 use btr_physics::effects::FormulaTarget;
@@ -118,35 +119,35 @@ pub struct DiagnoseReport {
     pub seconds: f64,
 }
 
-/// Finds out what is missing; `tell` hears every step of the ladder. `None` where the model blows up as it stands.
-/// `family` is the problem's own, or the same served by others.
+/// Finds out what is missing; `on_step` hears every step of the ladder. `None` where the model blows up as it stands.
+/// `residual_model` is the problem's own, or the same served by others.
 pub fn diagnose(
-    problem: &VerbInput,
-    family: &dyn ResidualModel,
+    input: &VerbInput,
+    residual_model: &dyn ResidualModel,
     question: DiagnoseOptions,
-    tell: &dyn Fn(&Rung),
+    on_step: &dyn Fn(&LadderStep),
 ) -> Option<(DiagnoseReport, Diagnosis)> {
     let began = Instant::now();
-    let bench = Objective::new(family);
-    let diagnosis = btr_identify::diagnose::diagnose(&bench, question, tell)?;
+    let objective = Objective::new(residual_model);
+    let diagnosis = btr_identify::diagnose::diagnose(&objective, question, on_step)?;
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
         effects: grouped(&diagnosis.effects),
         ranking: diagnosis.rounds.clone(),
-        error_ladder: diagnosis.ladder.iter().map(LadderStep::from).collect(),
-        noise_floor: problem.floors(),
+        error_ladder: diagnosis.ladder.clone(),
+        noise_floor: input.floors(),
         unexplained_share: diagnosis.unexplained_share,
         noise_stated_low: match diagnosis.verdict {
-            Verdict::Unexplained => stated_low(problem, &diagnosis),
+            Verdict::Unexplained => stated_low(input, &diagnosis),
             Verdict::EffectMissing | Verdict::NothingMissing => Vec::new(),
         },
-        residual_law: residual_law(problem, &diagnosis),
-        next_experiment: problem.next_experiment(&diagnosis.rivals),
+        residual_law: residual_law(input, &diagnosis),
+        next_experiment: input.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
-        time_step_s: problem.time_step_s(bench.step()),
-        doubts: problem.doubts.clone(),
-        not_judged: problem.not_judged.clone(),
+        time_step_s: input.time_step_s(objective.step()),
+        doubts: input.doubts.clone(),
+        not_judged: input.not_judged.clone(),
         at_bound: diagnosis.at_bound.clone(),
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
@@ -190,11 +191,10 @@ const AS_LARGE: f64 = 1.15;
 const NEARLY_WHITE: f64 = 2.0;
 
 /// Channels in which what is left is white, above the noise that the model states, and what their readings show of noise.
-fn stated_low(problem: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
-    let model = problem.beside.model();
+fn stated_low(input: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
+    let model = input.problem.model();
     let (mut found, mut start) = (Vec::<StatedLow>::new(), 0);
-    for (log, readings) in problem.beside.logs().iter().zip(problem.beside.recorded()).filter(|(log, _)| !log.held_out)
-    {
+    for (log, readings) in input.problem.logs().iter().zip(input.problem.recorded()).filter(|(log, _)| !log.held_out) {
         for channel in &log.channels {
             let rows = start + channel.samples.start..start + channel.samples.end;
             let left = diagnosis.fit.residual.get(rows).unwrap_or_default();
@@ -219,20 +219,14 @@ fn stated_low(problem: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
     found
 }
 
-fn residual_law(problem: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {
+fn residual_law(input: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {
     let found = diagnosis.residual_law.as_ref()?;
-    let (site, on, law) = problem.beside.law(found)?;
+    let (site, on, law) = input.problem.law(found)?;
     let word = format!("{on:?}").to_lowercase();
     let toml = format!("[[effects]]\neffect = \"formula\"\nsite = \"{site}\"\non = \"{word}\"\nlaw = \"{law}\"\n");
     let effects = diagnosis.effects.iter().filter(|_| found.beside_effects);
     let beside = effects.map(|found| format!("{}@{}", found.effect, found.site)).collect();
     Some(LawReport { law, site, on, explains: found.explains, beside, toml })
-}
-
-impl From<&Rung> for LadderStep {
-    fn from(rung: &Rung) -> Self {
-        LadderStep { step: rung.step.clone(), train: rung.train, held_out: rung.held_out }
-    }
 }
 
 /// One effect on several sites is one effect.

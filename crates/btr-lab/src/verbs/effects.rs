@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 /// Every card; formulas share one.
 fn all() -> impl Iterator<Item = &'static EffectSpec> {
-    EFFECTS.iter().map(|effect| effect.card()).chain([&FORMULA])
+    EFFECTS.iter().map(|effect| effect.spec()).chain([&FORMULA])
 }
 
 /// All cards, or that of one effect.
@@ -17,7 +17,7 @@ fn all() -> impl Iterator<Item = &'static EffectSpec> {
 pub fn named(name: Option<&str>) -> Result<Vec<&'static EffectSpec>, Failure> {
     Ok(match name {
         None => all().collect(),
-        Some(name) => vec![all().find(|card| card.name == name).ok_or_else(|| unknown(name))?],
+        Some(name) => vec![all().find(|spec| spec.name == name).ok_or_else(|| unknown(name))?],
     })
 }
 
@@ -31,24 +31,24 @@ pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
 }
 
 fn unknown(name: &str) -> Failure {
-    let known = || all().map(|card| card.name);
+    let known = || all().map(|spec| spec.name);
     let all = || format!("known: {}", known().collect::<Vec<_>>().join(", "));
     let help = suggestion(name, known()).unwrap_or_else(all);
     Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
 }
 
 /// What it sits on, in a word.
-pub fn site(card: &EffectSpec) -> String {
-    format!("{:?}", card.site).to_lowercase()
+pub fn site(spec: &EffectSpec) -> String {
+    format!("{:?}", spec.site).to_lowercase()
 }
 
-fn describe(card: &EffectSpec) -> Value {
+fn describe(spec: &EffectSpec) -> Value {
     let finite = |x: f64| x.is_finite().then_some(x);
     let param = |p: &Param| {
         json!({ "name": p.name, "unit": p.unit, "min": p.bounds.0, "max": finite(p.bounds.1), "off": finite(p.off),
                 "typical": p.hint, "shape": p.shape })
     };
-    let params: Vec<Value> = card.params.iter().map(param).collect();
-    json!({ "effect": card.name, "site": site(card), "law": card.law, "shows": card.tell,
-            "source": card.cite, "alike": card.alike, "starts": card.starts, "parameters": params })
+    let params: Vec<Value> = spec.params.iter().map(param).collect();
+    json!({ "effect": spec.name, "site": site(spec), "law": spec.law, "shows": spec.symptom,
+            "source": spec.cite, "alike": spec.similar, "starts": spec.starts, "parameters": params })
 }

@@ -1,7 +1,8 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
-use super::{Doubt, LadderStep, NoiseFloor, VerbInput};
+use super::{Doubt, NoiseFloor, VerbInput};
 use crate::experiment::adapt::{adapted, in_finer_steps};
+use btr_identify::LadderStep;
 use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
 use serde::Serialize;
@@ -46,24 +47,16 @@ pub struct FitReport {
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `tell` hears every step of the ladder. Returns the fit and the time step that it holds for;
-/// `None` where the model blows up as it stands. `family` is the problem's own, or the same served by others.
+/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds for;
+/// `None` where the model blows up as it stands. `residual_model` is the problem's own, or the same served by others.
 pub fn fit(
-    problem: &VerbInput,
-    family: &dyn ResidualModel,
-    tell: &dyn Fn(&LadderStep),
+    input: &VerbInput,
+    residual_model: &dyn ResidualModel,
+    on_step: &dyn Fn(&LadderStep),
 ) -> Option<(FitReport, FitPoint, TimeStep)> {
     let began = Instant::now();
-    let bench = Objective::new(family);
-    let heard = |step: &str, train: f64, held_out: Option<f64>| {
-        tell(&LadderStep { step: step.to_owned(), train, held_out });
-    };
-    let fitted = btr_identify::fit::fitted(&bench, &heard)?;
-    let ladder = fitted.ladder.iter().map(|(step, train, held_out)| LadderStep {
-        step: step.clone(),
-        train: *train,
-        held_out: *held_out,
-    });
+    let objective = Objective::new(residual_model);
+    let fitted = btr_identify::fit::fitted(&objective, on_step)?;
     let report = FitReport {
         ok: true,
         cost: fitted.fit.cost,
@@ -71,14 +64,14 @@ pub fn fit(
         train: fitted.train,
         held_out: fitted.held_out,
         null_directions: fitted.null_directions,
-        error_ladder: ladder.collect(),
+        error_ladder: fitted.ladder,
         stop_reason: fitted.ended,
         withheld: fitted.withheld,
-        noise_floor: problem.floors(),
-        doubts: problem.doubts.clone(),
-        not_judged: problem.not_judged.clone(),
+        noise_floor: input.floors(),
+        doubts: input.doubts.clone(),
+        not_judged: input.not_judged.clone(),
         integrator_error: fitted.integrator_error,
-        time_step_s: problem.time_step_s(fitted.step),
+        time_step_s: input.time_step_s(fitted.step),
         rollouts: fitted.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
@@ -91,20 +84,21 @@ impl VerbInput {
     /// # Errors
     /// A text that is not TOML; it was read before, so this does not happen.
     pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
-        let text = adapted(&self.source, &self.beside.model().simulations, &self.values(fit), into)?;
+        let text = adapted(&self.source, &self.problem.model().simulations, &self.values(fit), into)?;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
     }
 
     /// The model's time step at so many halvings, in s.
     pub(super) fn time_step_s(&self, step: TimeStep) -> f64 {
-        self.beside.model().setup.dt_s / f64::from(step.divides_by())
+        self.problem.model().setup.dt_s / f64::from(step.divides_by())
     }
 
     /// The values of what is in doubt at a fit, in the order of the model's space.
     pub fn values(&self, fit: &FitPoint) -> Vec<f64> {
-        let dims = self.beside.model().simulations.dims();
-        let value =
-            |(&k, dim): (&usize, &btr_core::space::Dim)| self.beside.knobs()[k].value(fit.u[k]).clamp(dim.min, dim.max);
-        self.beside.doubtful().iter().zip(dims).map(value).collect()
+        let dims = self.problem.model().simulations.dims();
+        let value = |(&k, dim): (&usize, &btr_core::space::Dim)| {
+            self.problem.parameters()[k].value(fit.u[k]).clamp(dim.min, dim.max)
+        };
+        self.problem.free().iter().zip(dims).map(value).collect()
     }
 }

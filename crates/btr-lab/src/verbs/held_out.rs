@@ -22,7 +22,7 @@ pub struct HeldOutLogs<'a> {
 impl VerbInput {
     /// The logs to judge on.
     pub fn judged(&self) -> HeldOutLogs<'_> {
-        let (model, recorded) = (self.beside.model(), self.beside.recorded());
+        let (model, recorded) = (self.problem.model(), self.problem.recorded());
         let first = if model.learn < recorded.len() { model.learn } else { 0 };
         let scenarios = first..recorded.len();
         let names = model.scenarios[scenarios.clone()].iter().map(|scenario| scenario.name.as_str()).collect();
@@ -35,7 +35,7 @@ impl VerbInput {
     /// # Errors
     /// A simulation that blew up.
     pub fn judge(&self, judged: &HeldOutLogs, u: &[f64]) -> Result<Comparison, WorldError> {
-        let simulate = |scenario: usize| self.beside.simulate(u, scenario, TimeStep::USUAL);
+        let simulate = |scenario: usize| self.problem.simulate(u, scenario, TimeStep::USUAL);
         let simulated: Vec<Log> =
             judged.scenarios.clone().into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
         let pairs = judged.names.iter().zip(judged.logs).zip(&simulated);

@@ -27,7 +27,7 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
 use btr_identify::residual_model::{ResidualModel as _, TimeStep};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::sync::Arc;
 
 /// A model beside the logs it is asked about.
@@ -35,7 +35,7 @@ pub struct VerbInput {
     /// The model's text.
     pub source: Source,
     /// The model, the logs, and everything that may be varied.
-    pub beside: IdentificationProblem,
+    pub problem: IdentificationProblem,
     /// What makes answers doubtful.
     pub doubts: Vec<Doubt>,
     /// Joints of which nothing is measured: no answer is about them.
@@ -135,14 +135,14 @@ impl VerbInput {
         if longest < FEWEST_SAMPLES {
             return Err(ProblemError::Short(longest));
         }
-        let beside = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
-        Ok(VerbInput { source, beside, doubts, not_judged })
+        let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
+        Ok(VerbInput { source, problem, doubts, not_judged })
     }
 
     /// Why the model cannot be simulated beside its logs as it stands, where it cannot.
     pub fn trouble(&self) -> Option<WorldError> {
-        let origin = vec![0.0; self.beside.knobs().len()];
-        (0..self.beside.recorded().len()).find_map(|log| self.beside.simulate(&origin, log, TimeStep::USUAL).err())
+        let origin = vec![0.0; self.problem.parameters().len()];
+        (0..self.problem.recorded().len()).find_map(|log| self.problem.simulate(&origin, log, TimeStep::USUAL).err())
     }
 
     /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
@@ -161,23 +161,12 @@ impl VerbInput {
         if additions.is_empty() {
             return Ok(bare);
         }
-        let robot = &bare.beside.model().robot;
+        let robot = &bare.problem.model().robot;
         let additions: Vec<Addition> =
             additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
-        let text = add::add_scaled(&bare.source, bare.beside.scales(), &additions)?;
+        let text = add::add_scaled(&bare.source, bare.problem.scales(), &additions)?;
         VerbInput::new(Source { text, ..bare.source }, learn, held_out)
     }
-}
-
-/// One step of the error's fall, in multiples of the noise floor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LadderStep {
-    /// What was done.
-    pub step: String,
-    /// On the logs that were learnt from.
-    pub train: f64,
-    /// On held-out logs.
-    pub held_out: Option<f64>,
 }
 
 /// The noise floor of each measured channel.
@@ -197,10 +186,10 @@ impl VerbInput {
     /// The noise floors that errors are measured in: of each channel in the first log that has it.
     pub fn floors(&self) -> Vec<NoiseFloor> {
         let mut floors: Vec<NoiseFloor> = Vec::new();
-        for channel in self.beside.logs().iter().flat_map(|log| &log.channels) {
+        for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {
             if floors.iter().all(|floor| floor.channel != channel.name) {
                 let (name, unit) = (channel.name.clone(), channel.unit.clone());
-                let assumed = self.beside.is_assumed(&name);
+                let assumed = self.problem.is_assumed(&name);
                 floors.push(NoiseFloor { channel: name, unit, sigma: channel.sigma, assumed });
             }
         }

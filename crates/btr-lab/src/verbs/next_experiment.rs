@@ -59,30 +59,32 @@ pub struct RivalExplanation {
 /// # Errors
 /// A model that blows up on its own logs.
 pub fn next_experiment(
-    beside: &IdentificationProblem,
+    problem: &IdentificationProblem,
     rivals: &[(usize, Vec<f64>)],
 ) -> Result<Option<NextExperiment>, WorldError> {
     let points: Vec<&Vec<f64>> = rivals.iter().take(1 + MOST_RIVALS).map(|(_, u)| u).collect();
     if points.len() < 2 {
         return Ok(None);
     }
-    let model = beside.model();
-    let so_far =
-        beside.learnt().into_iter().map(|scenario| separations(beside, &points, &model.scenarios[scenario], &|_| true));
+    let model = problem.model();
+    let so_far = problem
+        .learnt()
+        .into_iter()
+        .map(|scenario| separations(problem, &points, &model.scenarios[scenario], &|_| true));
     let so_far = best(so_far.collect::<Result<Vec<_>, _>>()?.into_iter().map(Option::unwrap_or_default));
-    let longest_s = beside.recorded().iter().map(Log::duration_s).fold(DURATION_S.0, f64::max);
-    let drives = excitations(&model.robot, beside.recorded(), model.setup.control_s, longest_s.min(DURATION_S.1))?;
+    let longest_s = problem.recorded().iter().map(Log::duration_s).fold(DURATION_S.0, f64::max);
+    let drives = excitations(&model.robot, problem.recorded(), model.setup.control_s, longest_s.min(DURATION_S.1))?;
     // A drive in which any of them blows up is no drive to propose.
     let tried: Vec<Vec<f64>> = drives
         .par_iter()
-        .map(|drive| separations(beside, &points, &scenario(beside, drive), &|log| beside.is_within(log, MARGIN)))
+        .map(|drive| separations(problem, &points, &scenario(problem, drive), &|log| problem.is_within(log, MARGIN)))
         .map(|apart| apart.ok().flatten().unwrap_or_default())
         .collect();
     let (chosen, apart) = best(tried);
     if worth(&apart) <= worth(&so_far.1) || apart.iter().all(|x| *x < APART) {
         return Ok(None);
     }
-    let name = |k: usize| beside.candidates()[rivals[k].0].name();
+    let name = |k: usize| problem.candidates()[rivals[k].0].name();
     let rivals =
         apart.iter().enumerate().map(|(k, x)| RivalExplanation { effect: name(k + 1), separation: *x }).collect();
     Ok(Some(proposal(&drives[chosen], &name(0), rivals, &so_far.1)))
@@ -117,8 +119,8 @@ fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, 
 }
 
 /// The drive as a situation: from where the robot is at its own start, with what is known of the first log.
-fn scenario(beside: &IdentificationProblem, drive: &Excitation) -> Scenario {
-    let model = beside.model();
+fn scenario(problem: &IdentificationProblem, drive: &Excitation) -> Scenario {
+    let model = problem.model();
     Scenario {
         name: drive.kind.to_owned(),
         replay: Some(Arc::new(Replay::new(&drive.commands, &model.robot))),
@@ -131,17 +133,17 @@ fn scenario(beside: &IdentificationProblem, drive: &Excitation) -> Scenario {
 /// How far the first point's simulation is from each other's, in multiples of the noise floor over all measured channels;
 /// `None` where one of them is not `safe`.
 fn separations(
-    beside: &IdentificationProblem,
+    problem: &IdentificationProblem,
     points: &[&Vec<f64>],
     scenario: &Scenario,
     safe: &dyn Fn(&Log) -> bool,
 ) -> Result<Option<Vec<f64>>, WorldError> {
     let logs: Vec<Log> =
-        points.iter().map(|u| beside.simulate_in(u, scenario, TimeStep::USUAL)).collect::<Result<_, _>>()?;
+        points.iter().map(|u| problem.simulate_in(u, scenario, TimeStep::USUAL)).collect::<Result<_, _>>()?;
     if !logs.iter().all(safe) {
         return Ok(None);
     }
-    let channels = beside.logs().first().map_or(&[][..], |log| &log.channels);
+    let channels = problem.logs().first().map_or(&[][..], |log| &log.channels);
     let apart = |other: &Log| -> Result<f64, WorldError> {
         let (mut squares, mut samples) = (0.0, 0);
         for channel in channels {
@@ -176,6 +178,6 @@ impl VerbInput {
     /// The next experiment for what a diagnosis could not tell apart.
     pub(super) fn next_experiment(&self, rivals: &[(usize, Vec<f64>)]) -> Option<NextExperiment> {
         // The logs themselves were simulated at these points before, so nothing blows up there.
-        next_experiment(&self.beside, rivals).ok().flatten()
+        next_experiment(&self.problem, rivals).ok().flatten()
     }
 }

@@ -83,16 +83,16 @@ pub struct EffectSpec {
     /// Where the law is from.
     pub cite: &'static str,
     /// How it shows in the error of a model that lacks it.
-    pub tell: &'static str,
+    pub symptom: &'static str,
     /// Its parameters, in the order of [`PlacedEffect::values`].
     pub params: &'static [Param],
     /// Values of its shapes (in their order among the parameters) from which a search for the effect should start.
     pub starts: &'static [&'static [f64]],
     /// Names of effects that most motions cannot tell from it.
-    pub alike: &'static [&'static str],
+    pub similar: &'static [&'static str],
     /// Those among them that it becomes for some values of its parameters, with the values at which it is the other at
     /// its hint.
-    pub contains: &'static [(&'static str, &'static [f64])],
+    pub nested: &'static [(&'static str, &'static [f64])],
 }
 
 /// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values
@@ -100,7 +100,7 @@ pub struct EffectSpec {
 /// of a run altogether.
 pub trait Effect: Sync {
     /// What it says about itself.
-    fn card(&self) -> &'static EffectSpec;
+    fn spec(&self) -> &'static EffectSpec;
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
     /// Changes gravity or the floor before the world is built.
@@ -147,7 +147,7 @@ pub trait Effect: Sync {
 
 impl fmt::Debug for dyn Effect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.card().name)
+        f.write_str(self.spec().name)
     }
 }
 
@@ -180,7 +180,7 @@ pub struct PlacedEffect {
 impl PlacedEffect {
     /// The effect at a site, switched off.
     pub fn off(effect: &'static dyn Effect, site: impl Into<String>) -> Self {
-        PlacedEffect { effect, site: site.into(), values: effect.card().params.iter().map(|param| param.off).collect() }
+        PlacedEffect { effect, site: site.into(), values: effect.spec().params.iter().map(|param| param.off).collect() }
     }
 
     /// The effect at a site with typical values.
@@ -188,13 +188,13 @@ impl PlacedEffect {
         PlacedEffect {
             effect,
             site: site.into(),
-            values: effect.card().params.iter().map(|param| param.hint).collect(),
+            values: effect.spec().params.iter().map(|param| param.hint).collect(),
         }
     }
 
     /// Whether it does nothing: all its parameters but the shapes are off. A formula may have none, and acts.
     pub fn is_off(&self) -> bool {
-        let params = self.values.iter().zip(self.effect.card().params);
+        let params = self.values.iter().zip(self.effect.spec().params);
         !self.values.is_empty()
             && params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
     }
@@ -202,9 +202,9 @@ impl PlacedEffect {
     /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the parameter's
     /// off.
     pub fn check(&self) -> Result<(), WorldError> {
-        let card = self.effect.card();
-        if self.values.len() != card.params.len() {
-            let (name, wanted, got) = (card.name, card.params.len(), self.values.len());
+        let spec = self.effect.spec();
+        if self.values.len() != spec.params.len() {
+            let (name, wanted, got) = (spec.name, spec.params.len(), self.values.len());
             return Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")));
         }
         let fits = |value: f64, param: &Param| {
@@ -212,10 +212,10 @@ impl PlacedEffect {
             value.to_bits() == param.off.to_bits()
                 || (value.is_finite() && value >= param.bounds.0.min(0.0) && positive)
         };
-        match self.values.iter().zip(card.params).find(|(value, param)| !fits(**value, param)) {
+        match self.values.iter().zip(spec.params).find(|(value, param)| !fits(**value, param)) {
             Some((value, param)) => {
                 let (name, unit) = (param.name, if param.unit == "1" { "" } else { param.unit });
-                let message = format!("`{}.{name}` cannot be {value} {unit}", card.name);
+                let message = format!("`{}.{name}` cannot be {value} {unit}", spec.name);
                 Err(setup_error(message.trim_end().to_owned()))
             }
             None => Ok(()),
@@ -227,7 +227,7 @@ impl PlacedEffect {
     /// # Errors
     /// [`WorldError::Setup`] when the robot has nothing of that name.
     pub fn check_site(&self, robot: &Robot) -> Result<(), WorldError> {
-        match self.effect.card().site {
+        match self.effect.spec().site {
             SiteKind::Joint | SiteKind::Robot => self.joints(robot).map(|_| ()),
             SiteKind::Link => self.links(robot).map(|_| ()),
             SiteKind::Base | SiteKind::Ground => Ok(()),
@@ -236,7 +236,7 @@ impl PlacedEffect {
 
     /// The movable joints that it sits on, as indices among them; none for effects that sit elsewhere.
     pub(crate) fn joints(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
-        if !self.effect.card().site.is_on_joints() {
+        if !self.effect.spec().site.is_on_joints() {
             return Ok(Vec::new());
         }
         let names = robot.movable().map(|(_, link)| link.joint.name.as_str());
@@ -252,7 +252,7 @@ impl PlacedEffect {
 
     fn found(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
         if sites.is_empty() {
-            let name = self.effect.card().name;
+            let name = self.effect.spec().name;
             return Err(setup_error(format!("effect `{name}`: the robot has nothing called `{}`", self.site)));
         }
         Ok(sites)

@@ -78,7 +78,7 @@ effects! {
 
 /// The effect of that name.
 pub fn find(name: &str) -> Option<&'static dyn Effect> {
-    EFFECTS.iter().copied().find(|effect| effect.card().name == name)
+    EFFECTS.iter().copied().find(|effect| effect.spec().name == name)
 }
 
 /// The effects that do something, in the order in which they act.
@@ -94,6 +94,6 @@ pub(crate) fn in_force(effects: &[PlacedEffect]) -> Result<Vec<PlacedEffect>, Wo
 
 /// Its place in the order in which effects act.
 fn rank(placed: &PlacedEffect) -> usize {
-    let name = placed.effect.card().name;
-    EFFECTS.iter().position(|effect| effect.card().name == name).unwrap_or(EFFECTS.len())
+    let name = placed.effect.spec().name;
+    EFFECTS.iter().position(|effect| effect.spec().name == name).unwrap_or(EFFECTS.len())
 }

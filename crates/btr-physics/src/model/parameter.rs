@@ -118,7 +118,7 @@ impl Target {
         match self.quantity {
             Quantity::Mass => "kg",
             Quantity::Length | Quantity::GroundFriction => "1",
-            Quantity::Effect(effect, param) => effect.card().params[param].unit,
+            Quantity::Effect(effect, param) => effect.spec().params[param].unit,
             Quantity::Formula => "SI",
             Quantity::Motor(value) => value.unit(),
         }
@@ -135,7 +135,7 @@ impl Target {
             ),
             Quantity::Effect(effect, param) => {
                 let there = placed.iter().find(|p| self.is_at(effect, p));
-                let value = there.map_or(effect.card().params[param].off, |p| p.values[param]);
+                let value = there.map_or(effect.spec().params[param].off, |p| p.values[param]);
                 value.is_finite().then_some(value)
             }
             Quantity::Formula => common(placed.iter().filter_map(|p| Some(p.values[self.of_formula(p)?]))),
@@ -190,15 +190,15 @@ impl Target {
 
     /// Where a law has the parameter, if it is the law that is meant.
     fn of_formula(&self, placed: &PlacedEffect) -> Option<usize> {
-        let card = placed.effect.card();
+        let spec = placed.effect.spec();
         let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
         let (effect, name) = what.split_once('.')?;
-        let meant = card.name == effect && placed.site == self.site;
-        meant.then(|| card.params.iter().position(|param| param.name == name))?
+        let meant = spec.name == effect && placed.site == self.site;
+        meant.then(|| spec.params.iter().position(|param| param.name == name))?
     }
 
     fn is_at(&self, effect: &dyn Effect, placed: &PlacedEffect) -> bool {
-        placed.effect.card().name == effect.card().name && placed.site == self.site
+        placed.effect.spec().name == effect.spec().name && placed.site == self.site
     }
 
     fn check(&self, robot: &Robot) -> Result<(), ParameterError> {
@@ -235,12 +235,12 @@ fn quantity(name: &str) -> Result<Quantity, ParameterError> {
             return Some(Quantity::Formula);
         }
         let effect = effects::find(effect)?;
-        Some(Quantity::Effect(effect, effect.card().params.iter().position(|p| p.name == param)?))
+        Some(Quantity::Effect(effect, effect.spec().params.iter().position(|p| p.name == param)?))
     });
     found.ok_or_else(|| {
         let of_effects = EFFECTS.iter().flat_map(|effect| {
-            let card = effect.card();
-            card.params.iter().map(|param| format!("{}.{}", card.name, param.name))
+            let spec = effect.spec();
+            spec.params.iter().map(|param| format!("{}.{}", spec.name, param.name))
         });
         let known = QUANTITIES.iter().map(|(known, _)| (*known).to_owned());
         ParameterError::Unknown { name: name.to_owned(), near: near(name, known.chain(of_effects)) }
@@ -252,7 +252,7 @@ impl Quantity {
     fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
         let of_joints = match self {
             Quantity::GroundFriction => return Ok(Vec::new()),
-            Quantity::Effect(effect, _) => match effect.card().site {
+            Quantity::Effect(effect, _) => match effect.spec().site {
                 SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return Ok(Vec::new()),
                 SiteKind::Joint => true,
                 SiteKind::Link => false,

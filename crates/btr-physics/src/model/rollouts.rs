@@ -113,14 +113,14 @@ impl Model {
 
     /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side
     /// by side where they follow each other.
-    /// `heed` is called before every few of them; what it unwinds with ends the rest.
-    pub fn simulate_all(&self, jobs: &[Job], heed: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
+    /// `check_cancelled` is called before every few of them; what it unwinds with ends the rest.
+    pub fn simulate_all(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
         let at_once = parallel::side_by_side(batch::at_most(), jobs.len());
-        let heeding = |few| {
-            heed();
+        let with_cancellation = |few| {
+            check_cancelled();
             self.few(few)
         };
-        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(heeding).collect()
+        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(with_cancellation).collect()
     }
 
     fn few(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {

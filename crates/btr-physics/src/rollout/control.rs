@@ -40,7 +40,7 @@ struct ReferenceTracker<'a> {
 struct JointControl {
     motor: Motor,
     passive: Dof,
-    stations: Vec<EffectInstance>,
+    instances: Vec<EffectInstance>,
     /// Roughly what it moves, in kg·m² (kg).
     inertia: f64,
     /// Whether it is led from one reference to the next.
@@ -88,7 +88,7 @@ impl<'a> Control<'a> {
             }
         }
         let reference = ReferenceTracker::new(drive, setup.control_s, joints.len());
-        let coupled = effects.iter().any(|placed| placed.effect.card().site == SiteKind::Robot);
+        let coupled = effects.iter().any(|placed| placed.effect.spec().site == SiteKind::Robot);
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
@@ -128,9 +128,9 @@ impl<'a> Control<'a> {
             };
             let (inertia, dt_s, load) = (joint.inertia, self.dt_s, self.load);
             // Only effects ask for these.
-            let before = joint.before.filter(|_| !joint.stations.is_empty());
+            let before = joint.before.filter(|_| !joint.instances.is_empty());
             let acceleration = before.map_or(0.0, |before| (dq - before) / dt_s);
-            let torque = if joint.stations.is_empty() { 0.0 } else { joint.torque(q, dq) };
+            let torque = if joint.instances.is_empty() { 0.0 } else { joint.torque(q, dq) };
             joint.before = Some(dq);
             let state = JointInput {
                 time_s: self.begins_s + time_s,
@@ -168,8 +168,8 @@ impl<'a> Control<'a> {
     /// What an effect could not do.
     pub(crate) fn trouble(&self, robot: &Robot) -> Option<WorldError> {
         let of = |(joint, (_, link)): (&JointControl, (usize, &Link))| {
-            let mut stations = joint.stations.iter();
-            stations.find_map(|s| s.effect.trouble(&s.values, &s.memory, &link.joint.name))
+            let mut instances = joint.instances.iter();
+            instances.find_map(|s| s.effect.trouble(&s.values, &s.memory, &link.joint.name))
         };
         self.joints.iter().zip(robot.movable()).find_map(of)
     }
@@ -260,7 +260,7 @@ impl JointControl {
         JointControl {
             motor,
             passive,
-            stations: Vec::new(),
+            instances: Vec::new(),
             inertia,
             led,
             command: f64::NAN,
@@ -277,7 +277,7 @@ impl JointControl {
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
         let (effect, values) = (placed.effect, placed.values.clone());
         self.rotor |= effect.motor_side(&memory, 0.0).is_some();
-        self.stations.push(EffectInstance { effect, values, memory, link_side: (0.0, 0.0) });
+        self.instances.push(EffectInstance { effect, values, memory, link_side: (0.0, 0.0) });
     }
 
     /// The motor's torque where the last step led to: its law there, within its bound.
@@ -289,28 +289,28 @@ impl JointControl {
     /// The motor's torque without its bound, and its velocity, on its own side of the transmission.
     fn motor_side(&self, q: f64, dq: f64) -> (f64, f64) {
         let mut side = (self.acting.at(q, dq), dq);
-        for station in &self.stations {
-            side = station.effect.motor_side(&station.memory, side.1).unwrap_or(side);
+        for instance in &self.instances {
+            side = instance.effect.motor_side(&instance.memory, side.1).unwrap_or(side);
         }
         side
     }
 
     fn act(&mut self, state: &JointInput, keeps_bounds: bool) -> Dof {
-        if self.stations.is_empty() {
+        if self.instances.is_empty() {
             return self.drive(state, keeps_bounds);
         }
         // What the servo sees: its own side of the transmission, and the command that reaches it.
         let mut servo = *state;
-        for station in &mut self.stations {
-            station.link_side = (servo.q, servo.dq);
-            (servo.q, servo.dq) = station.effect.encoder(&station.values, &mut station.memory, &servo);
+        for instance in &mut self.instances {
+            instance.link_side = (servo.q, servo.dq);
+            (servo.q, servo.dq) = instance.effect.encoder(&instance.values, &mut instance.memory, &servo);
         }
-        for station in &mut self.stations {
-            servo.command = station.effect.command(&station.values, &mut station.memory, &servo);
+        for instance in &mut self.instances {
+            servo.command = instance.effect.command(&instance.values, &mut instance.memory, &servo);
         }
         let mut motor = self.motor.torque(&servo);
-        for station in &mut self.stations {
-            station.effect.motor(&station.values, &mut station.memory, &mut motor, &servo);
+        for instance in &mut self.instances {
+            instance.effect.motor(&instance.values, &mut instance.memory, &mut motor, &servo);
         }
         let mut dof = self.passive;
         self.bound = motor.bound;
@@ -322,8 +322,8 @@ impl JointControl {
             let law = if keeps_bounds { motor.wanted } else { motor.saturated(&servo) };
             self.transmit(law, &mut dof, state);
         }
-        for station in &mut self.stations {
-            station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
+        for instance in &mut self.instances {
+            instance.effect.torque(&instance.values, &mut instance.memory, &mut dof, state);
         }
         // What encoders tell the servo changes nothing about the speed that bounds its motor.
         self.push(&mut dof, motor.bounded(state).filter(|_| keeps_bounds));
@@ -333,10 +333,10 @@ impl JointControl {
     /// What arrives at the link of this law of the motor.
     fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointInput) {
         self.acting = law;
-        for station in self.stations.iter_mut().rev() {
-            let (q, dq) = station.link_side;
-            let (values, memory) = (&station.values, &mut station.memory);
-            self.acting = station.effect.transmit(values, memory, self.acting, dof, &JointInput { q, dq, ..*state });
+        for instance in self.instances.iter_mut().rev() {
+            let (q, dq) = instance.link_side;
+            let (values, memory) = (&instance.values, &mut instance.memory);
+            self.acting = instance.effect.transmit(values, memory, self.acting, dof, &JointInput { q, dq, ..*state });
         }
     }
 
@@ -374,8 +374,8 @@ impl JointControl {
     /// What acts on a joint that is on a course, but for what keeps it there: no motor, no transmission.
     fn follow(&mut self, course: PrescribedMotion, state: &JointInput) -> Dof {
         let mut dof = Dof { course: Some(course), ..self.passive };
-        for station in &mut self.stations {
-            station.effect.torque(&station.values, &mut station.memory, &mut dof, state);
+        for instance in &mut self.instances {
+            instance.effect.torque(&instance.values, &mut instance.memory, &mut dof, state);
         }
         dof
     }

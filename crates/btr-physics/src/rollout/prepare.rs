@@ -42,7 +42,7 @@ pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
 /// Lets the effects that sit on sensors change what those say.
 pub(crate) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {
-        match placed.effect.card().site {
+        match placed.effect.spec().site {
             SiteKind::Joint => {
                 let joints = placed.joints(robot)?;
                 for (_, (_, link)) in robot.movable().enumerate().filter(|(i, _)| joints.contains(i)) {
@@ -69,7 +69,7 @@ pub(crate) fn planted<'a>(
         robot.to_mut().settle_followers();
     }
     for placed in effects {
-        match placed.effect.card().site {
+        match placed.effect.spec().site {
             SiteKind::Joint => {}
             SiteKind::Link => {
                 for link in placed.links(&robot)? {

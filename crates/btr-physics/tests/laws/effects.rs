@@ -26,7 +26,7 @@ impl Drive for Exercise {
 
 /// Where an effect is tried: what sits on the floor or the base on a walking ant, everything else on a bolted arm.
 fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
-    match effect.card().site {
+    match effect.spec().site {
         SiteKind::Ground | SiteKind::Base => {
             let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
             let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s, sensors, ..Setup::default() };
@@ -62,14 +62,14 @@ fn off_changes_no_bit() {
         let off = PlacedEffect::off(effect, "*");
         assert!(off.is_off());
         let (plain, off) = (run(effect, &[], 0.4), run(effect, &[off], 0.4));
-        assert!(bits(&plain) == bits(&off), "`{}` acts although it is off", effect.card().name);
+        assert!(bits(&plain) == bits(&off), "`{}` acts although it is off", effect.spec().name);
     }
 }
 
 #[test]
 fn at_its_hint_it_shows_and_spoils_nothing() {
     for &effect in EFFECTS {
-        let name = effect.card().name;
+        let name = effect.spec().name;
         let plain = run(effect, &[], 2.0);
         let planted = run(effect, &[PlacedEffect::hinted(effect, "*")], 2.0);
         let joints = apart(&plain, &planted, |channel| channel.starts_with("q_"));
@@ -84,19 +84,19 @@ fn at_its_hint_it_shows_and_spoils_nothing() {
 fn the_same_bits_twice() {
     for &effect in EFFECTS {
         let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[PlacedEffect::hinted(effect, "*")], 0.4)));
-        assert!(once == twice, "`{}`", effect.card().name);
+        assert!(once == twice, "`{}`", effect.spec().name);
     }
 }
 
 #[test]
 fn nothing_within_its_bounds_breaks_a_run() {
     for (key, &effect) in EFFECTS.iter().enumerate() {
-        let card = effect.card();
+        let spec = effect.spec();
         let at = |value: &mut dyn FnMut(f64, f64) -> f64| {
-            let values = card.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
+            let values = spec.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
             let log = run(effect, &[PlacedEffect { effect, site: "*".to_owned(), values }], 0.2);
             let finite = log.channels().all(|(_, channel)| channel.values.iter().all(|x| x.is_finite()));
-            assert!(finite, "`{}` leaves numbers that are none", card.name);
+            assert!(finite, "`{}` leaves numbers that are none", spec.name);
         };
         at(&mut |min, _| min);
         at(&mut |_, max| max);
@@ -110,25 +110,25 @@ fn nothing_within_its_bounds_breaks_a_run() {
 #[test]
 fn cards_are_complete() {
     for &effect in EFFECTS {
-        let card = effect.card();
-        let named = card.name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
-        assert!(named && !card.name.is_empty(), "`{}`", card.name);
-        for (what, text) in [("law", card.law), ("cite", card.cite), ("tell", card.tell)] {
-            assert!(text.len() > 5, "`{}` has no {what}", card.name);
+        let spec = effect.spec();
+        let named = spec.name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+        assert!(named && !spec.name.is_empty(), "`{}`", spec.name);
+        for (what, text) in [("law", spec.law), ("cite", spec.cite), ("tell", spec.symptom)] {
+            assert!(text.len() > 5, "`{}` has no {what}", spec.name);
         }
-        assert!(card.params.iter().any(|param| !param.shape), "`{}` cannot be switched on", card.name);
-        for param in card.params {
+        assert!(spec.params.iter().any(|param| !param.shape), "`{}` cannot be switched on", spec.name);
+        for param in spec.params {
             let (min, max) = param.bounds;
-            assert!(min < max && min.is_finite() && max.is_finite(), "`{}.{}`: bounds", card.name, param.name);
-            assert!((min..=max).contains(&param.hint), "`{}.{}`: hint", card.name, param.name);
+            assert!(min < max && min.is_finite() && max.is_finite(), "`{}.{}`: bounds", spec.name, param.name);
+            assert!((min..=max).contains(&param.hint), "`{}.{}`: hint", spec.name, param.name);
             let off_is_special = !param.off.is_finite();
-            assert!(off_is_special || (min..=max).contains(&param.off), "`{}.{}`: off", card.name, param.name);
-            assert!(!param.unit.is_empty(), "`{}.{}`: unit", card.name, param.name);
+            assert!(off_is_special || (min..=max).contains(&param.off), "`{}.{}`: off", spec.name, param.name);
+            assert!(!param.unit.is_empty(), "`{}.{}`: unit", spec.name, param.name);
         }
-        assert!(!PlacedEffect::hinted(effect, "*").is_off(), "`{}` is off at its hint", card.name);
-        starts_fit(card);
-        for other in card.alike {
-            assert!(*other != card.name && find(other).is_some(), "`{}` is like `{other}`?", card.name);
+        assert!(!PlacedEffect::hinted(effect, "*").is_off(), "`{}` is off at its hint", spec.name);
+        starts_fit(spec);
+        for other in spec.similar {
+            assert!(*other != spec.name && find(other).is_some(), "`{}` is like `{other}`?", spec.name);
         }
     }
 }
@@ -136,25 +136,25 @@ fn cards_are_complete() {
 #[test]
 fn what_contains_a_law_becomes_it() {
     for &effect in EFFECTS {
-        for (name, values) in effect.card().contains {
+        for (name, values) in effect.spec().nested {
             let other = find(name).unwrap();
-            assert!(effect.card().alike.contains(name), "`{}` contains `{name}`", effect.card().name);
+            assert!(effect.spec().similar.contains(name), "`{}` contains `{name}`", effect.spec().name);
             let inside = PlacedEffect { effect, site: "*".to_owned(), values: values.to_vec() };
             let (larger, own) = (run(effect, &[inside], 0.4), run(other, &[PlacedEffect::hinted(other, "*")], 0.4));
             let apart = apart(&larger, &own, |channel| channel.starts_with("q_"));
-            assert!(apart < 1e-3 * 0.2, "`{}` at {values:?} is {apart} rad from `{name}`", effect.card().name);
+            assert!(apart < 1e-3 * 0.2, "`{}` at {values:?} is {apart} rad from `{name}`", effect.spec().name);
         }
     }
 }
 
 /// A search can start wherever a card says.
-fn starts_fit(card: &EffectSpec) {
-    let shapes: Vec<_> = card.params.iter().filter(|param| param.shape).collect();
-    assert_eq!(shapes.is_empty(), card.starts.is_empty(), "`{}`: shapes need starts", card.name);
-    for start in card.starts {
-        assert_eq!(start.len(), shapes.len(), "`{}`", card.name);
+fn starts_fit(spec: &EffectSpec) {
+    let shapes: Vec<_> = spec.params.iter().filter(|param| param.shape).collect();
+    assert_eq!(shapes.is_empty(), spec.starts.is_empty(), "`{}`: shapes need starts", spec.name);
+    for start in spec.starts {
+        assert_eq!(start.len(), shapes.len(), "`{}`", spec.name);
         for (value, shape) in start.iter().zip(&shapes) {
-            assert!((shape.bounds.0..=shape.bounds.1).contains(value), "`{}.{}`: {value}", card.name, shape.name);
+            assert!((shape.bounds.0..=shape.bounds.1).contains(value), "`{}.{}`: {value}", spec.name, shape.name);
         }
     }
 }
@@ -162,9 +162,9 @@ fn starts_fit(card: &EffectSpec) {
 #[test]
 fn names_find_their_effects() {
     for (i, &effect) in EFFECTS.iter().enumerate() {
-        let name = effect.card().name;
-        assert_eq!(find(name).map(|found| found.card().name), Some(name));
-        assert!(EFFECTS[..i].iter().all(|other| other.card().name != name), "`{name}` is there twice");
+        let name = effect.spec().name;
+        assert_eq!(find(name).map(|found| found.spec().name), Some(name));
+        assert!(EFFECTS[..i].iter().all(|other| other.spec().name != name), "`{name}` is there twice");
     }
     assert!(find("phlogiston").is_none());
 }

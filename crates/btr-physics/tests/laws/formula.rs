@@ -42,7 +42,7 @@ fn laws_that_the_library_has_do_the_same() {
     ];
     let plain = told(&[]);
     for (mine, library) in same {
-        let (name, mine, library) = (mine.effect.card().law, told(&[mine]), told(&[library]));
+        let (name, mine, library) = (mine.effect.spec().law, told(&[mine]), told(&[library]));
         let (shows, error) = (apart(&plain, &library, "q_elbow"), apart(&mine, &library, "q_elbow"));
         assert!(error < 0.03 * shows, "{name}: {error} of {shows} rad");
     }
@@ -89,8 +89,8 @@ fn a_law_that_adds_nothing_changes_little() {
 #[test]
 fn the_same_law_is_compiled_once() {
     let [one, two] = [(); 2].map(|()| formula(FormulaTarget::Torque, "-k*q", &["k"]).unwrap());
-    assert!(std::ptr::eq(one.card(), two.card()));
-    assert!(!std::ptr::eq(one.card(), formula(FormulaTarget::Command, "-k*q", &["k"]).unwrap().card()));
+    assert!(std::ptr::eq(one.spec(), two.spec()));
+    assert!(!std::ptr::eq(one.spec(), formula(FormulaTarget::Command, "-k*q", &["k"]).unwrap().spec()));
 }
 
 /// A function under a name, as the effect of its law.
@@ -111,7 +111,7 @@ fn a_function_does_bit_by_bit_what_the_same_expression_does() {
     ];
     for (on, text, call) in cases {
         let effect = function(on, "test:law", call).unwrap();
-        assert_eq!((effect.card().law, effect.card().params[0].name), ("test:law", "a"));
+        assert_eq!((effect.spec().law, effect.spec().params[0].name), ("test:law", "a"));
         let called = told(&[PlacedEffect { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
         assert_eq!(called, told(&[law(on, text, &[("a", 0.2)])]), "{text}");
         assert_ne!(called, told(&[]), "{text}");
@@ -124,9 +124,9 @@ fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
         Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| p[0]),
         Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| -p[0]),
     ];
-    let card = |call: &Arc<LawFunction>| function(FormulaTarget::Torque, "test:law", call.clone()).unwrap().card();
-    assert!(std::ptr::eq(card(&one), card(&one)));
-    assert!(!std::ptr::eq(card(&one), card(&other)));
+    let spec = |call: &Arc<LawFunction>| function(FormulaTarget::Torque, "test:law", call.clone()).unwrap().spec();
+    assert!(std::ptr::eq(spec(&one), spec(&one)));
+    assert!(!std::ptr::eq(spec(&one), spec(&other)));
     assert_eq!(
         function(FormulaTarget::Torque, "test:lore", one).unwrap_err(),
         FormulaError::Absent("test:lore".to_owned())

@@ -14,8 +14,8 @@ const WINDOWS: usize = 12;
 pub fn compare(outcome: &CompareReport) -> String {
     let mut sections = vec![summary(outcome), failures(outcome)];
     let names = outcome.names.iter().map(String::as_str).collect();
-    let beside = ComparedLogs { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
-    sections.extend(beside.sections());
+    let problem = ComparedLogs { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
+    sections.extend(problem.sections());
     Report { title: format!("{}: where the model fails", outcome.model), sections }.html()
 }
 

@@ -8,8 +8,9 @@ use crate::table::number;
 use crate::text::fit_command;
 use crate::text::{ESTIMATES, estimate, integrator};
 use btr_core::log::Log;
+use btr_identify::LadderStep;
 use btr_identify::diagnose::{RankedCandidate, Verdict};
-use btr_lab::verbs::{DiagnoseReport, EffectReport, LadderStep, LawReport, NextExperiment};
+use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment};
 use btr_physics::effects;
 
 /// Candidates of a round that are drawn, the best first.
@@ -32,7 +33,7 @@ pub fn diagnose(asked: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
     sections.push(who_was_tried(found));
     sections.extend(asked.before_and_after(u, &what_was_found(found)));
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
+    sections.push(fine_print(asked.input, &found.noise_floor, &integrator, found.rollouts));
     Report { title: format!("{}: what is missing", asked.model()), sections }.html()
 }
 
@@ -103,8 +104,8 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
             "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
         )));
     }
-    if let Some(card) = effects::find(&effect.effect).map(|effect| effect.card()) {
-        let lines = [("Law", card.law), ("How it shows", card.tell), ("Source", card.cite)];
+    if let Some(spec) = effects::find(&effect.effect).map(|effect| effect.spec()) {
+        let lines = [("Law", spec.law), ("How it shows", spec.symptom), ("Source", spec.cite)];
         blocks.push(Block::List(lines.iter().map(|(what, text)| format!("{what}: {text}")).collect()));
     }
     Section { title: format!("{} on {}", effect.effect, effect.site), blocks }

@@ -21,7 +21,7 @@ pub fn fit(asked: &Subject, found: &FitReport, u: &[f64]) -> String {
     sections.extend(untold(found));
     sections.extend(asked.before_and_after(u, "with the values above"));
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(asked.problem, &found.noise_floor, &integrator, found.rollouts));
+    sections.push(fine_print(asked.input, &found.noise_floor, &integrator, found.rollouts));
     Report { title: format!("{}: fitted", asked.model()), sections }.html()
 }
 
@@ -48,7 +48,7 @@ fn why(ended: FitStop) -> &'static str {
 
 /// Every number with its interval, between its bounds.
 fn values(asked: &Subject, found: &FitReport) -> Section {
-    let dims = asked.problem.beside.model().simulations.dims();
+    let dims = asked.input.problem.model().simulations.dims();
     let pairs = || found.parameters.iter().filter_map(|e| Some((e, dims.iter().find(|dim| dim.name == e.name)?)));
     let any_at_bound = found.parameters.iter().any(|estimate| estimate.at_bound);
     let legend = [(Ink::Third, "before"), (Ink::Main, "fitted, with its 95 % interval"), (Ink::Alarm, "at its bound")];

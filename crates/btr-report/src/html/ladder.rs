@@ -8,14 +8,15 @@ use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::number;
 use crate::text::{line, reserve};
 use btr_core::world::WorldError;
-use btr_lab::verbs::{LadderStep, NoiseFloor, VerbInput};
+use btr_identify::LadderStep;
+use btr_lab::verbs::{NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
 /// What a page is about: a question to `diagnose` or `fit`.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The model beside the logs.
-    pub problem: &'a VerbInput,
+    pub input: &'a VerbInput,
     /// The logs to learn from: files, or what they are called.
     pub logs: &'a [PathBuf],
     /// The logs to judge on.
@@ -28,7 +29,7 @@ pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
 impl Subject<'_> {
     /// The model's file.
     pub(super) fn model(&self) -> String {
-        file(&self.problem.source.path)
+        file(&self.input.source.path)
     }
 
     /// Which logs were learnt from, and which ones judge.
@@ -47,7 +48,7 @@ impl Subject<'_> {
 
     /// What keeps the answer from being believed or from being complete.
     pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
-        reserve(&self.problem.doubts, &self.problem.not_judged).into_iter().map(Block::Text)
+        reserve(&self.input.doubts, &self.input.not_judged).into_iter().map(Block::Text)
     }
 
     /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
@@ -60,10 +61,10 @@ impl Subject<'_> {
     }
 
     fn simulated(&self, u: &[f64], what: &str) -> Result<Vec<Section>, WorldError> {
-        let judged = self.problem.judged();
-        let after = self.problem.judge(&judged, u)?;
+        let judged = self.input.judged();
+        let after = self.input.judge(&judged, u)?;
         let moved = u.iter().any(|x| *x != 0.0);
-        let before = moved.then(|| self.problem.judge(&judged, &vec![0.0; u.len()])).transpose()?;
+        let before = moved.then(|| self.input.judge(&judged, &vec![0.0; u.len()])).transpose()?;
         let chi = |name: &str| before.as_ref().and_then(|b| b.channels.iter().find(|c| c.name == name)).map(|c| c.chi);
         let table = Block::Table {
             header: ["channel", "unit", "noise floor", "before", "after"].map(str::to_owned).to_vec(),
@@ -83,8 +84,10 @@ impl Subject<'_> {
              floors; those above leave out what uncertain starts and the time step explain."
         );
         let blocks = vec![Block::Text(text), table];
-        let beside = ComparedLogs { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
-        Ok(std::iter::once(Section { title: "Before and after".to_owned(), blocks }).chain(beside.sections()).collect())
+        let problem = ComparedLogs { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
+        Ok(std::iter::once(Section { title: "Before and after".to_owned(), blocks })
+            .chain(problem.sections())
+            .collect())
     }
 }
 
@@ -136,11 +139,11 @@ pub(super) fn noise_floor() -> (Ink, f64, String) {
 }
 
 /// What the numbers rest on.
-pub(super) fn fine_print(problem: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
+pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
     let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
     let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
-    let doubts = (!problem.doubts.is_empty()).then(|| Block::List(problem.doubts.iter().map(line).collect()));
+    let doubts = (!input.doubts.is_empty()).then(|| Block::List(input.doubts.iter().map(line).collect()));
     let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(doubts);
     Section { title: "What this rests on".to_owned(), blocks: blocks.collect() }
 }
@@ -162,12 +165,12 @@ mod tests {
     fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {
         let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
         let logs = [robots.join("arm/learn_1.csv")];
-        let problem = VerbInput::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
-        let asked = Subject { problem: &problem, logs: &logs, held_out: &[] };
-        let knobs = problem.beside.knobs().len();
+        let input = VerbInput::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
+        let asked = Subject { input: &input, logs: &logs, held_out: &[] };
+        let parameters = input.problem.parameters().len();
         let shown = |u: f64| {
             let mut html = String::new();
-            let sections = asked.before_and_after(&vec![u; knobs], "");
+            let sections = asked.before_and_after(&vec![u; parameters], "");
             sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
             html
         };

@@ -40,7 +40,7 @@ pub struct Experiment {
     /// What the readers of the recorded logs noticed and could live with.
     pub warnings: Vec<String>,
     /// How long it is worked on, and by whom.
-    pub way: Arc<ExecutionContext>,
+    pub context: Arc<ExecutionContext>,
     source: Source,
     robot: Option<RobotFunction>,
 }
@@ -66,7 +66,7 @@ impl Experiment {
         seed: Option<u64>,
         folder: &Path,
         robot: Option<RobotFunction>,
-        way: Arc<ExecutionContext>,
+        context: Arc<ExecutionContext>,
     ) -> Result<Self, FileError> {
         let file = source.parse()?;
         let seed = seed.unwrap_or(file.seed);
@@ -87,7 +87,7 @@ impl Experiment {
         let stated = model.setup.noise.by_channel();
         let (name, mut plan, mut distances) = (file.name.clone(), plan, file.distances.clone());
         std::iter::once(&mut plan.distance).chain(&mut distances).for_each(|distance| distance.with_noise(&stated));
-        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, way, source, robot })
+        Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, context, source, robot })
     }
 
     /// Becomes the experiment of another text, with the same robot and the same hands.
@@ -96,7 +96,7 @@ impl Experiment {
     /// Whatever does not make sense, at its line.
     pub(crate) fn restart(&mut self, text: String, folder: &Path) -> Result<(), FileError> {
         let source = Source { text, ..self.source.clone() };
-        *self = Experiment::on(source, Some(self.seed), folder, self.robot.clone(), self.way.clone())?;
+        *self = Experiment::on(source, Some(self.seed), folder, self.robot.clone(), self.context.clone())?;
         Ok(())
     }
 

@@ -154,10 +154,10 @@ impl Builder<'_> {
             return self.formula(section, &keys, robot);
         }
         let Some(effect) = effects::find(&section.effect) else {
-            let known = effects::EFFECTS.iter().map(|e| e.card().name).chain([effects::FORMULA.name]);
+            let known = effects::EFFECTS.iter().map(|e| e.spec().name).chain([effects::FORMULA.name]);
             return Err(self.unknown(&[&keys[..], &["effect"]].concat(), "effect", &section.effect, known));
         };
-        let params = effect.card().params;
+        let params = effect.spec().params;
         if let Some(wrong) = section.values.keys().find(|name| params.iter().all(|p| p.name != name.as_str())) {
             let what = format!("parameter of {}", section.effect);
             return Err(self.unknown(
@@ -214,7 +214,7 @@ impl Builder<'_> {
     ) -> Result<PlacedEffect, FileError> {
         let placed = PlacedEffect { effect, site: section.site.clone(), values };
         if placed.check_site(robot).is_err() {
-            let (what, known) = sites(effect.card().site, robot);
+            let (what, known) = sites(effect.spec().site, robot);
             return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
         }
         placed.check().map_err(|e| {

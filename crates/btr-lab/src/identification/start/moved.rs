@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
 /// What the first readings of a fixed robot leave open, in these: the standard deviation of positions and of velocities.
-pub const OPEN: [f64; 2] = [1.0, 30.0];
+pub(crate) const OPEN: [f64; 2] = [1.0, 30.0];
 /// A log whose squares fall to this share, or to noise, began elsewhere than its readings seem to say.
 const MOST: f64 = 0.5;
 
@@ -25,12 +25,12 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
         return None;
     }
     let own = Arc::new(model.in_situations(model.scenarios.clone()));
-    let mut beside = IdentificationProblem::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
-    beside.measure().ok()?;
-    let origin = vec![0.0; beside.knobs.len()];
-    let (mut moved, _) = nearest_starts(&beside, &origin, 0.0);
-    moved.retain(|(log, by)| beside.is_explained_from(&origin, *log, by));
-    (!moved.is_empty()).then(|| beside.begun_elsewhere(&moved).situations)
+    let mut problem = IdentificationProblem::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
+    problem.measure().ok()?;
+    let origin = vec![0.0; problem.parameters.len()];
+    let (mut moved, _) = nearest_starts(&problem, &origin, 0.0);
+    moved.retain(|(log, by)| problem.is_explained_from(&origin, *log, by));
+    (!moved.is_empty()).then(|| problem.begun_elsewhere(&moved).situations)
 }
 
 impl IdentificationProblem {

@@ -14,7 +14,8 @@ use btr_core::coevolve::{
 };
 use btr_core::space::{Dim, Space};
 use btr_core::world::{Simulator, WorldError};
-use btr_identify::diagnose::{MissingEffect, Rung, Verdict};
+use btr_identify::LadderStep;
+use btr_identify::diagnose::{MissingEffect, Verdict};
 use btr_identify::fit::Estimate;
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, SiteKind};
@@ -92,7 +93,7 @@ pub(super) fn cause(
     experiment: &Experiment,
     run: &Coevolution,
     asked: Cause,
-    tell: &dyn Fn(&Rung),
+    on_step: &dyn Fn(&LadderStep),
 ) -> Result<(Cause, Option<Explanation>), String> {
     let (model, plan) = (experiment.model.as_ref(), run.plan());
     let phase = plan.posterior.clone().ok_or("the run has no posterior")?;
@@ -115,12 +116,12 @@ pub(super) fn cause(
     };
     let scales = scales(model, learn).map_err(|e| e.to_string())?;
     let mut cost = Cost::default();
-    let asking = CauseSearch { abduction, model, scales, way: &experiment.way, start: run.start().to_vec() };
+    let asking = CauseSearch { abduction, model, scales, context: &experiment.context, start: run.start().to_vec() };
     let mut ladder = Vec::new();
     let mut said = |step: String, fitted: &FittedExtension| {
-        let rung = Rung { step, train: fitted.estimated.chi, held_out: fitted.held_out };
-        tell(&rung);
-        ladder.push((&rung).into());
+        let ladder_step = LadderStep { step, train: fitted.estimated.chi, held_out: fitted.held_out };
+        on_step(&ladder_step);
+        ladder.push(ladder_step);
     };
     let mut state = asking.begin(&mut cost).ok_or("the model blows up on the real tests as it stands")?;
     said("S as it stands".to_owned(), &state.fitted);
@@ -176,7 +177,7 @@ struct CauseSearch<'a> {
     abduction: Abduction<'a>,
     model: &'a Model,
     scales: RobotScales,
-    way: &'a ExecutionContext,
+    context: &'a ExecutionContext,
     /// s_0, about which S is believed to be before any test.
     start: Vec<f64>,
 }
@@ -221,10 +222,10 @@ impl<'a> CauseSearch<'a> {
             spaces.iter().map(|extended| Extension { simulator: extended, probes: extended.probes() }).collect();
         let mut glances: Vec<QuickEstimate> = Vec::new();
         for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
-            self.way.heed();
+            self.context.check_cancelled();
             let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
             for suspect in suspects.iter().take(TRIED) {
-                self.way.heed();
+                self.context.check_cancelled();
                 let extended = &spaces[suspect.extension];
                 let prior = self.prior(extended.simulations());
                 let from = self.abduction.beginning(&base, suspect, &prior);
@@ -246,7 +247,7 @@ impl<'a> CauseSearch<'a> {
 
     /// Effects with their numbers.
     fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<PresentExplanation<'a>> {
-        self.way.heed();
+        self.context.check_cancelled();
         let extended = self.extended(added.to_vec())?;
         let prior = self.prior(extended.simulations());
         let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
@@ -303,7 +304,7 @@ impl<'a> CauseSearch<'a> {
 
     /// Where in its space a state has the numbers of the effect that was added as number `k`.
     fn places(&self, state: &PresentExplanation, k: usize) -> Range<usize> {
-        let count = |added: &Added| added.effect.card().params.len();
+        let count = |added: &Added| added.effect.spec().params.len();
         let from = self.model.simulations().len() + state.added[..k].iter().map(count).sum::<usize>();
         from..from + count(&state.added[k])
     }
@@ -316,7 +317,7 @@ impl<'a> CauseSearch<'a> {
         cost: &mut Cost,
     ) -> PresentExplanation<'a> {
         for k in 0..state.added.len() {
-            for (name, _) in state.added[k].effect.card().contains {
+            for (name, _) in state.added[k].effect.spec().nested {
                 let Some(simpler) = effects::find(name) else { continue };
                 let mut added = state.added.clone();
                 added[k].effect = simpler;
@@ -338,7 +339,7 @@ impl<'a> CauseSearch<'a> {
         let own = self.model.simulations().len();
         let base = Posterior::of_bounds(&mean.as_slice()[..own]);
         let Some(extended) = self.extended(added.to_vec()) else { return base };
-        let former = replaced.map(|k| format!("{}.", state.added[k].effect.card().name));
+        let former = replaced.map(|k| format!("{}.", state.added[k].effect.spec().name));
         let start = extended.simulations().dims()[own..].iter().map(|dim| {
             let same = |other: &Dim| other.name == dim.name;
             let alike = |other: &Dim| {
@@ -363,7 +364,7 @@ impl<'a> CauseSearch<'a> {
         let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.added.last()?.name()));
         let rivals: f64 = tried.iter().skip(1).map(|other| (-0.5 * dearer(other)).exp()).sum();
         Some(MissingEffect {
-            effect: last.effect.card().name.to_owned(),
+            effect: last.effect.spec().name.to_owned(),
             site: last.site.clone(),
             alike: alike.collect(),
             probability: 1.0 / (1.0 + rivals),
@@ -393,8 +394,8 @@ impl<'a> CauseSearch<'a> {
     fn offered(&self, added: &[Added]) -> Vec<Vec<Added>> {
         let mut offered = Vec::new();
         for effect in EFFECTS.iter().copied() {
-            let card = effect.card();
-            let all = (card.site == SiteKind::Joint).then(|| "*".to_owned());
+            let spec = effect.spec();
+            let all = (spec.site == SiteKind::Joint).then(|| "*".to_owned());
             for site in sites(effect, self.model).into_iter().chain(all) {
                 let next = Added { effect, site };
                 if !added.iter().any(|known| known.name() == next.name()) {

@@ -23,7 +23,7 @@ pub(super) struct Added {
 impl Added {
     /// `effect@site`.
     pub(super) fn name(&self) -> String {
-        format!("{}@{}", self.effect.card().name, self.site)
+        format!("{}@{}", self.effect.spec().name, self.site)
     }
 }
 
@@ -37,8 +37,8 @@ pub(super) struct Extended<'a> {
 impl<'a> Extended<'a> {
     pub(super) fn new(model: &'a Model, added: Vec<Added>, scales: &RobotScales) -> Result<Self, SpaceError> {
         let of = |added: &Added| -> Vec<Dim> {
-            let card = added.effect.card();
-            card.params.iter().map(|param| dim(card, param, &added.site, scales, model)).collect()
+            let spec = added.effect.spec();
+            spec.params.iter().map(|param| dim(spec, param, &added.site, scales, model)).collect()
         };
         let dims = model.simulations().dims().iter().cloned().chain(added.iter().flat_map(of)).collect();
         Ok(Extended { model, added, space: Space::new(dims)? })
@@ -51,13 +51,13 @@ impl<'a> Extended<'a> {
     /// Where the effect that was added last is tried, in the units of its parameters.
     pub(super) fn probes(&self) -> Vec<Vec<f64>> {
         let Some(last) = self.added.last() else { return Vec::new() };
-        let card = last.effect.card();
-        let dims = &self.space.dims()[self.space.len() - card.params.len()..];
-        let shapes: Vec<Vec<f64>> = match card.starts {
-            [] => vec![card.params.iter().filter(|param| param.shape).map(|param| param.hint).collect()],
+        let spec = last.effect.spec();
+        let dims = &self.space.dims()[self.space.len() - spec.params.len()..];
+        let shapes: Vec<Vec<f64>> = match spec.starts {
+            [] => vec![spec.params.iter().filter(|param| param.shape).map(|param| param.hint).collect()],
             starts => starts.iter().map(|start| start.to_vec()).collect(),
         };
-        shapes.iter().flat_map(|shapes| probes_at(card, dims, shapes)).collect()
+        shapes.iter().flat_map(|shapes| probes_at(spec, dims, shapes)).collect()
     }
 
     /// The base's part of a point, and the effects at the rest.
@@ -65,7 +65,7 @@ impl<'a> Extended<'a> {
         let (base, mut rest) = s.split_at(self.model.simulations().len().min(s.len()));
         let mut placed = Vec::with_capacity(self.added.len());
         for Added { effect, site } in &self.added {
-            let (values, others) = rest.split_at(effect.card().params.len().min(rest.len()));
+            let (values, others) = rest.split_at(effect.spec().params.len().min(rest.len()));
             rest = others;
             placed.push(PlacedEffect { effect: *effect, site: site.clone(), values: values.to_vec() });
         }
@@ -104,10 +104,10 @@ impl Simulator for Extended<'_> {
 }
 
 /// What a parameter of an effect may be: amplitudes are off at their nominal value, all others have none.
-fn dim(card: &EffectSpec, param: &Param, site: &str, scales: &RobotScales, model: &Model) -> Dim {
+fn dim(spec: &EffectSpec, param: &Param, site: &str, scales: &RobotScales, model: &Model) -> Dim {
     let scale = scales.of_unit(param.unit, site);
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
-    let dim = Dim::new(format!("{}.{}@{site}", card.name, param.name), param.unit, least, most);
+    let dim = Dim::new(format!("{}.{}@{site}", spec.name, param.name), param.unit, least, most);
     match param {
         p if p.shape || p.off.is_infinite() => dim.scale(if least > 0.0 { Scale::Log } else { Scale::Linear }),
         p if p.off.is_nan() => {
@@ -123,22 +123,22 @@ fn own(model: &Model) -> Option<f64> {
 }
 
 /// All amplitudes together at their sizes, and each by itself, beside these shapes.
-fn probes_at(card: &EffectSpec, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
+fn probes_at(spec: &EffectSpec, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
     let mut shapes = shapes.iter();
     // Shapes stand where they start; amplitudes are off.
-    let off: Vec<f64> = (card.params.iter().zip(dims))
+    let off: Vec<f64> = (spec.params.iter().zip(dims))
         .map(|(param, dim)| match param {
             p if p.shape => shapes.next().copied().unwrap_or(p.hint).clamp(dim.min, dim.max),
             _ => dim.nominal.unwrap_or_else(|| dim.from_unit(0.5)),
         })
         .collect();
-    let amplitudes: Vec<usize> = (0..dims.len()).filter(|&k| !card.params[k].shape).collect();
+    let amplitudes: Vec<usize> = (0..dims.len()).filter(|&k| !spec.params[k].shape).collect();
     let at = |ks: &[usize], multiple: f64| {
         let mut probe = off.clone();
-        ks.iter().for_each(|&k| probe[k] = size(&card.params[k], &dims[k], multiple));
+        ks.iter().for_each(|&k| probe[k] = size(&spec.params[k], &dims[k], multiple));
         probe
     };
-    let multiples = |k: usize| multiples(&card.params[k]);
+    let multiples = |k: usize| multiples(&spec.params[k]);
     let first = amplitudes.first().copied().unwrap_or(0);
     let together = multiples(first).into_iter().map(|multiple| at(&amplitudes, multiple));
     let alone = |&k: &usize| multiples(k).into_iter().map(move |multiple| (k, multiple));

@@ -7,11 +7,12 @@ mod extended;
 use crate::distributed::RemoteModel;
 use crate::experiment::Experiment;
 use crate::identification::IdentificationProblem;
-use crate::verbs::{AddError, Addition, LadderStep, add};
+use crate::verbs::{AddError, Addition, add};
 use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
 use btr_core::log::Log;
 use btr_core::world::Trial;
-use btr_identify::diagnose::{DiagnoseOptions, MissingEffect, Rung, Verdict, diagnose};
+use btr_identify::LadderStep;
+use btr_identify::diagnose::{DiagnoseOptions, MissingEffect, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_physics::robot::Base;
 use serde::{Deserialize, Serialize};
@@ -49,18 +50,22 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// Asks the real tests of a run; `tell` hears every step of the error's fall. A run with a posterior is also told what
+    /// Asks the real tests of a run; `on_step` hears every step of the error's fall. A run with a posterior is also told what
     /// explains them, where something does.
-    pub(crate) fn of(experiment: &Experiment, run: &Coevolution, tell: &dyn Fn(&Rung)) -> (Self, Option<Explanation>) {
+    pub(crate) fn of(
+        experiment: &Experiment,
+        run: &Coevolution,
+        on_step: &dyn Fn(&LadderStep),
+    ) -> (Self, Option<Explanation>) {
         let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
         let answer = match run.plan().posterior {
-            Some(_) => by_posterior::cause(experiment, run, asked.clone(), tell),
-            None => asked.clone().answered(experiment, run.ledger(), tell).map(|answered| (answered, None)),
+            Some(_) => by_posterior::cause(experiment, run, asked.clone(), on_step),
+            None => asked.clone().answered(experiment, run.ledger(), on_step).map(|answered| (answered, None)),
         };
         answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..asked }, None))
     }
 
-    fn answered(self, experiment: &Experiment, ledger: &Ledger, tell: &dyn Fn(&Rung)) -> Result<Self, String> {
+    fn answered(self, experiment: &Experiment, ledger: &Ledger, on_step: &dyn Fn(&LadderStep)) -> Result<Self, String> {
         let fixed = experiment.model.robot.base == Base::Fixed;
         let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
         let learn = tests.len() - tests.len() / HELD_OUT;
@@ -73,11 +78,11 @@ impl Cause {
         let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
         let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
-        let beside = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
+        let problem = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
         let question = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
-        let family = RemoteModel::here(Arc::new(beside), experiment.way.clone());
-        let bench = Objective::new(&family);
-        let Some(found) = diagnose(&bench, question, tell) else {
+        let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
+        let objective = Objective::new(&residual_model);
+        let Some(found) = diagnose(&objective, question, on_step) else {
             return Err("the model blows up on the real tests as it stands".to_owned());
         };
         if found.cut_short && found.effects.is_empty() {
@@ -91,7 +96,7 @@ impl Cause {
         Ok(Cause {
             verdict: Some(found.verdict),
             effects: found.effects,
-            error_ladder: found.ladder.iter().map(LadderStep::from).collect(),
+            error_ladder: found.ladder.clone(),
             learnt: numbers(&tests[..learn]),
             held_out: numbers(&tests[learn..]),
             rollouts: found.rollouts,

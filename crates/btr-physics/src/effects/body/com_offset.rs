@@ -6,21 +6,21 @@ use nalgebra::Vector3;
 
 pub(in crate::effects) struct ComOffset;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "com_offset",
     law: "the link's centre of mass is (x, y, z) away from the model's, in the link's axes",
     site: SiteKind::Link,
     cite: "Newton",
-    tell: "static errors that follow the posture like a payload's, but turned",
+    symptom: "static errors that follow the posture like a payload's, but turned",
     params: &[Param::new("x", "m", (-0.2, 0.2), 0.02), Param::new("y", "m", (-0.2, 0.2), 0.02), Param::new("z", "m", (-0.2, 0.2), 0.02)],
     starts: &[],
-    alike: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
-    contains: &[],
+    similar: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
+    nested: &[],
 };
 
 impl Effect for ComOffset {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {

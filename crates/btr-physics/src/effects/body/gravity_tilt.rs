@@ -8,21 +8,21 @@ use nalgebra::UnitQuaternion;
 
 pub(in crate::effects) struct GravityTilt;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "gravity_tilt",
     law: "the world under the robot is rolled about x, then pitched about y",
     site: SiteKind::Base,
     cite: "URDF's roll and pitch",
-    tell: "static errors that follow the posture, as if everything hung a little aside",
+    symptom: "static errors that follow the posture, as if everything hung a little aside",
     params: &[Param::new("roll", "rad", (-0.5, 0.5), 0.05), Param::new("pitch", "rad", (-0.5, 0.5), 0.05)],
     starts: &[],
-    alike: &["com_offset", "encoder_offset"],
-    contains: &[],
+    similar: &["com_offset", "encoder_offset"],
+    nested: &[],
 };
 
 impl Effect for GravityTilt {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn world(&self, p: &[f64], setup: &mut Setup) {

@@ -6,21 +6,21 @@ use nalgebra::Matrix3;
 
 pub(in crate::effects) struct LinkInertia;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "link_inertia",
     law: "adds inertia to the link's about every axis through its centre of mass",
     site: SiteKind::Link,
     cite: "Euler, Theoria motus corporum solidorum, 1765",
-    tell: "a torque residual proportional to the acceleration, on this joint and on those that carry it",
+    symptom: "a torque residual proportional to the acceleration, on this joint and on those that carry it",
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
     starts: &[],
-    alike: &["armature"],
-    contains: &[],
+    similar: &["armature"],
+    nested: &[],
 };
 
 impl Effect for LinkInertia {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {

@@ -5,21 +5,21 @@ use crate::robot::Robot;
 
 pub(in crate::effects) struct Payload;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "payload",
     law: "a point mass at the link's centre of mass",
     site: SiteKind::Link,
     cite: "Newton",
-    tell: "static errors that follow the posture, on this joint and on all that carry it",
+    symptom: "static errors that follow the posture, on this joint and on all that carry it",
     params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
     starts: &[],
-    alike: &["com_offset"],
-    contains: &[],
+    similar: &["com_offset"],
+    nested: &[],
 };
 
 impl Effect for Payload {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {

@@ -7,21 +7,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandDeadband;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "command_deadband",
     law: "the servo sees no error while |cmd - q| <= band, and the error less the band beyond",
     site: SiteKind::Joint,
     cite: "dead band, as in the data sheets of hobby servos",
-    tell: "the joint stops short of its goal from either side and is slack in between",
+    symptom: "the joint stops short of its goal from either side and is slack in between",
     params: &[Param::new("band", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
-    alike: &["coulomb_friction", "backlash"],
-    contains: &[],
+    similar: &["coulomb_friction", "backlash"],
+    nested: &[],
 };
 
 impl Effect for CommandDeadband {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {

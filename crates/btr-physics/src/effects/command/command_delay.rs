@@ -5,16 +5,16 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandDelay;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "command_delay",
     law: "the servo sees cmd(t - delay); before that, the first command",
     site: SiteKind::Joint,
     cite: "transport delay",
-    tell: "the measured motion trails the simulated one by the same time at every speed",
+    symptom: "the measured motion trails the simulated one by the same time at every speed",
     params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
     starts: &[],
-    alike: &["motor_lag", "encoder_delay"],
-    contains: &[],
+    similar: &["motor_lag", "encoder_delay"],
+    nested: &[],
 };
 
 /// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.
@@ -27,8 +27,8 @@ fn steps(p: &[f64], dt_s: f64) -> f64 {
 
 /// The memory is a counter of the commands so far, then a ring of the latest ones.
 impl Effect for CommandDelay {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, p: &[f64], dt_s: f64) -> usize {

@@ -8,21 +8,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandOffset;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "command_offset",
     law: "the servo is told cmd + offset",
     site: SiteKind::Joint,
     cite: "a servo whose middle was set by hand, or a log that counts from another zero",
-    tell: "a constant distance between command and reading, whatever the load",
+    symptom: "a constant distance between command and reading, whatever the load",
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
-    alike: &["encoder_offset", "gravity_tilt", "parallel_spring"],
-    contains: &[],
+    similar: &["encoder_offset", "gravity_tilt", "parallel_spring"],
+    nested: &[],
 };
 
 impl Effect for CommandOffset {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {

@@ -5,22 +5,22 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct CommandRateLimit;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "command_rate_limit",
     law: "the servo sees a value that moves towards cmd with at most ±rate; it starts at the first command",
     site: SiteKind::Joint,
     cite: "slew-rate limit, as in servo firmware",
-    tell: "large steps become ramps of one slope, small motions are untouched",
+    symptom: "large steps become ramps of one slope, small motions are untouched",
     params: &[Param::limit("rate", "rad/s", (0.01, 100.0), 1.5)],
     starts: &[],
-    alike: &["motor_lag", "torque_limit"],
-    contains: &[],
+    similar: &["motor_lag", "torque_limit"],
+    nested: &[],
 };
 
 /// The memory says whether there was a command, and holds what the servo was told last.
 impl Effect for CommandRateLimit {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {

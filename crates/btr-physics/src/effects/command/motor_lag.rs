@@ -8,22 +8,22 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct MotorLag;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "motor_lag",
     law: "time_constant·du/dt = cmd - u: the servo sees u, a first-order lag that starts at the first command",
     site: SiteKind::Joint,
     cite: "first-order lag, as in any textbook of control",
-    tell: "steps are answered round instead of sharp; slow motions trail by the time constant, fast ones shrink",
+    symptom: "steps are answered round instead of sharp; slow motions trail by the time constant, fast ones shrink",
     params: &[Param::new("time_constant", "s", (0.0, 0.5), 0.03)],
     starts: &[],
-    alike: &["command_delay", "encoder_delay"],
-    contains: &[],
+    similar: &["command_delay", "encoder_delay"],
+    nested: &[],
 };
 
 /// The memory says whether there was a command, and holds what the servo was told last.
 impl Effect for MotorLag {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {

@@ -26,13 +26,13 @@ pub static FORMULA: EffectSpec = EffectSpec {
     law: "law = \"an expression\" on = \"torque\", \"command\" or \"reading\"; its own parameters by name: a = 0.1",
     site: SiteKind::Joint,
     cite: "the model file",
-    tell: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + ...); it knows q, \
+    symptom: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + ...); it knows q, \
            dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) \
            ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
-    alike: &[],
-    contains: &[],
+    similar: &[],
+    nested: &[],
 };
 
 /// What a law gives.
@@ -51,7 +51,7 @@ pub enum FormulaTarget {
 
 /// A law as an effect.
 struct Formula {
-    card: &'static EffectSpec,
+    spec: &'static EffectSpec,
     on: FormulaTarget,
     law: Law,
 }
@@ -89,8 +89,8 @@ pub fn formula_or_function(
     let law = Law::new(text, params, laws)?;
     let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
     let params: Vec<Param> = params.iter().map(own).collect();
-    let card = Box::leak(Box::new(EffectSpec { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
-    let formula: &'static Formula = Box::leak(Box::new(Formula { card, on, law }));
+    let spec = Box::leak(Box::new(EffectSpec { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
+    let formula: &'static Formula = Box::leak(Box::new(Formula { spec, on, law }));
     compiled.insert(key, formula);
     Ok(formula)
 }
@@ -111,7 +111,7 @@ const MEMORY: usize = OF + VARIABLES.len();
 
 impl Formula {
     fn at(&self, p: &[f64], scene: &LawInputs) -> f64 {
-        self.law.at(self.card.params, p, scene)
+        self.law.at(self.spec.params, p, scene)
     }
 
     /// The law's value; what is no finite number is remembered.
@@ -148,8 +148,8 @@ fn scene(memory: &mut [f64], state: &JointInput) -> LawInputs {
 }
 
 impl Effect for Formula {
-    fn card(&self) -> &'static EffectSpec {
-        self.card
+    fn spec(&self) -> &'static EffectSpec {
+        self.spec
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
@@ -222,10 +222,10 @@ impl Effect for Formula {
             FormulaTarget::Reading => "reading",
         };
         let of = VARIABLES.into_iter().zip(&memory[OF..]).map(|(name, value)| format!("{name}={value}"));
-        let with = self.card.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
+        let with = self.spec.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
         let (of, with) = (of.collect::<Vec<_>>().join(", "), with.collect::<Vec<_>>().join(", "));
         let with = if with.is_empty() { with } else { format!(" with {with}") };
-        let (law, value) = (self.card.law, memory[GIVEN]);
+        let (law, value) = (self.spec.law, memory[GIVEN]);
         Some(WorldError::Law { what: format!("the law `{law}` on the {on} of `{joint}` gave {value} at {of}{with}") })
     }
 

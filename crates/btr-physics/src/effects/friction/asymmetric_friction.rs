@@ -9,21 +9,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct AsymmetricFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "asymmetric_friction",
     law: "-coulomb_forward - viscous_forward·dq while dq > 0, coulomb_backward - viscous_backward·dq while dq < 0",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
-    tell: "the torque residual flips with the sign of the velocity, but not about zero; one direction is slower",
+    symptom: "the torque residual flips with the sign of the velocity, but not about zero; one direction is slower",
     params: &[Param::new("coulomb_forward", "N·m", (0.0, 5.0), 0.2), Param::new("coulomb_backward", "N·m", (0.0, 5.0), 0.05), Param::new("viscous_forward", "N·m·s/rad", (0.0, 5.0), 0.05), Param::new("viscous_backward", "N·m·s/rad", (0.0, 5.0), 0.02)],
     starts: &[],
-    alike: &["coulomb_friction", "viscous_friction"],
-    contains: &[("coulomb_friction", &[0.1, 0.1, 0.0, 0.0]), ("viscous_friction", &[0.0, 0.0, 0.1, 0.1])],
+    similar: &["coulomb_friction", "viscous_friction"],
+    nested: &[("coulomb_friction", &[0.1, 0.1, 0.0, 0.0]), ("viscous_friction", &[0.0, 0.0, 0.1, 0.1])],
 };
 
 impl Effect for AsymmetricFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

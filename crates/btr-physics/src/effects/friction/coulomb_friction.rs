@@ -5,21 +5,21 @@ use crate::engine::Dof;
 
 pub(in crate::effects) struct CoulombFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "coulomb_friction",
     law: "-torque·sign(dq); holds at rest",
     site: SiteKind::Joint,
     cite: "Coulomb, Théorie des machines simples, 1785",
-    tell: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
+    symptom: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
     params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
     starts: &[],
-    alike: &["stribeck_friction", "asymmetric_friction"],
-    contains: &[],
+    similar: &["stribeck_friction", "asymmetric_friction"],
+    nested: &[],
 };
 
 impl Effect for CoulombFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

@@ -8,21 +8,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct LoadDependentFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "load_dependent_friction",
     law: "-ratio·|transmitted torque|·sign(dq); holds at rest",
     site: SiteKind::Joint,
     cite: "Duclusaud, Passault, Padois and Ly, Extended Friction Models for the Physics Simulation of Servo Actuators, arXiv:2410.08650",
-    tell: "dry friction that grows with the torque: little where the joint hangs, much where it lifts",
+    symptom: "dry friction that grows with the torque: little where the joint hangs, much where it lifts",
     params: &[Param::new("ratio", "1", (0.0, 0.95), 0.15)],
     starts: &[],
-    alike: &["coulomb_friction"],
-    contains: &[],
+    similar: &["coulomb_friction"],
+    nested: &[],
 };
 
 impl Effect for LoadDependentFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

@@ -6,21 +6,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct QuadraticDrag;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "quadratic_drag",
     law: "-coefficient·|dq|·dq",
     site: SiteKind::Joint,
     cite: "Newton's law of resistance, Principia, book II",
-    tell: "a torque residual against the motion that fast stretches show and slow ones do not",
+    symptom: "a torque residual against the motion that fast stretches show and slow ones do not",
     params: &[Param::new("coefficient", "N·m·s^2/rad^2", (0.0, 1.0), 0.03)],
     starts: &[],
-    alike: &["viscous_friction"],
-    contains: &[],
+    similar: &["viscous_friction"],
+    nested: &[],
 };
 
 impl Effect for QuadraticDrag {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

@@ -9,21 +9,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct StribeckFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "stribeck_friction",
     law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
-    tell: "the torque residual is largest just after a reversal and falls with speed; slow ramps move in jerks",
+    symptom: "the torque residual is largest just after a reversal and falls with speed; slow ramps move in jerks",
     params: &[Param::new("coulomb", "N·m", (0.0, 5.0), 0.1), Param::new("static", "N·m", (0.0, 5.0), 0.25), Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2)],
     starts: &[&[0.05], &[0.2], &[1.0]],
-    alike: &["coulomb_friction"],
-    contains: &[("coulomb_friction", &[0.1, 0.1, 0.2])],
+    similar: &["coulomb_friction"],
+    nested: &[("coulomb_friction", &[0.1, 0.1, 0.2])],
 };
 
 impl Effect for StribeckFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

@@ -5,21 +5,21 @@ use crate::engine::Dof;
 
 pub(in crate::effects) struct ViscousFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "viscous_friction",
     law: "-coefficient·dq",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
-    tell: "a torque residual proportional to the velocity; free swings die out exponentially",
+    symptom: "a torque residual proportional to the velocity; free swings die out exponentially",
     params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
     starts: &[],
-    alike: &["quadratic_drag"],
-    contains: &[],
+    similar: &["quadratic_drag"],
+    nested: &[],
 };
 
 impl Effect for ViscousFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

@@ -12,21 +12,21 @@ use crate::setup::{Compliance, Setup};
 
 pub(in crate::effects) struct ContactCompliance;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "contact_compliance",
     law: "every contact with the floor is a spring and a damper: -stiffness·depth - damping·speed",
     site: SiteKind::Ground,
     cite: "Hooke's law; Catto, Soft Constraints, Game Developers Conference 2011",
-    tell: "the body sinks and bounces where it should stand; contact forces rise and fall slowly",
+    symptom: "the body sinks and bounces where it should stand; contact forces rise and fall slowly",
     params: &[Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0), Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0)],
     starts: &[&[5.0], &[50.0]],
-    alike: &["ground_friction"],
-    contains: &[],
+    similar: &["ground_friction"],
+    nested: &[],
 };
 
 impl Effect for ContactCompliance {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn world(&self, p: &[f64], setup: &mut Setup) {

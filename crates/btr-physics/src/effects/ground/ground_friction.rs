@@ -5,21 +5,21 @@ use crate::setup::Setup;
 
 pub(in crate::effects) struct GroundFriction;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "ground_friction",
     law: "the floor's Coulomb coefficient is this instead of the model's",
     site: SiteKind::Ground,
     cite: "Coulomb, Théorie des machines simples, 1785",
-    tell: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
+    symptom: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
     params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
     starts: &[],
-    alike: &["contact_compliance"],
-    contains: &[],
+    similar: &["contact_compliance"],
+    nested: &[],
 };
 
 impl Effect for GroundFriction {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn world(&self, p: &[f64], setup: &mut Setup) {

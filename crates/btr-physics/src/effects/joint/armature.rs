@@ -5,21 +5,21 @@ use crate::engine::Dof;
 
 pub(in crate::effects) struct Armature;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "armature",
     law: "adds inertia·ddq to what the motor has to move",
     site: SiteKind::Joint,
     cite: "Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6",
-    tell: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
+    symptom: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
     starts: &[],
-    alike: &["link_inertia"],
-    contains: &[],
+    similar: &["link_inertia"],
+    nested: &[],
 };
 
 impl Effect for Armature {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

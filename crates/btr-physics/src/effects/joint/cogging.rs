@@ -7,12 +7,12 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 pub(in crate::effects) struct Cogging;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "cogging",
     law: "amplitude·sin(order·q + phase)",
     site: SiteKind::Joint,
     cite: "Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, 2010",
-    tell: "a ripple in the torque residual that repeats with the position, the same at every speed",
+    symptom: "a ripple in the torque residual that repeats with the position, the same at every speed",
     params: &[Param::new("amplitude", "N·m", (0.0, 5.0), 0.1), Param::shape("order", "1", (0.5, 100.0), 6.0), Param::shape("phase", "rad", (-PI, PI), 0.0)],
     starts: &[
         &[1.0, 0.0], &[1.0, FRAC_PI_2],
@@ -28,13 +28,13 @@ static CARD: EffectSpec = EffectSpec {
         &[11.0, 0.0], &[11.0, FRAC_PI_2],
         &[12.0, 0.0], &[12.0, FRAC_PI_2],
     ],
-    alike: &["com_offset", "parallel_spring"],
-    contains: &[],
+    similar: &["com_offset", "parallel_spring"],
+    nested: &[],
 };
 
 impl Effect for Cogging {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

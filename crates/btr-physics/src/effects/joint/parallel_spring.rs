@@ -5,21 +5,21 @@ use crate::engine::Dof;
 
 pub(in crate::effects) struct ParallelSpring;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "parallel_spring",
     law: "-stiffness·(q - rest)",
     site: SiteKind::Joint,
     cite: "Hooke's law",
-    tell: "a torque residual that is a straight line over the position, whatever gravity does",
+    symptom: "a torque residual that is a straight line over the position, whatever gravity does",
     params: &[Param::new("stiffness", "N·m/rad", (0.0, 50.0), 0.5), Param::shape("rest", "rad", (-3.2, 3.2), 0.0)],
     starts: &[&[0.0], &[-1.0], &[1.0]],
-    alike: &["com_offset", "gravity_tilt"],
-    contains: &[],
+    similar: &["com_offset", "gravity_tilt"],
+    nested: &[],
 };
 
 impl Effect for ParallelSpring {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

@@ -7,22 +7,22 @@ use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct ThermalFade;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "thermal_fade",
     law: "the motor's torque and its limit times exp(-rate·∫|torque·dq|dt)",
     site: SiteKind::Joint,
     cite: "a constant decay per energy: the simplest law of a winding that heats up",
-    tell: "the error grows in the course of a run while the motion repeats itself",
+    symptom: "the error grows in the course of a run while the motion repeats itself",
     params: &[Param::new("rate", "1/J", (0.0, 10.0), 0.1)],
     starts: &[],
-    alike: &[],
-    contains: &[],
+    similar: &[],
+    nested: &[],
 };
 
 /// The memory is the energy so far, in J.
 impl Effect for ThermalFade {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {

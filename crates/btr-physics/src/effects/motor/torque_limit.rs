@@ -5,21 +5,21 @@ use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct TorqueLimit;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "torque_limit",
     law: "the motor's torque is clamped to ±torque",
     site: SiteKind::Joint,
     cite: "saturation, as in any servo's data sheet",
-    tell: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
+    symptom: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
     params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
     starts: &[],
-    alike: &["speed_torque_limit"],
-    contains: &[],
+    similar: &["speed_torque_limit"],
+    nested: &[],
 };
 
 impl Effect for TorqueLimit {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {

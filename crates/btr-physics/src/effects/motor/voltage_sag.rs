@@ -7,21 +7,21 @@ use crate::actuation::motor::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct VoltageSag;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "voltage_sag",
     law: "the motor's torque and its limit times 1/(1 + sag·load)",
     site: SiteKind::Robot,
     cite: "a source with an inner resistance, as in any textbook of circuits",
-    tell: "joints get weak when others work hard, and recover with them",
+    symptom: "joints get weak when others work hard, and recover with them",
     params: &[Param::new("sag", "1/(N·m)", (0.0, 10.0), 0.1)],
     starts: &[],
-    alike: &["load_dependent_friction"],
-    contains: &[],
+    similar: &["load_dependent_friction"],
+    nested: &[],
 };
 
 impl Effect for VoltageSag {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {

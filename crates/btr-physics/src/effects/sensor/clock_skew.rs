@@ -8,21 +8,21 @@ use btr_core::log::{Log, Role};
 
 pub(in crate::effects) struct ClockSkew;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "clock_skew",
     law: "what the log shows at t was measured at t/(1 + skew)",
     site: SiteKind::Robot,
     cite: "two quartzes that disagree",
-    tell: "an error like a delay's that grows in the course of a run",
+    symptom: "an error like a delay's that grows in the course of a run",
     params: &[Param::new("skew", "1", (-0.05, 0.05), 0.01)],
     starts: &[],
-    alike: &["encoder_delay"],
-    contains: &[],
+    similar: &["encoder_delay"],
+    nested: &[],
 };
 
 impl Effect for ClockSkew {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn sense(&self, p: &[f64], _site: &str, log: &mut Log) {

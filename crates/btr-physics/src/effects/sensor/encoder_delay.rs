@@ -6,21 +6,21 @@ use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderDelay;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "encoder_delay",
     law: "the log's position and velocity are those of t - delay; before that, the first ones",
     site: SiteKind::Joint,
     cite: "transport delay",
-    tell: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
+    symptom: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
     params: &[Param::new("delay", "s", (0.0, 0.2), 0.02)],
     starts: &[],
-    alike: &["command_delay", "motor_lag"],
-    contains: &[],
+    similar: &["command_delay", "motor_lag"],
+    nested: &[],
 };
 
 impl Effect for EncoderDelay {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {

@@ -7,21 +7,21 @@ use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderOffset;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "encoder_offset",
     law: "the reading is q + offset",
     site: SiteKind::Joint,
     cite: "a horn or a magnet that is mounted one tooth off",
-    tell: "a constant error of the position, and wrong gravity torque for where the joint seems to be",
+    symptom: "a constant error of the position, and wrong gravity torque for where the joint seems to be",
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
-    alike: &["com_offset", "gravity_tilt"],
-    contains: &[],
+    similar: &["com_offset", "gravity_tilt"],
+    nested: &[],
 };
 
 impl Effect for EncoderOffset {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {

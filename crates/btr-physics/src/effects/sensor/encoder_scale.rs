@@ -7,21 +7,21 @@ use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderScale;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "encoder_scale",
     law: "the reading is (1 + error)·q, and so is its velocity",
     site: SiteKind::Joint,
     cite: "gain error of a potentiometer, a wrong gear ratio",
-    tell: "an error of the position that grows with the distance from zero",
+    symptom: "an error of the position that grows with the distance from zero",
     params: &[Param::new("error", "1", (-0.5, 0.5), 0.05)],
     starts: &[],
-    alike: &["encoder_offset"],
-    contains: &[],
+    similar: &["encoder_offset"],
+    nested: &[],
 };
 
 impl Effect for EncoderScale {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {

@@ -5,25 +5,25 @@ use btr_core::log::Log;
 
 pub(in crate::effects) struct ImuBias;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "imu_bias",
     law: "gyroscope and accelerometer read so much more",
     site: SiteKind::Base,
     cite: "Titterton and Weston, Strapdown Inertial Navigation Technology, 2004",
-    tell: "a constant error of a gyroscope's or an accelerometer's axis, whatever the robot does",
+    symptom: "a constant error of a gyroscope's or an accelerometer's axis, whatever the robot does",
     params: &[Param::new("gyro_x", "rad/s", (-0.5, 0.5), 0.02), Param::new("gyro_y", "rad/s", (-0.5, 0.5), 0.02), Param::new("gyro_z", "rad/s", (-0.5, 0.5), 0.02), Param::new("acc_x", "m/s^2", (-3.0, 3.0), 0.2), Param::new("acc_y", "m/s^2", (-3.0, 3.0), 0.2), Param::new("acc_z", "m/s^2", (-3.0, 3.0), 0.2)],
     starts: &[],
-    alike: &[],
-    contains: &[],
+    similar: &[],
+    nested: &[],
 };
 
 impl Effect for ImuBias {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn sense(&self, p: &[f64], _site: &str, log: &mut Log) {
-        for (param, bias) in self.card().params.iter().zip(p) {
+        for (param, bias) in self.spec().params.iter().zip(p) {
             if let Some(values) = log.values_mut(&format!("imu_{}", param.name)) {
                 values.iter_mut().for_each(|value| *value += bias);
             }

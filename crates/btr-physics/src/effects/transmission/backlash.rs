@@ -13,16 +13,16 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct Backlash;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "backlash",
     law: "nothing is transmitted while |theta - q| < gap/2; the motor's side of the joint drives the link at either end",
     site: SiteKind::Joint,
     cite: "Nordin, Galic and Gutman, New Models for Backlash and Gear Play, Int. J. of Adaptive Control and Signal Processing 11, 1997",
-    tell: "the link stays behind by the gap after every reversal of the torque, and is loose where it carries nothing",
+    symptom: "the link stays behind by the gap after every reversal of the torque, and is loose where it carries nothing",
     params: &[Param::new("gap", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
-    alike: &["joint_elasticity", "command_deadband"],
-    contains: &[],
+    similar: &["joint_elasticity", "command_deadband"],
+    nested: &[],
 };
 
 /// How much stiffer than inertia/dt² the flanks are: they give way by this fraction of what a step would move the link.
@@ -34,8 +34,8 @@ fn resting(push: f64, servo: f64) -> f64 {
 }
 
 impl Effect for Backlash {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {

@@ -12,21 +12,21 @@ use crate::actuation::motor::JointInput;
 
 pub(in crate::effects) struct JointElasticity;
 
-static CARD: EffectSpec = EffectSpec {
+static SPEC: EffectSpec = EffectSpec {
     name: "joint_elasticity",
     law: "motor and link are joined by stiffness·(theta - q) + damping·(dtheta - dq)",
     site: SiteKind::Joint,
     cite: "De Luca and Book, Robots with Flexible Elements, Springer Handbook of Robotics, 2008, chapter 13",
-    tell: "the link rings after stops while the motor stands, and yields under load in proportion to the torque",
+    symptom: "the link rings after stops while the motor stands, and yields under load in proportion to the torque",
     params: &[Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0), Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02)],
     starts: &[&[0.0], &[0.05]],
-    alike: &["backlash", "command_delay", "motor_lag"],
-    contains: &[],
+    similar: &["backlash", "command_delay", "motor_lag"],
+    nested: &[],
 };
 
 impl Effect for JointElasticity {
-    fn card(&self) -> &'static EffectSpec {
-        &CARD
+    fn spec(&self) -> &'static EffectSpec {
+        &SPEC
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
