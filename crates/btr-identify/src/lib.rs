@@ -7,6 +7,8 @@
 pub mod compare;
 pub mod diagnose;
 pub mod fit;
+#[cfg(test)]
+mod fixture;
 mod ladder;
 pub mod quality;
 pub mod residual_model;

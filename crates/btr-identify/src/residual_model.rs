@@ -303,7 +303,7 @@ pub trait ResidualModel: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::parameter;
+    use crate::fixture::parameter;
 
     #[test]
     fn a_limit_keeps_its_proportion_to_a_mass() {

@@ -1,6 +1,9 @@
 //! The map of failures: joint x regime, over all logs.
 
-use super::{Clue, JointTrack, LogPair, Regime};
+use super::clue::Clue;
+use super::pair::LogPair;
+use super::regime::Regime;
+use super::track::JointTrack;
 use btr_core::signal::stats::correlation;
 use indexmap::IndexMap;
 

@@ -1,7 +1,9 @@
 //! A joint in one log: how it moved, what it was told, and its residual.
 
-use super::regime::{self, Regime};
-use super::{ChannelResidual, Clue, LogPair, clue, on_clock};
+use super::clue::Clue;
+use super::pair::{ChannelResidual, LogPair, on_clock};
+use super::quantile::quantile;
+use super::regime::Regime;
 use btr_core::signal::smooth::{Motion, smooth};
 
 /// One joint in one log, sample by sample on the log's clock.
@@ -35,7 +37,7 @@ pub struct JointTrack {
 }
 
 impl JointTrack {
-    /// The joint that a residual belongs to; `None` for residuals of anything but positions.
+    /// The joint that a residual belongs to, without regimes and clues; `None` for residuals of anything but positions.
     pub(super) fn new(residual: &ChannelResidual, episode: &LogPair) -> Option<Self> {
         let joint = residual.channel.strip_prefix("q_")?.to_owned();
         let clock_s = episode.real.clock_s();
@@ -53,23 +55,20 @@ impl JointTrack {
             (None, None) => (ahead(), "command minus simulated position"),
         };
         let motion = smooth(clock_s, position);
-        let mut track = JointTrack {
+        Some(JointTrack {
             log: residual.log,
             joint,
             clock_s: clock_s.to_vec(),
             error: residual.error.clone(),
             floor: residual.floor,
-            still: regime::still(clock_s, &motion, residual.floor),
+            still: still(clock_s, &motion, residual.floor),
             motion,
             command,
             load,
             load_label,
             regimes: Vec::new(),
             clues: Vec::new(),
-        };
-        track.regimes = regime::regimes(&track);
-        track.clues = clue::clues(&track);
-        Some(track)
+        })
     }
 
     /// The direction of the motion, -1 or 1; while the joint rests, that of its last motion. 0 before the first.
@@ -97,6 +96,17 @@ impl JointTrack {
         let changed = directions.windows(2).enumerate().filter(|(_, pair)| pair[0] * pair[1] < 0.0);
         changed.map(|(i, _)| i + 1).collect()
     }
+}
+
+/// The speed below which a joint cannot be said to move: four deviations of the smoothed velocity, at least a twentieth of
+/// its top speed.
+fn still(clock_s: &[f64], motion: &[Motion], floor: f64) -> f64 {
+    let top = quantile(motion.iter().map(|m| m.velocity.abs()), 0.95).unwrap_or(0.0);
+    let step = clock_s.windows(2).map(|pair| pair[1] - pair[0]).sum::<f64>() / clock_s.len().max(2) as f64;
+    // The slope of n points over 2·reach has the deviation sigma/(reach·sqrt(n/3)).
+    let reach = (4.0 * step).max(0.02);
+    let points = (2.0 * reach / step.max(1e-9) + 1.0).max(4.0);
+    (0.05 * top).max(4.0 * floor / (reach * (points / 3.0).sqrt()))
 }
 
 fn varies(values: &[f64]) -> bool {

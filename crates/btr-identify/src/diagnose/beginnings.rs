@@ -1,9 +1,11 @@
 //! Looks for effects in the beginnings of logs by themselves; whoever explains those goes on to the whole.
 
 use super::refit::{FOLLOWER, Rival, race};
-use super::screen::{StartPoint, screen};
+use super::screen::screen;
+use super::start_point::StartPoint;
 use super::state::DiagnosisState;
-use crate::fit::measure::{NOISE, chi};
+use crate::fit::measure::NOISE;
+use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
 /// Those of the candidates `offered` that lead in the beginnings of logs, as they fit the whole of them, and who was

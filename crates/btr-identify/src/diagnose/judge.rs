@@ -1,11 +1,12 @@
 //! Whom to believe of those who were fitted.
 
 use super::refit::Rival;
-use super::state::DiagnosisState;
+use super::report::{MissingEffect, RankedCandidate};
+use super::state::{DiagnosisState, earns_its_numbers};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{MissingEffect, RankedCandidate};
-use crate::fit::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
-use crate::fit::{FitPoint, LogSet, Objective};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use crate::fit::residual_vector::chi;
+use crate::fit::{LogSet, Objective};
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
 /// ones the first of the library, so that what is the same by mechanics is always called the same. None where others
@@ -66,19 +67,4 @@ pub(super) fn judge_rivals(
         candidate: winner.candidate,
     };
     Some((winner, found))
-}
-
-/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
-/// certain and makes next to none is more likely one between simulators than a law.
-pub(super) fn earns_its_numbers(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
-    if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
-        return true;
-    }
-    let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
-    let on_held_out = || match (held_out_squares(objective, &inside.u), held_out_squares(objective, &larger.u)) {
-        (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
-        _ => true,
-    };
-    falls(inside.squares(), larger.squares(), LEARNT_FALL)
-        && (objective.logs(LogSet::HeldOut).is_empty() || on_held_out())
 }

@@ -1,7 +1,7 @@
 //! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its
 //! amplitude, and what the base's parameters can do as well is projected out.
 
-use super::screen::{ProbeSizes, StartPoint, has_two_sides, with};
+use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};

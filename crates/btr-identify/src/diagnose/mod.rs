@@ -9,129 +9,24 @@ mod beginnings;
 mod judge;
 mod linear;
 mod refit;
+mod report;
 mod residual_law;
 mod round;
 mod screen;
+mod start_point;
 mod state;
+pub mod thresholds;
 
+pub use report::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
-use crate::fit::{Estimate, FitPoint, LogSet, Objective, RESTARTS, SearchBudget, estimates};
+use crate::fit::{FitPoint, Objective, RESTARTS, SearchBudget, estimates};
 use residual_law::residual_law;
 use round::round;
-use serde::{Deserialize, Serialize};
 use state::DiagnosisState;
-
-/// What decides. All errors are root mean squares in multiples of the noise floor.
-pub mod thresholds {
-    /// An effect must lower B by more than this...
-    pub const DECISIVE: f64 = 10.0;
-    /// ... and the sum of squares by more than this share...
-    pub const LEARNT_FALL: f64 = 0.05;
-    /// ... and that of the held-out logs by more than this.
-    pub const HELD_OUT_FALL: f64 = 0.04;
-    /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of
-    /// the American Statistical Association 90, 1995): the rival with the fewest numbers is named.
-    pub const TIE: f64 = 2.0;
-    /// Above this error what was found does not explain it.
-    pub const EXPLAINED: f64 = 1.5;
-}
-use thresholds::{EXPLAINED, LEARNT_FALL};
-
-/// How much is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DiagnoseOptions {
-    /// The most effects to add.
-    pub max_effects: usize,
-    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked
-    /// for beyond it. What a round goes on to (refits, and on the ground a second screening) is not counted in advance.
-    pub max_rollouts: usize,
-}
-
-impl Default for DiagnoseOptions {
-    fn default() -> Self {
-        DiagnoseOptions { max_effects: 3, max_rollouts: usize::MAX }
-    }
-}
-
-/// The answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The effects named explain the error.
-    EffectMissing,
-    /// The residual is noise.
-    NothingMissing,
-    /// There is an error that nothing known explains.
-    Unexplained,
-}
-
-/// An effect that the model lacks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MissingEffect {
-    /// Its name.
-    pub effect: String,
-    /// Where it sits.
-    pub site: String,
-    /// `effect@site` of what these logs cannot tell from it.
-    pub alike: Vec<String>,
-    /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a
-    /// larger law which it stands for.
-    pub probability: f64,
-    /// By how much it lowered B.
-    pub delta_bic: f64,
-    /// Its parameters.
-    pub parameters: Vec<Estimate>,
-    /// Index of the candidate.
-    #[serde(skip)]
-    pub candidate: usize,
-}
-
-/// A candidate that was fitted in a round.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RankedCandidate {
-    /// `effect@site`.
-    pub name: String,
-    /// Error on the logs to learn from, in multiples of the noise floor.
-    pub train: f64,
-    /// Error on held-out logs; none without such, or where it blows up there.
-    pub held_out: Option<f64>,
-    /// By how much it lowers B; negative where it is not worth its parameters.
-    pub delta_bic: f64,
-}
-
-/// The whole diagnosis.
-#[derive(Clone, Debug)]
-pub struct Diagnosis {
-    /// What was fitted in each round, best first.
-    pub rounds: Vec<Vec<RankedCandidate>>,
-    /// The answer.
-    pub verdict: Verdict,
-    /// What is missing, or helps without explaining.
-    pub effects: Vec<MissingEffect>,
-    /// How the error fell.
-    pub ladder: Vec<LadderStep>,
-    /// The share of the final squared error that is not noise.
-    pub unexplained_share: f64,
-    /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on,
-    /// whichever is larger.
-    pub integrator_error: f64,
-    /// Doubtful parameters that ended at a bound.
-    pub at_bound: Vec<String>,
-    /// The last fit, with everything that was accepted.
-    pub fit: FitPoint,
-    /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next
-    /// experiment.
-    pub rivals: Vec<(usize, Vec<f64>)>,
-    /// With the verdict `Unexplained`: what the error looks like, if it looks like something.
-    pub residual_law: Option<ResidualLaw>,
-    /// Whether the rollouts that were allowed ended it.
-    pub cut_short: bool,
-    /// Simulated logs.
-    pub rollouts: usize,
-}
+use thresholds::EXPLAINED;
 
 /// Finds out which effects of the family's candidates are missing; `on_step` hears every step of the ladder as it is reached.
 ///
@@ -154,7 +49,7 @@ fn go_on_looking(
     restarts_left: usize,
 ) -> Diagnosis {
     let contact = objective.model.has_contact();
-    let looks_again = leaves_something(objective, &state, &state.fit) || (!contact && state.is_judged_badly(objective));
+    let looks_again = state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective));
     if restarts_left == 0 || !looks_again {
         return go_on(objective, question, state, on_step);
     }
@@ -179,7 +74,7 @@ fn go_on(
     on_step: &dyn Fn(&LadderStep),
 ) -> Diagnosis {
     let mut cut_short = false;
-    while state.chosen.len() < question.max_effects && leaves_something(objective, &state, &state.fit) {
+    while state.chosen.len() < question.max_effects && state.leaves_something(objective, &state.fit) {
         cut_short = objective.rollouts().saturating_add(screen::rollouts(objective)) > question.max_rollouts;
         if cut_short {
             break;
@@ -189,7 +84,7 @@ fn go_on(
         state.eliminate(objective);
         state.simplify(objective);
         let contact = objective.model.has_contact();
-        if leaves_something(objective, &state, &state.fit) || (!contact && state.is_judged_badly(objective)) {
+        if state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_looking(objective, question, state, on_step, restarts_left);
         }
@@ -222,16 +117,6 @@ fn begin(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<Diagnos
     }
     state.bare = state.fit.clone();
     Some(state)
-}
-
-/// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
-fn leaves_something(objective: &Objective, state: &DiagnosisState, fit: &FitPoint) -> bool {
-    let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
-    // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
-    if objective.model.is_chaotic() {
-        return squares > NOISE.powi(2);
-    }
-    squares > 1.0 + LEARNT_FALL / 2.0 + state.integrator.powi(2)
 }
 
 fn conclude(objective: &Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {

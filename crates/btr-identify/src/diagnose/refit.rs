@@ -1,7 +1,9 @@
 //! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
 
-use super::screen::{StartPoint, best, has_two_sides, simulate, with};
-use crate::fit::measure::{NOISE, chi};
+use super::screen::{best, simulate};
+use super::start_point::{StartPoint, has_two_sides, with};
+use crate::fit::measure::NOISE;
+use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 

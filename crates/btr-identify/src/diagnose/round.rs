@@ -3,10 +3,12 @@
 use super::beginnings::from_beginnings;
 use super::judge::judge_rivals;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
-use super::screen::{StartPoint, screen};
+use super::report::MissingEffect;
+use super::screen::screen;
+use super::start_point::StartPoint;
 use super::state::DiagnosisState;
-use super::{MissingEffect, leaves_something};
-use crate::fit::measure::{NOISE, chi};
+use crate::fit::measure::NOISE;
+use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 
 /// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
@@ -21,7 +23,7 @@ pub(super) fn round(objective: &Objective, state: &mut DiagnosisState) -> Option
     let offered: Vec<usize> = (0..objective.model.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
     let (mut rivals, mut starts) = from_beginnings(objective, state, &offered);
     rivals = best_of_each(rivals);
-    if rivals.first().is_none_or(|leader| leaves_something(objective, state, &leader.fit)) {
+    if rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)) {
         let (others, screened) = from_the_whole(objective, state, &offered);
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
         starts.extend(screened);

@@ -5,16 +5,9 @@
 //! largest error alone; what is promising there is probed on all of them.
 
 use super::linear::{BasePoint, STRETCH};
+use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
 use crate::residual_model::{EffectCandidate, Parametrisation};
-
-/// How large probes are.
-pub(super) struct ProbeSizes {
-    /// Amplitudes, in typical sizes.
-    pub amplitudes: &'static [f64],
-    /// Limits act from some threshold on and are probed around it; they are not scaled.
-    pub limits: &'static [f64],
-}
 
 /// For the first glance, and for a closer look.
 const GLANCE: ProbeSizes = ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
@@ -32,19 +25,6 @@ const PROMISED: usize = 4;
 const STRIKING: usize = 3;
 /// Which shares of the way to a promise are simulated.
 const SHARES: [f64; 2] = [1.0, 0.3];
-
-/// A candidate at a promising point.
-#[derive(Clone, Debug)]
-pub(super) struct StartPoint {
-    /// Index of the candidate.
-    pub candidate: usize,
-    /// Index of the base it goes on from.
-    pub base: usize,
-    /// The point.
-    pub u: Vec<f64>,
-    /// The cost there: promised, then simulated.
-    pub cost: f64,
-}
 
 /// About how many logs a screening simulates.
 pub(super) fn rollouts(objective: &Objective) -> usize {
@@ -120,19 +100,6 @@ pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> 
     kept
 }
 
-impl StartPoint {
-    /// Part of the way from a base to here; shapes have nowhere to come from.
-    fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
-        let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
-        objective.model.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
-        u
-    }
-
-    pub(super) fn shapes(&self, objective: &Objective) -> Vec<f64> {
-        objective.model.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
-    }
-}
-
 /// Simulates every promise, all of it and a part of it: a picture drawn with straight lines may promise too much. In
 /// the order of what came out, but those that promise most are not lost for it.
 fn verify(objective: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -> Vec<StartPoint> {
@@ -162,16 +129,4 @@ pub(super) fn simulate(objective: &Objective, bases: &[FitPoint], starts: &mut [
         };
         start.cost = residual.map_or(f64::INFINITY, cost);
     }
-}
-
-/// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
-/// where one that is lifted does not.
-pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
-    let parameters = objective.model.parameters();
-    objective.model.has_contact() && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
-}
-
-/// The base's free knobs and a candidate's.
-pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
-    base.active.iter().copied().chain(candidate.parameters()).collect()
 }

@@ -1,12 +1,12 @@
 //! What a diagnosis has found so far, and how an effect joins it or leaves it.
 
-use super::judge::earns_its_numbers;
 use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
+use super::report::{MissingEffect, RankedCandidate};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
-use super::{MissingEffect, RankedCandidate, leaves_something};
 use crate::LadderStep;
-use crate::fit::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
 /// How far numbers are moved to begin anew: amplitudes by this share, shapes by so much of their coordinate...
@@ -43,7 +43,7 @@ impl DiagnosisState {
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
         self.fit.solve(objective, SearchBudget::FULL);
-        if leaves_something(objective, self, &self.fit) {
+        if self.leaves_something(objective, &self.fit) {
             self.fit.polish(objective);
             self.perturb(objective, found.candidate);
         }
@@ -56,7 +56,7 @@ impl DiagnosisState {
     /// either side of where each of the latest effect's numbers ended, as long as that leads lower.
     fn perturb(&mut self, objective: &Objective, candidate: usize) {
         for _ in 0..SHAKES {
-            if objective.model.is_chaotic() || !leaves_something(objective, self, &self.fit) {
+            if objective.model.is_chaotic() || !self.leaves_something(objective, &self.fit) {
                 return;
             }
             let own = &objective.model.candidates()[candidate];
@@ -215,7 +215,7 @@ impl DiagnosisState {
         fit.solve(objective, FOLLOWER);
         let samples = objective.samples(LogSet::HeldOut).max(1);
         let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
-        !leaves_something(objective, self, &fit) && judged <= NOISE
+        !self.leaves_something(objective, &fit) && judged <= NOISE
     }
 
     /// Goes on beside a family that is seen from here.
@@ -228,6 +228,16 @@ impl DiagnosisState {
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.solve(objective, SearchBudget::FULL);
         self.record(objective, "starts as it sees them".to_owned(), on_step);
+    }
+
+    /// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
+    pub(super) fn leaves_something(&self, objective: &Objective, fit: &FitPoint) -> bool {
+        let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
+        // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
+        if objective.model.is_chaotic() {
+            return squares > NOISE.powi(2);
+        }
+        squares > 1.0 + LEARNT_FALL / 2.0 + self.integrator.powi(2)
     }
 
     /// Notes where the error is now.
@@ -260,4 +270,19 @@ impl DiagnosisState {
             held_out: self.held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
         }
     }
+}
+
+/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
+/// certain and makes next to none is more likely one between simulators than a law.
+pub(super) fn earns_its_numbers(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
+    if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
+        return true;
+    }
+    let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
+    let on_held_out = || match (held_out_squares(objective, &inside.u), held_out_squares(objective, &larger.u)) {
+        (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
+        _ => true,
+    };
+    falls(inside.squares(), larger.squares(), LEARNT_FALL)
+        && (objective.logs(LogSet::HeldOut).is_empty() || on_held_out())
 }

@@ -2,7 +2,8 @@
 //! about the end of it.
 
 use super::estimate::told;
-use super::objective::{LogSet, Objective, ResidualVector};
+use super::objective::{LogSet, Objective};
+use super::residual_vector::ResidualVector;
 use super::solve::FitPoint;
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};

@@ -1,6 +1,7 @@
 //! What a fit says about each number: its value, how sure it is, and what nothing can be said about.
 
-use super::objective::{LogSet, Objective, channels};
+use super::objective::{LogSet, Objective};
+use super::residual_vector::channels;
 use super::solve::FitPoint;
 use crate::residual_model::{FitParameter, ResidualModel};
 use nalgebra::{DMatrix, DVector};

@@ -1,8 +1,9 @@
 //! The whole way from a model as it stands to values with intervals.
 
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
-use super::measure::{ComparisonMeasure, NOISE, chi, held_out_squares};
+use super::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use super::objective::{LogSet, Objective};
+use super::residual_vector::chi;
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
 use crate::residual_model::TimeStep;
@@ -211,7 +212,7 @@ fn conclude(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::{Made, parameter};
+    use crate::fixture::{Made, parameter};
     use crate::residual_model::{FitParameter, Parametrisation};
 
     #[test]

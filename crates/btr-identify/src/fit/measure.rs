@@ -1,7 +1,8 @@
 //! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
 //! leaves.
 
-use super::objective::{LogSet, Objective, channels, corrected, squares};
+use super::objective::{LogSet, Objective};
+use super::residual_vector::{channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 
@@ -37,11 +38,6 @@ impl ComparisonMeasure {
     pub(crate) fn inflation(&self) -> f64 {
         self.variance * self.memory
     }
-}
-
-/// Root mean square of a residual whose missing samples are zero.
-pub(crate) fn chi(squares: f64, samples: usize) -> f64 {
-    (squares / samples.max(1) as f64).sqrt()
 }
 
 /// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it

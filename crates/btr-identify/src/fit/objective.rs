@@ -1,11 +1,10 @@
 //! Evaluating a family: many points and logs at once, counted.
 
-use super::start_search::{MOVED, nearest_starts};
-use super::start_states::StartStates;
-use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
-use btr_core::parallel::side_by_side;
+use super::residual_vector::{ResidualVector, squares};
+use super::rollouts::each;
+use super::start::{MOVED, StartStates, nearest_starts};
+use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_core::world::WorldError;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
@@ -36,9 +35,6 @@ pub enum LogSet {
     /// Those to judge on.
     HeldOut,
 }
-
-/// Residuals of all logs of a kind, one after the other. A missing sample counts as no error.
-pub type ResidualVector = Vec<f64>;
 
 impl<'a> Objective<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
@@ -171,40 +167,4 @@ impl<'a> Objective<'a> {
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.model.order()) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
-}
-
-/// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
-pub(super) fn each<T: Send>(
-    model: &dyn ResidualModel,
-    rollouts: &[ResidualRequest],
-    step: TimeStep,
-    made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
-) -> Vec<T> {
-    let at_once = side_by_side(model.side_by_side(), rollouts.len());
-    let run = |few: &[ResidualRequest]| {
-        let residuals = model.residuals(few, step);
-        few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
-    };
-    rollouts.par_chunks(at_once).with_max_len(1).flat_map_iter(run).collect()
-}
-
-/// Adds a step error to a residual.
-pub fn corrected(mut residual: ResidualVector, step_error: &[f64]) -> ResidualVector {
-    residual.iter_mut().zip(step_error).for_each(|(r, e)| *r += e);
-    residual
-}
-
-/// Sum of squares.
-pub fn squares(residual: &[f64]) -> f64 {
-    residual.iter().map(|r| r * r).sum()
-}
-
-/// The rows of each channel of some logs in their residual.
-pub(super) fn channels<'a>(logs: impl Iterator<Item = &'a RecordedLog>) -> Vec<Range<usize>> {
-    let (mut start, mut rows) = (0, Vec::new());
-    for log in logs {
-        rows.extend(log.channels.iter().map(|channel| start + channel.samples.start..start + channel.samples.end));
-        start += log.rows();
-    }
-    rows
 }

@@ -1,6 +1,7 @@
 //! The last part of a fit: to the middle of what its logs leave open.
 
-use super::objective::{LogSet, Objective, ResidualVector, corrected};
+use super::objective::{LogSet, Objective};
+use super::residual_vector::{ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
@@ -138,8 +139,8 @@ fn second_difference([near, far]: [f64; 2]) -> (f64, f64, f64) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::{Made, parameter};
     use crate::fit::{SearchBudget, estimates};
+    use crate::fixture::{Made, parameter};
     use crate::residual_model::Parametrisation;
 
     const ROWS: usize = 200;

@@ -1,8 +1,8 @@
 //! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
 //! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
-use super::measure::chi;
-use super::objective::{LogSet, Objective, ResidualVector, corrected, squares};
+use super::objective::{LogSet, Objective};
+use super::residual_vector::{ResidualVector, chi, corrected, squares};
 use crate::residual_model::FitParameter;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -271,7 +271,7 @@ pub fn cost(parameters: &[FitParameter], active: &[usize], u: &[f64], residual: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::fixture::parameter;
+    use crate::fixture::parameter;
     use crate::residual_model::Parametrisation;
 
     #[test]

@@ -1,6 +1,6 @@
 //! A channel on its own: what is missing, dead, saturated, rough or in another unit.
 
-use super::{Finding, SensorReport, Severity, Topic};
+use super::report::{Finding, SensorReport, Severity, Topic};
 use btr_core::log::{Channel, Log, Role};
 use btr_core::signal::missing::{Gap, spells};
 use btr_core::signal::noise::NoiseEstimate;

@@ -1,6 +1,6 @@
 //! The clock of a log: rate, jitter, gaps.
 
-use super::{ClockReport, Finding, Severity, Topic};
+use super::report::{ClockReport, Finding, Severity, Topic};
 use btr_core::log::Log;
 use btr_core::signal::missing;
 

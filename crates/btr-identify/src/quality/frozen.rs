@@ -1,6 +1,6 @@
 //! Readings that stand still bit by bit while their joint is told to move.
 
-use super::{Finding, Severity, Topic};
+use super::report::{Finding, Severity, Topic};
 use btr_core::log::{Channel, Log};
 use btr_core::signal::noise::NoiseEstimate;
 use std::ops::Range;

@@ -2,7 +2,7 @@
 
 use super::frozen::frozen;
 use super::influence::pull;
-use super::{CommandResponse, Finding, Severity, Topic};
+use super::report::{CommandResponse, Finding, Severity, Topic};
 use btr_core::log::{Channel, Log, interpolate};
 use btr_core::signal::lag::{Lag, lag};
 use btr_core::signal::noise::NoiseEstimate;

@@ -1,6 +1,6 @@
 //! What a robot says that it was told, beside what it was asked to do.
 
-use super::{Finding, Severity, Topic};
+use super::report::{Finding, Severity, Topic};
 use btr_core::log::{Log, Role, hold, interpolate};
 use btr_core::signal::stats::std;
 

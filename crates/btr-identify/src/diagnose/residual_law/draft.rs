@@ -1,16 +1,6 @@
-//! What an error looks like that no effect explains: a law of at most three terms at one place.
-//!
-//! Terms answer to the same probes as effects do. For each place (a joint's torque, its command, its reading) the terms
-//! are picked greedily, all amplitudes being refitted after each pick (Y. C. Pati, R. Rezaiifar and P. S.
-//! Krishnaprasad, "Orthogonal matching pursuit", 1993), in what the base's own parameters cannot do. The best places
-//! are then fitted in earnest and judged on logs that nothing was fitted to.
-//!
-//! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
-//! joints and four logs. There are at most two searches.
+//! Drafts of laws: orthogonal matching pursuit in the linear picture that probes of the terms give.
 
-use crate::fit::measure::{ComparisonMeasure, held_out_squares};
-use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
-use crate::residual_model::LawTerm;
+use crate::fit::{FitPoint, Objective};
 use btr_core::signal::fft::peak_rate;
 use btr_core::signal::stats::autocorrelation_time;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -22,170 +12,21 @@ const MOST_TERMS: usize = 3;
 const PROBED_LOGS: usize = 2;
 /// The size of a probe, in typical sizes.
 const PROBE: f64 = 0.3;
-/// How many places are fitted in earnest.
-const FINALISTS: usize = 2;
-/// What a fit may spend.
-const EFFORT: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
-/// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are not.
-const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 /// A further term must lower what is left to this share of it.
 const WORTH: f64 = 0.9;
-/// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo
-/// makes one of.
-const CLOSE: f64 = 10.0;
-/// A term stays if the sum of squares without it were larger than this many times.
-const NEEDED: f64 = 1.05;
-/// A law that explains this share of the excess needs no effects beside it...
-const ENOUGH: f64 = 0.8;
-/// ... and one that explains less than this is no law.
-const LEAST: f64 = 0.3;
-
-/// A law that the error follows.
-#[derive(Clone, Debug)]
-pub struct ResidualLaw {
-    /// Its terms, as indices of the family's features.
-    pub terms: Vec<usize>,
-    /// The base with it.
-    pub fit: FitPoint,
-    /// Whether it stands beside the effects that were found, or replaces them.
-    pub beside_effects: bool,
-    /// The share of the squared error above the noise that it explains on held-out logs.
-    pub explains: f64,
-}
-
-/// The law that explains most, if any explains enough: first in place of all effects; then beside those that were
-/// found, or, where none was, from where the parameters in doubt began: they may have gone astray to make up for the
-/// law.
-pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
-    let first = law_on(objective, bare, bare);
-    if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
-        return first.map(|(_, law)| law);
-    }
-    let second = match found {
-        Some(found) => {
-            law_on(objective, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
-        }
-        None => FitPoint::at(objective, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
-            .and_then(|origin| law_on(objective, &origin, bare)),
-    };
-    preferred(first, second, found.and_then(|found| judged(objective, found)))
-}
-
-/// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take
-/// their place.
-fn preferred(
-    first: Option<(f64, ResidualLaw)>,
-    second: Option<(f64, ResidualLaw)>,
-    effects_leave: Option<f64>,
-) -> Option<ResidualLaw> {
-    let laws = first.into_iter().chain(second).filter(|(_, law)| law.explains >= LEAST);
-    let better = laws.filter(|(left, _)| effects_leave.is_none_or(|effects| *left < effects));
-    better.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
-}
-
-/// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
-fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
-    let (terms, fit) = search(objective, base)?;
-    let (before, left) = (judged(objective, from)?, judged(objective, &fit)?.max(0.0));
-    let explains = if before > 0.0 { (1.0 - left / before).clamp(0.0, 1.0) } else { 0.0 };
-    Some((left, ResidualLaw { terms, fit, beside_effects: false, explains }))
-}
-
-/// The sum of squares above the noise on the logs to judge on.
-fn judged(objective: &Objective, fit: &FitPoint) -> Option<f64> {
-    match objective.samples(LogSet::HeldOut) {
-        0 => Some(fit.squares() - objective.samples(LogSet::Learn) as f64),
-        samples => held_out_squares(objective, &fit.u).map(|squares| squares - samples as f64),
-    }
-}
-
-/// The terms of the best law on top of a base, and the fit with it.
-fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoint)> {
-    let mut base = base.clone();
-    if !base.fresh {
-        base.differentiate(objective);
-    }
-    let picture = LawPicture::new(objective, &base)?;
-    let places = places(objective.model.features());
-    let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| picture.draft(place)).collect();
-    drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    drafts.truncate(FINALISTS);
-    let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(objective, &base, draft)).collect();
-    let measure =
-        ComparisonMeasure::of(objective, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
-    let least = fits.iter().map(|(_, fit)| measure.criterion(fit)).fold(f64::INFINITY, f64::min);
-    let close = fits.into_iter().filter(|(_, fit)| measure.criterion(fit) <= least + CLOSE);
-    close.min_by(|(a, _), (b, _)| a.cmp(b))
-}
-
-/// The features of each place; those of one place follow one another.
-fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
-    let mut places: Vec<Range<usize>> = Vec::new();
-    for (i, feature) in features.iter().enumerate() {
-        let same = i > 0 && features[i - 1].on == feature.on && features[i - 1].term.site == feature.term.site;
-        match places.last_mut().filter(|_| same) {
-            Some(place) => place.end = i + 1,
-            None => places.push(i..i + 1),
-        }
-    }
-    places
-}
-
-/// The fit with everything that is in doubt, from where the probes point.
-fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
-    let (features, parameters) = (objective.model.features(), objective.model.parameters());
-    let mut active = base.active.clone();
-    draft.terms.iter().for_each(|term| active.extend(features[term.feature].term.parameters()));
-    let start = |share: &f64| {
-        let mut u = base.u.clone();
-        for term in &draft.terms {
-            let candidate = &features[term.feature].term;
-            candidate.shapes.iter().zip(&term.shapes).for_each(|(&k, &x)| u[k] = x);
-            candidate
-                .amplitudes
-                .iter()
-                .zip(&term.amplitudes)
-                .for_each(|(&k, &x)| u[k] = parameters[k].clamp(share * x));
-        }
-        FitPoint::at(objective, active.clone(), u, &base.step_error)
-    };
-    let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    fit.solve(objective, EFFORT);
-    let terms = draft.terms.iter().map(|term| term.feature).collect();
-    Some(needed(objective, terms, fit))
-}
-
-/// Drops the terms that the fit can do without: far from where they were probed, some turn out to do nothing.
-fn needed(objective: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (Vec<usize>, FitPoint) {
-    for term in terms.clone().into_iter().rev() {
-        if terms.len() == 1 {
-            break;
-        }
-        let parameters: Vec<usize> = objective.model.features()[term].term.parameters().collect();
-        let mut u = fit.u.clone();
-        parameters.iter().for_each(|&parameter| u[parameter] = 0.0);
-        let active = fit.active.iter().copied().filter(|parameter| !parameters.contains(parameter)).collect();
-        let without = FitPoint::at(objective, active, u, &fit.step_error);
-        if let Some(without) = without.filter(|without| without.squares() <= NEEDED * fit.squares()) {
-            fit = without;
-            terms.retain(|other| *other != term);
-        }
-    }
-    (terms, fit)
-}
 
 /// A law in the linear picture that the probes give.
-struct Draft {
-    terms: Vec<Drafted>,
-    cost: f64,
+pub(super) struct Draft {
+    pub(super) terms: Vec<Drafted>,
+    pub(super) cost: f64,
 }
 
 /// A term of it: its shapes and amplitudes as coordinates.
 #[derive(Clone)]
-struct Drafted {
-    feature: usize,
-    shapes: Vec<f64>,
-    amplitudes: Vec<f64>,
+pub(super) struct Drafted {
+    pub(super) feature: usize,
+    pub(super) shapes: Vec<f64>,
+    pub(super) amplitudes: Vec<f64>,
 }
 
 /// A feature with its shapes, and its columns among those of its place.
@@ -196,7 +37,7 @@ struct TermTrial {
 }
 
 /// The logs with the largest errors, and what the base's own parameters can do about them.
-struct LawPicture<'a> {
+pub(super) struct LawPicture<'a> {
     objective: &'a Objective<'a>,
     base: &'a FitPoint,
     logs: Vec<(usize, Range<usize>)>,
@@ -206,7 +47,7 @@ struct LawPicture<'a> {
 }
 
 impl<'a> LawPicture<'a> {
-    fn new(objective: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
+    pub(super) fn new(objective: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
         let logs = objective.worst_logs(&base.residual, PROBED_LOGS);
         let rows: Vec<usize> = logs.iter().flat_map(|(_, rows)| rows.clone()).collect();
         let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&row| base.residual[row]));
@@ -224,7 +65,7 @@ impl<'a> LawPicture<'a> {
     }
 
     /// The best law of a place.
-    fn draft(&self, place: Range<usize>) -> Option<Draft> {
+    pub(super) fn draft(&self, place: Range<usize>) -> Option<Draft> {
         let features = self.objective.model.features();
         let (mut trials, mut columns) = (Vec::new(), Vec::new());
         let steady: Vec<(usize, Vec<f64>)> = place
@@ -373,33 +214,5 @@ impl NormalEquations {
         let amplitudes = -gram.cholesky()?.solve(&pull);
         let cost = self.squares + pull.dot(&amplitudes);
         cost.is_finite().then(|| Solved { columns, amplitudes: amplitudes.as_slice().to_vec(), cost })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn law(explains: f64, beside_effects: bool) -> ResidualLaw {
-        let fit = FitPoint {
-            active: Vec::new(),
-            u: Vec::new(),
-            residual: Vec::new(),
-            cost: 0.0,
-            step_error: Vec::new(),
-            jacobian: None,
-            fresh: false,
-        };
-        ResidualLaw { terms: Vec::new(), fit, beside_effects, explains }
-    }
-
-    #[test]
-    fn a_law_that_leaves_more_than_the_effects_does_not_take_their_place() {
-        let instead = || Some((40.0, law(0.6, false)));
-        assert!(preferred(instead(), None, Some(5.0)).is_none());
-        assert!(preferred(instead(), Some((4.9, law(0.02, true))), Some(5.0)).is_none());
-        assert!(preferred(instead(), Some((3.0, law(0.4, true))), Some(5.0)).is_some_and(|law| law.beside_effects));
-        assert!(preferred(instead(), None, Some(50.0)).is_some_and(|law| !law.beside_effects));
-        assert!(preferred(instead(), None, None).is_some());
     }
 }

@@ -1,7 +1,25 @@
 //! Trying several small changes in one simulation: where each is felt in channels of its own, their answers can be told apart.
 
-use crate::residual_model::RecordedLog;
+use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
+use btr_core::parallel::side_by_side;
+use btr_core::world::WorldError;
+use rayon::prelude::*;
 use std::ops::Range;
+
+/// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
+pub(super) fn each<T: Send>(
+    model: &dyn ResidualModel,
+    rollouts: &[ResidualRequest],
+    step: TimeStep,
+    made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
+) -> Vec<T> {
+    let at_once = side_by_side(model.side_by_side(), rollouts.len());
+    let run = |few: &[ResidualRequest]| {
+        let residuals = model.residuals(few, step);
+        few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
+    };
+    rollouts.par_chunks(at_once).with_max_len(1).flat_map_iter(run).collect()
+}
 
 /// Changes that share a simulation, by the channels in which each is felt: first come, first served. What is felt everywhere
 /// (no channels) is alone.

@@ -3,8 +3,7 @@
 //! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
 //! again, as if B's share of it were noise.
 
-use super::objective::each;
-use super::shared_rollouts::{rows_near, shared};
+use crate::fit::rollouts::{each, rows_near, shared};
 use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 
@@ -14,7 +13,7 @@ const NEGLIGIBLE: f64 = 1e-3;
 const UNSEEN: f64 = 0.03;
 
 /// For each log, what its start states can do.
-pub(super) struct StartStates(Vec<Vec<StartWindow>>);
+pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 
 /// The answers of some rows of a residual to their start state: orthonormal columns, and the share of each that is taken away.
 struct StartWindow {
@@ -40,7 +39,7 @@ impl NudgedRollout {
 
 impl StartStates {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
-    pub(super) fn at(model: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
+    pub(in crate::fit) fn at(model: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
         // The first of each log is moved nowhere.
         let nudged = |log: usize| shared((0..model.starts(log)).map(|number| model.start_near(log, number)));
         let shots =
@@ -68,12 +67,12 @@ impl StartStates {
     }
 
     /// How many numbers the start of a log takes. What is known of a start takes none: the rest stays white.
-    pub(super) fn rank(&self, log: usize) -> usize {
+    pub(in crate::fit) fn rank(&self, log: usize) -> usize {
         self.0[log].iter().flat_map(|window| &window.shares).filter(|share| **share >= 1.0).count()
     }
 
     /// What no start state can do.
-    pub(super) fn project(&self, log: usize, residual: &mut [f64]) {
+    pub(in crate::fit) fn project(&self, log: usize, residual: &mut [f64]) {
         for window in &self.0[log] {
             window.project(residual);
         }

@@ -1,7 +1,8 @@
 //! Where logs begin, as a model sees it. What their first readings tell is rough, above all of velocities: where they change
 //! within a few samples, no curve through them is any good. A model that knows how the robot moves tells more.
 
-use super::objective::{each, squares};
+use crate::fit::residual_vector::squares;
+use crate::fit::rollouts::each;
 use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ const SETTLED: f64 = 0.1;
 /// A step that leads nowhere is halved so often.
 const HALVINGS: u32 = 3;
 /// Starts that moved by less are as good as where they were: slopes at the old ones tell the rest.
-pub(super) const MOVED: f64 = 3.0;
+pub(in crate::fit) const MOVED: f64 = 3.0;
 
 /// Where the model at `u` leads nearest to each log, by Gauss and Newton from where the log seems to begin: the logs whose start
 /// that moves by more than `least`, with what it moves each number by, in units of a [`ResidualRequest`]. And how many logs were
