@@ -1,4 +1,10 @@
 //! Motors: from a command to a torque.
 
-pub mod motor;
+mod joint_input;
+mod motor;
 mod sampled;
+mod torque;
+
+pub use joint_input::JointInput;
+pub(crate) use motor::Motor;
+pub use torque::{MotorTorque, TorqueBound};

@@ -4,7 +4,7 @@
 //! average, and so does a velocity that is the difference of two readings: at a period that is short but not negligible this is
 //! what a servo in continuous time lacks.
 
-use super::motor::JointInput;
+use super::joint_input::JointInput;
 use crate::robot::Sampling;
 
 /// The memory of a digital servo.

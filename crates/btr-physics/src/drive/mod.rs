@@ -11,7 +11,7 @@ pub use hold::Hold;
 pub use nao::cart_table::com_for_zmp;
 pub use nao::kick::NaoKick;
 pub use nao::posture::{Posture, Stance};
-pub use nao::reference::References;
+pub use nao::reference::{CONTROL_S, References, STEPS_PER_CONTROL};
 pub use nao::walk::NaoWalk;
 pub use nao::zmp_motion::MotionError;
 pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};

@@ -1,6 +1,6 @@
 //! What an effect is: its parameters, what it says about itself, the hooks by which it acts, and an effect at a site.
 
-use crate::actuation::motor::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque};
 use crate::engine::{Affine, Dof};
 use crate::robot::Robot;
 use crate::robot::site::matches;
@@ -154,7 +154,7 @@ impl fmt::Debug for dyn Effect {
 /// A command that follows another, when the step begins and when it ends: `memory` says whether there was one, and
 /// holds its last value; `change` turns the distance to go into what is gone of it in this step. NaN switches the motor
 /// off and forgets.
-pub(in crate::effects) fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> (f64, f64) {
+pub(super) fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> (f64, f64) {
     let [started, told] = memory else { return (command, command) };
     if command.is_nan() {
         *started = 0.0;

@@ -5,7 +5,7 @@
 //! `a + b·(the link's mean velocity)`. With that the spring's torque on the link depends on the link's velocity alone, so that
 //! the engine finds the velocity that suits all of them, and no stiffness makes a step unstable.
 
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 use crate::engine::{Affine, Dof};
 
 /// How many numbers a rotor remembers.

@@ -34,14 +34,12 @@
 //! by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would end 0.0087 rad from
 //! zero; here they reach it, for the pose of the table.
 
+pub use crate::drive::{CONTROL_S, STEPS_PER_CONTROL};
+
 use crate::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-/// Time between two references of the real robot's controller, in s (paper, 4.2.1).
-pub const CONTROL_S: f64 = 0.055;
-/// Physics steps between two references (paper, 4.2.1).
-pub const STEPS_PER_CONTROL: usize = 7;
 /// The eight bodies whose masses span the paper's search space.
 pub const UNCERTAIN_MASSES: [&str; 8] =
     ["RShoulderRoll", "LShoulderRoll", "RHipRoll", "RHipPitch", "RKneePitch", "LHipRoll", "LHipPitch", "LKneePitch"];

@@ -1,6 +1,6 @@
 //! From the drive's references to what acts on every joint: commands, effects on them, motors, effects on those.
 
-use crate::actuation::motor::{JointInput, Motor, MotorTorque, TorqueBound};
+use crate::actuation::{JointInput, Motor, MotorTorque, TorqueBound};
 use crate::drive::Drive;
 use crate::effects::{Effect, PlacedEffect, SiteKind};
 use crate::engine::carried_inertia;

@@ -1,9 +1,13 @@
 //! Joint references at a fixed rate, joined by straight lines: how the Nao's joint controller is told what to do.
 
 use crate::drive::Drive;
-use crate::presets::nao::CONTROL_S;
 use crate::robot::{JointKind, Robot};
 use nalgebra::Isometry3;
+
+/// Time between two references of the real robot's controller, in s (paper, 4.2.1).
+pub const CONTROL_S: f64 = 0.055;
+/// Physics steps between two references (paper, 4.2.1).
+pub const STEPS_PER_CONTROL: usize = 7;
 
 /// A motion worked out beforehand: all joints every 55 ms, straight lines between, held at the end.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,7 @@
 use super::cart_table::com_for_zmp;
 use super::leg::LegError;
 use super::posture::{Posture, Stance};
-use super::reference::References;
-use crate::presets::nao::{CONTROL_S, STEPS_PER_CONTROL};
+use super::reference::{CONTROL_S, References, STEPS_PER_CONTROL};
 use crate::robot::Robot;
 use btr_core::space::SpaceError;
 use nalgebra::Vector3;

@@ -3,7 +3,7 @@
 //! For actuators that take positions: the band lies about the position that the servo reads when a step begins.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct CommandDeadband;
 

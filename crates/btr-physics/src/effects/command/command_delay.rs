@@ -1,7 +1,7 @@
 //! Commands that arrive late: a bus, a buffer, a filter ahead of the servo.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct CommandDelay;
 

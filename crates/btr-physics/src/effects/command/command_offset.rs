@@ -4,7 +4,7 @@
 //! log whose zero is not the robot's, while the servo's is.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct CommandOffset;
 

@@ -1,7 +1,7 @@
 //! A command that changes no faster than so: a ramp in the servo's firmware, a profile that the motion is fitted into.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct CommandRateLimit;
 

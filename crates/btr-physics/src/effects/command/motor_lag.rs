@@ -4,7 +4,7 @@
 //! end the lag would seem shorter by half a step.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct MotorLag;
 

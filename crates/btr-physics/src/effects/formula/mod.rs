@@ -11,7 +11,7 @@ mod expression;
 pub(super) mod law;
 
 use super::effect::{Effect, EffectSpec, Param, SiteKind};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
 use btr_core::world::WorldError;

@@ -2,7 +2,7 @@
 //! helps, and the whole torque is there.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct SpeedTorqueLimit;
 

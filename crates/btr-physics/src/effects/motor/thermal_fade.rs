@@ -3,7 +3,7 @@
 //! The energy is what it has put into the joint or taken from it since the start; nothing cools it down.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct ThermalFade;
 

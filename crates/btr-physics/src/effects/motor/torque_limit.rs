@@ -1,7 +1,7 @@
 //! A motor that gives no more than so much torque.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct TorqueLimit;
 

@@ -3,7 +3,7 @@
 //! The load is the sum of the sizes of all motors' torques in the last step.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::actuation::motor::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque};
 
 pub(in crate::effects) struct VoltageSag;
 

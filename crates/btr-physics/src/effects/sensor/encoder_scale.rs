@@ -2,7 +2,7 @@
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderScale;

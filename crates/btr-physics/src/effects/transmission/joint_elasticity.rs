@@ -8,7 +8,7 @@ use crate::effects::rotor;
 use crate::effects::rotor::Spring;
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::motor::JointInput;
+use crate::actuation::JointInput;
 
 pub(in crate::effects) struct JointElasticity;
 

@@ -3,8 +3,8 @@
 use super::contacts;
 use super::contacts::Reach;
 use super::impulses::ContactLaw;
-use super::lanes::{Lanes, Mask};
-use super::{Articulated, Coupling, Floor};
+use super::linear_algebra::lanes::{Lanes, Mask};
+use super::state::{Articulated, Coupling, Floor};
 use pulp::Simd;
 
 /// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is

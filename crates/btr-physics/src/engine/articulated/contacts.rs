@@ -1,10 +1,10 @@
 //! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane, and what
 //! is nearest to a ball's centre is known for every primitive.
 
-use super::lanes::{Lanes, Mask};
-use super::spatial::Spatial;
+use super::linear_algebra::lanes::{Lanes, Mask};
+use super::linear_algebra::spatial::Spatial;
+use super::linear_algebra::vectors::{M3, V3};
 use super::tree::Tree;
-use super::vectors::{M3, V3};
 use pulp::Simd;
 
 /// Points of one shape that may touch at the same time.

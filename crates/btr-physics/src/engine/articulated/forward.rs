@@ -1,9 +1,9 @@
 //! Forward dynamics by themselves: how a robot that nothing touches accelerates.
 
-use super::Articulated;
-use super::lanes::Lanes;
-use super::spatial::{factorise, solve};
-use super::world::World;
+use super::build::world::World;
+use super::linear_algebra::lanes::Lanes;
+use super::linear_algebra::spatial::{factorise, solve};
+use super::state::Articulated;
 use crate::engine::{Dynamics, RobotState};
 use crate::robot::Robot;
 use crate::setup::Setup;

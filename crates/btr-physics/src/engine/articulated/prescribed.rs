@@ -1,8 +1,8 @@
 //! Joints whose motion is prescribed: they are where their course says, the other joints feel their acceleration, and what
 //! that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Only a single candidate is ever led.
 
-use super::Articulated;
-use super::lanes::Lanes;
+use super::linear_algebra::lanes::Lanes;
+use super::state::Articulated;
 use pulp::Simd;
 
 impl<S: Simd> Articulated<S> {

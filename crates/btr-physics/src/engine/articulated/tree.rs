@@ -1,8 +1,8 @@
 //! The robot as a tree of bodies: where they are, what they weigh, what each joint has to carry.
 
-use super::lanes::Lanes;
-use super::spatial::{Inertia, Spatial, Symmetric};
-use super::vectors::{M3, V3};
+use super::linear_algebra::lanes::Lanes;
+use super::linear_algebra::spatial::{Inertia, Spatial, Symmetric};
+use super::linear_algebra::vectors::{M3, V3};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 use pulp::Simd;
 

@@ -3,8 +3,8 @@
 //! This is for soles that stand on many corners, over which sweeps take for ever; where something slides they have to
 //! find out all the same.
 
-use super::{Impulses, Single};
-use crate::engine::articulated::lanes::{Lanes, Mask};
+use super::rows::{Impulses, Single};
+use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use pulp::Simd;
 
 /// How often a guess is corrected before it is left to the sweeps.
@@ -20,26 +20,6 @@ const ACROSS: f64 = 2e-6;
 const UNEVEN: f64 = 1e4;
 /// How far beyond its cone (as a share) or its aim (m/s) something may be that is as good as there.
 const BESIDE: f64 = 1e-9;
-
-/// Memory for that.
-pub(super) struct StickGuess<S: Simd> {
-    /// Whose impulse follows from the equations; all others stay.
-    free: Vec<Mask<S>>,
-    /// The velocities without impulses, those to bring about, and what an impulse costs of it.
-    pub(super) alone: Vec<Lanes<S>>,
-    wanted: Vec<Lanes<S>>,
-    costs: Vec<Lanes<S>>,
-    /// Row by row the upper factor of the equations' matrix, and their solution.
-    factor: Vec<Lanes<S>>,
-    solution: Vec<Lanes<S>>,
-}
-
-impl<S: Simd> StickGuess<S> {
-    pub(super) fn new() -> Self {
-        let (free, alone, wanted, costs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        StickGuess { free, alone, wanted, costs, factor: Vec::new(), solution: Vec::new() }
-    }
-}
 
 impl<S: Simd> Impulses<S> {
     /// Tries to find all impulses of those who `may` without sweeps, and says for whom that worked; for them impulses

@@ -1,7 +1,7 @@
 //! Projected Gauss-Seidel: impulses are put right one after the other, sweep by sweep, until velocities have settled.
 
-use super::{Contact, ContactLaw, Impulses, Single};
-use crate::engine::articulated::lanes::{Lanes, Mask};
+use super::rows::{Contact, ContactLaw, Impulses, Single};
+use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use pulp::Simd;
 
 /// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.

@@ -6,46 +6,46 @@ use pulp::Simd;
 
 /// A motion or a force in Pluecker coordinates about one point: angular part (moment), linear part (force).
 #[derive(Clone, Copy)]
-pub(super) struct Spatial<S: Simd> {
-    pub(super) angular: V3<S>,
-    pub(super) linear: V3<S>,
+pub(in crate::engine::articulated) struct Spatial<S: Simd> {
+    pub(in crate::engine::articulated) angular: V3<S>,
+    pub(in crate::engine::articulated) linear: V3<S>,
 }
 
 /// A rigid body's inertia about the same point.
 #[derive(Clone, Copy)]
-pub(super) struct Inertia<S: Simd> {
-    pub(super) mass: Lanes<S>,
-    pub(super) first: V3<S>,
-    pub(super) second: Symmetric<S>,
+pub(in crate::engine::articulated) struct Inertia<S: Simd> {
+    pub(in crate::engine::articulated) mass: Lanes<S>,
+    pub(in crate::engine::articulated) first: V3<S>,
+    pub(in crate::engine::articulated) second: Symmetric<S>,
 }
 
 /// A symmetric matrix: the diagonal, then xy, xz and yz.
 #[derive(Clone, Copy)]
-pub(super) struct Symmetric<S: Simd>(pub(super) [Lanes<S>; 6]);
+pub(in crate::engine::articulated) struct Symmetric<S: Simd>(pub(in crate::engine::articulated) [Lanes<S>; 6]);
 
 impl<S: Simd> Spatial<S> {
     #[inline(always)]
-    pub(super) fn zero(simd: S) -> Self {
+    pub(in crate::engine::articulated) fn zero(simd: S) -> Self {
         Spatial { angular: V3::zero(simd), linear: V3::zero(simd) }
     }
 
     #[inline(always)]
-    pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
+    pub(in crate::engine::articulated) fn dot(&self, other: &Self) -> Lanes<S> {
         self.angular.dot(&other.angular) + self.linear.dot(&other.linear)
     }
 
     #[inline(always)]
-    pub(super) fn plus(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn plus(&self, other: &Self) -> Self {
         Spatial { angular: self.angular + other.angular, linear: self.linear + other.linear }
     }
 
     #[inline(always)]
-    pub(super) fn times(&self, factor: Lanes<S>) -> Self {
+    pub(in crate::engine::articulated) fn times(&self, factor: Lanes<S>) -> Self {
         Spatial { angular: self.angular.times(factor), linear: self.linear.times(factor) }
     }
 
     #[inline(always)]
-    pub(super) fn add_times(&self, other: &Self, factor: Lanes<S>) -> Self {
+    pub(in crate::engine::articulated) fn add_times(&self, other: &Self, factor: Lanes<S>) -> Self {
         let mut sum = *self;
         for k in 0..3 {
             sum.angular.0[k] = sum.angular.0[k].add_product(other.angular.0[k], factor);
@@ -56,13 +56,13 @@ impl<S: Simd> Spatial<S> {
 
     /// How a motion moves a point.
     #[inline(always)]
-    pub(super) fn at(&self, point: &V3<S>) -> V3<S> {
+    pub(in crate::engine::articulated) fn at(&self, point: &V3<S>) -> V3<S> {
         self.linear + self.angular.cross(point)
     }
 
     /// How a motion that is fixed to a body changes as the body moves with `self`.
     #[inline(always)]
-    pub(super) fn cross_motion(&self, motion: &Self) -> Self {
+    pub(in crate::engine::articulated) fn cross_motion(&self, motion: &Self) -> Self {
         Spatial {
             angular: self.angular.cross(&motion.angular),
             linear: self.angular.cross(&motion.linear) + self.linear.cross(&motion.angular),
@@ -71,7 +71,7 @@ impl<S: Simd> Spatial<S> {
 
     /// The same for a momentum.
     #[inline(always)]
-    pub(super) fn cross_force(&self, force: &Self) -> Self {
+    pub(in crate::engine::articulated) fn cross_force(&self, force: &Self) -> Self {
         Spatial {
             angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
             linear: self.angular.cross(&force.linear),
@@ -81,13 +81,13 @@ impl<S: Simd> Spatial<S> {
 
 impl<S: Simd> Symmetric<S> {
     #[inline(always)]
-    pub(super) fn zero(simd: S) -> Self {
+    pub(in crate::engine::articulated) fn zero(simd: S) -> Self {
         Symmetric([Lanes::zero(simd); 6])
     }
 
     /// The matrix in axes that are turned by `rotation`.
     #[inline(always)]
-    pub(super) fn turned(&self, rotation: &M3<S>) -> Self {
+    pub(in crate::engine::articulated) fn turned(&self, rotation: &M3<S>) -> Self {
         let [xx, yy, zz, xy, xz, yz] = self.0;
         let own = M3([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
         let half = rotation.then(&own);
@@ -101,14 +101,14 @@ impl<S: Simd> Symmetric<S> {
 
     /// What a mass at `place` adds to the inertia about the origin.
     #[inline(always)]
-    pub(super) fn of_point(mass: Lanes<S>, place: &V3<S>) -> Self {
+    pub(in crate::engine::articulated) fn of_point(mass: Lanes<S>, place: &V3<S>) -> Self {
         let [x, y, z] = place.0;
         let [mx, my, mz] = place.times(mass).0;
         Symmetric([my * y + mz * z, mx * x + mz * z, mx * x + my * y, -(mx * y), -(mx * z), -(my * z)])
     }
 
     #[inline(always)]
-    pub(super) fn plus(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn plus(&self, other: &Self) -> Self {
         let mut sum = self.0;
         for k in 0..6 {
             sum[k] += other.0[k];
@@ -126,7 +126,7 @@ impl<S: Simd> Symmetric<S> {
 impl<S: Simd> Inertia<S> {
     /// Momentum of a motion, or the force for an acceleration.
     #[inline(always)]
-    pub(super) fn times(&self, motion: &Spatial<S>) -> Spatial<S> {
+    pub(in crate::engine::articulated) fn times(&self, motion: &Spatial<S>) -> Spatial<S> {
         Spatial {
             angular: self.second.turn(&motion.angular) + self.first.cross(&motion.linear),
             linear: motion.linear.times(self.mass) + motion.angular.cross(&self.first),
@@ -134,7 +134,7 @@ impl<S: Simd> Inertia<S> {
     }
 
     #[inline(always)]
-    pub(super) fn plus(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn plus(&self, other: &Self) -> Self {
         Inertia {
             mass: self.mass + other.mass,
             first: self.first + other.first,
@@ -147,7 +147,7 @@ impl<S: Simd> Inertia<S> {
 /// from the root to each degree of freedom, which comes last; the matrix is empty wherever neither of two moves the
 /// other, and so is the factor. Its diagonal holds the reciprocals, which is all that is ever asked for.
 #[inline(always)]
-pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
+pub(in crate::engine::articulated) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
     let n = ways.len();
     for k in (0..n).rev() {
         // A body without any inertia makes this NaN, which is noticed as trouble.
@@ -168,7 +168,7 @@ pub(super) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
 
 /// Solves LᵀL·x = b, in place.
 #[inline(always)]
-pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
+pub(in crate::engine::articulated) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
     let n = ways.len();
     for i in (0..n).rev() {
         let own = x[i] * factor[i * n + i];
@@ -183,7 +183,12 @@ pub(super) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [
 /// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an
 /// entry for each step of the way.
 #[inline(always)]
-pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Lanes<S>]) {
+pub(in crate::engine::articulated) fn solve_way<S: Simd>(
+    factor: &[Lanes<S>],
+    n: usize,
+    way: &[usize],
+    x: &mut [Lanes<S>],
+) {
     for step in (0..way.len()).rev() {
         let row = way[step] * n;
         let own = x[step] * factor[row + way[step]];
@@ -196,7 +201,12 @@ pub(super) fn solve_way<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x
 
 /// The same for six b at once.
 #[inline(always)]
-pub(super) fn solve_motions<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize], x: &mut [Spatial<S>]) {
+pub(in crate::engine::articulated) fn solve_motions<S: Simd>(
+    factor: &[Lanes<S>],
+    n: usize,
+    way: &[usize],
+    x: &mut [Spatial<S>],
+) {
     for step in (0..way.len()).rev() {
         let row = way[step] * n;
         let own = x[step].times(factor[row + way[step]]);
@@ -209,7 +219,11 @@ pub(super) fn solve_motions<S: Simd>(factor: &[Lanes<S>], n: usize, way: &[usize
 
 /// Solves L·x = b, in place.
 #[inline(always)]
-pub(super) fn substitute<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
+pub(in crate::engine::articulated) fn substitute<S: Simd>(
+    factor: &[Lanes<S>],
+    ways: &[Vec<usize>],
+    x: &mut [Lanes<S>],
+) {
     let n = ways.len();
     for i in 0..n {
         let mut own = x[i];

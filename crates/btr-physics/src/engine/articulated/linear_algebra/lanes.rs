@@ -10,11 +10,11 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 /// A number of each candidate.
 #[derive(Clone, Copy)]
-pub(super) struct Lanes<S: Simd>(S, S::f64s);
+pub(in crate::engine::articulated) struct Lanes<S: Simd>(S, S::f64s);
 
 /// A yes or no of each candidate.
 #[derive(Clone, Copy)]
-pub(super) struct Mask<S: Simd>(S, S::m64s);
+pub(in crate::engine::articulated) struct Mask<S: Simd>(S, S::m64s);
 
 /// Adding and taking away this rounds to whole numbers, ties to even.
 const ROUND: f64 = 6_755_399_441_055_744.0;
@@ -41,95 +41,95 @@ const COSINE: [f64; 6] = [
 impl<S: Simd> Lanes<S> {
     /// The same number for all.
     #[inline(always)]
-    pub(super) fn all(simd: S, x: f64) -> Self {
+    pub(in crate::engine::articulated) fn all(simd: S, x: f64) -> Self {
         Lanes(simd, simd.splat_f64s(x))
     }
 
     #[inline(always)]
-    pub(super) fn zero(simd: S) -> Self {
+    pub(in crate::engine::articulated) fn zero(simd: S) -> Self {
         Lanes::all(simd, 0.0)
     }
 
     /// A number for each lane.
-    pub(super) fn of(simd: S, number: impl Fn(usize) -> f64) -> Self {
+    pub(in crate::engine::articulated) fn of(simd: S, number: impl Fn(usize) -> f64) -> Self {
         let mut lanes = Lanes::zero(simd);
         (0..S::F64_LANES).for_each(|lane| lanes.set(lane, number(lane)));
         lanes
     }
 
     #[inline(always)]
-    pub(super) fn lane(&self, lane: usize) -> f64 {
+    pub(in crate::engine::articulated) fn lane(&self, lane: usize) -> f64 {
         cast_slice::<S::f64s, f64>(std::slice::from_ref(&self.1))[lane]
     }
 
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, x: f64) {
+    pub(in crate::engine::articulated) fn set(&mut self, lane: usize, x: f64) {
         pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(std::slice::from_mut(&mut self.1))[lane] = x;
     }
 
     /// The same number in every lane, of the kind of this one.
     #[inline(always)]
-    pub(super) fn like(self, x: f64) -> Self {
+    pub(in crate::engine::articulated) fn like(self, x: f64) -> Self {
         Lanes::all(self.0, x)
     }
 
     /// This and a product, rounded once.
     #[inline(always)]
-    pub(super) fn add_product(self, a: Self, b: Self) -> Self {
+    pub(in crate::engine::articulated) fn add_product(self, a: Self, b: Self) -> Self {
         Lanes(self.0, self.0.mul_add_f64s(a.1, b.1, self.1))
     }
 
     /// This without a product, rounded once.
     #[inline(always)]
-    pub(super) fn sub_product(self, a: Self, b: Self) -> Self {
+    pub(in crate::engine::articulated) fn sub_product(self, a: Self, b: Self) -> Self {
         Lanes(self.0, self.0.negate_mul_add_f64s(a.1, b.1, self.1))
     }
 
     #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
+    pub(in crate::engine::articulated) fn sqrt(self) -> Self {
         Lanes(self.0, self.0.sqrt_f64s(self.1))
     }
 
     #[inline(always)]
-    pub(super) fn recip(self) -> Self {
+    pub(in crate::engine::articulated) fn recip(self) -> Self {
         self.like(1.0) / self
     }
 
     #[inline(always)]
-    pub(super) fn abs(self) -> Self {
+    pub(in crate::engine::articulated) fn abs(self) -> Self {
         Lanes(self.0, self.0.abs_f64s(self.1))
     }
 
     #[inline(always)]
-    pub(super) fn less(self, other: Self) -> Mask<S> {
+    pub(in crate::engine::articulated) fn less(self, other: Self) -> Mask<S> {
         Mask(self.0, self.0.less_than_f64s(self.1, other.1))
     }
 
     #[inline(always)]
-    pub(super) fn at_most(self, other: Self) -> Mask<S> {
+    pub(in crate::engine::articulated) fn at_most(self, other: Self) -> Mask<S> {
         Mask(self.0, self.0.less_than_or_equal_f64s(self.1, other.1))
     }
 
     /// The larger one; `other` where either is no number.
     #[inline(always)]
-    pub(super) fn max(self, other: Self) -> Self {
+    pub(in crate::engine::articulated) fn max(self, other: Self) -> Self {
         other.less(self).select(self, other)
     }
 
     /// The smaller one; `other` where either is no number.
     #[inline(always)]
-    pub(super) fn min(self, other: Self) -> Self {
+    pub(in crate::engine::articulated) fn min(self, other: Self) -> Self {
         self.less(other).select(self, other)
     }
 
     #[inline(always)]
-    pub(super) fn clamp(self, least: Self, most: Self) -> Self {
+    pub(in crate::engine::articulated) fn clamp(self, least: Self, most: Self) -> Self {
         self.max(least).min(most)
     }
 
     /// Sine and cosine; to the last digits up to a hundred thousand turns.
     #[inline(always)]
-    pub(super) fn sin_cos(self) -> (Self, Self) {
+    pub(in crate::engine::articulated) fn sin_cos(self) -> (Self, Self) {
         let round = self.like(ROUND);
         let quarters = (self * self.like(std::f64::consts::FRAC_2_PI) + round) - round;
         let x = (self - quarters * self.like(QUARTER.0)) - quarters * self.like(QUARTER.1);
@@ -160,33 +160,33 @@ fn polynomial<S: Simd>(x: Lanes<S>, coefficients: &[f64; 6]) -> Lanes<S> {
 
 impl<S: Simd> Mask<S> {
     #[inline(always)]
-    pub(super) fn select(self, yes: Lanes<S>, no: Lanes<S>) -> Lanes<S> {
+    pub(in crate::engine::articulated) fn select(self, yes: Lanes<S>, no: Lanes<S>) -> Lanes<S> {
         Lanes(self.0, self.0.select_f64s(self.1, yes.1, no.1))
     }
 
     #[inline(always)]
-    pub(super) fn and(self, other: Self) -> Self {
+    pub(in crate::engine::articulated) fn and(self, other: Self) -> Self {
         Mask(self.0, self.0.and_m64s(self.1, other.1))
     }
 
     #[inline(always)]
-    pub(super) fn or(self, other: Self) -> Self {
+    pub(in crate::engine::articulated) fn or(self, other: Self) -> Self {
         Mask(self.0, self.0.or_m64s(self.1, other.1))
     }
 
     #[inline(always)]
-    pub(super) fn not(self) -> Self {
+    pub(in crate::engine::articulated) fn not(self) -> Self {
         Mask(self.0, self.0.not_m64s(self.1))
     }
 
     /// Whether it is a yes for this one.
-    pub(super) fn lane(self, lane: usize) -> bool {
+    pub(in crate::engine::articulated) fn lane(self, lane: usize) -> bool {
         self.select(Lanes::all(self.0, 1.0), Lanes::zero(self.0)).lane(lane) > 0.5
     }
 
     /// Whether it is a yes for any.
     #[inline(always)]
-    pub(super) fn any(self) -> bool {
+    pub(in crate::engine::articulated) fn any(self) -> bool {
         self.0.first_true_m64s(self.1) < S::F64_LANES
     }
 }

@@ -1,19 +1,22 @@
 //! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its lane.
 
-use super::contacts;
-use super::contacts::{BallShape, Form, Hull};
-use super::impulses::Impulses;
-use super::lanes::Lanes;
-use super::spatial::{Spatial, Symmetric};
-use super::tree::{Configuration, Pose, Tree, TreeBody};
-use super::vectors::{M3, V3};
-use super::world::{World, WorldBody, WorldShape};
-use super::{Articulated, Coupling, Floor, JointForces, JointStates, Scratch};
+pub(super) mod world;
+
 use crate::engine::Dynamics;
+use crate::engine::articulated::contacts;
+use crate::engine::articulated::contacts::{BallShape, Form, Hull};
+use crate::engine::articulated::impulses::Impulses;
+use crate::engine::articulated::joint_forces::JointForces;
+use crate::engine::articulated::linear_algebra::lanes::Lanes;
+use crate::engine::articulated::linear_algebra::spatial::{Spatial, Symmetric};
+use crate::engine::articulated::linear_algebra::vectors::{M3, V3};
+use crate::engine::articulated::state::{Articulated, Coupling, Floor, JointStates, Scratch};
+use crate::engine::articulated::tree::{Configuration, Pose, Tree, TreeBody};
 use crate::robot::{Geometry, Robot};
 use crate::setup::Setup;
 use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
+use world::{World, WorldBody, WorldShape};
 
 /// How many candidates this machine can have side by side.
 pub(crate) fn lanes() -> usize {
@@ -63,7 +66,7 @@ pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> 
 
 impl<S: Simd> Articulated<S> {
     /// Robots of one kind in their start states; where there are fewer than lanes, the last one stands in.
-    pub(super) fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
+    pub(in crate::engine::articulated) fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
         let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
         let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];
         let (one, lanes) = (at(0), |number: &dyn Fn(&World) -> f64| Lanes::of(simd, |lane| number(at(lane))));

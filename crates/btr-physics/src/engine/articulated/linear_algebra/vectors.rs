@@ -7,42 +7,42 @@ use std::ops::{Add, Sub};
 
 /// A vector of each candidate.
 #[derive(Clone, Copy)]
-pub(super) struct V3<S: Simd>(pub(super) [Lanes<S>; 3]);
+pub(in crate::engine::articulated) struct V3<S: Simd>(pub(in crate::engine::articulated) [Lanes<S>; 3]);
 
 /// A matrix of each candidate, row by row.
 #[derive(Clone, Copy)]
-pub(super) struct M3<S: Simd>(pub(super) [[Lanes<S>; 3]; 3]);
+pub(in crate::engine::articulated) struct M3<S: Simd>(pub(in crate::engine::articulated) [[Lanes<S>; 3]; 3]);
 
 impl<S: Simd> V3<S> {
     #[inline(always)]
-    pub(super) fn zero(simd: S) -> Self {
+    pub(in crate::engine::articulated) fn zero(simd: S) -> Self {
         V3([Lanes::zero(simd); 3])
     }
 
-    pub(super) fn of(simd: S, vector: impl Fn(usize) -> Vector3<f64>) -> Self {
+    pub(in crate::engine::articulated) fn of(simd: S, vector: impl Fn(usize) -> Vector3<f64>) -> Self {
         V3([0, 1, 2].map(|k| Lanes::of(simd, |lane| vector(lane)[k])))
     }
 
     /// The k-th axis.
     #[inline(always)]
-    pub(super) fn axis(simd: S, k: usize) -> Self {
+    pub(in crate::engine::articulated) fn axis(simd: S, k: usize) -> Self {
         let mut axis = V3::zero(simd);
         axis.0[k] = Lanes::all(simd, 1.0);
         axis
     }
 
-    pub(super) fn lane(&self, lane: usize) -> Vector3<f64> {
+    pub(in crate::engine::articulated) fn lane(&self, lane: usize) -> Vector3<f64> {
         let [x, y, z] = &self.0;
         Vector3::new(x.lane(lane), y.lane(lane), z.lane(lane))
     }
 
-    pub(super) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
+    pub(in crate::engine::articulated) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
         self.0.iter_mut().zip(vector.iter()).for_each(|(lanes, x)| lanes.set(lane, *x));
     }
 
     /// The one for those who say yes, and the other for those who do not.
     #[inline(always)]
-    pub(super) fn select(mask: Mask<S>, yes: &Self, no: &Self) -> Self {
+    pub(in crate::engine::articulated) fn select(mask: Mask<S>, yes: &Self, no: &Self) -> Self {
         let mut chosen = *no;
         for k in 0..3 {
             chosen.0[k] = mask.select(yes.0[k], no.0[k]);
@@ -51,23 +51,23 @@ impl<S: Simd> V3<S> {
     }
 
     #[inline(always)]
-    pub(super) fn dot(&self, other: &Self) -> Lanes<S> {
+    pub(in crate::engine::articulated) fn dot(&self, other: &Self) -> Lanes<S> {
         (self.0[0] * other.0[0]).add_product(self.0[1], other.0[1]).add_product(self.0[2], other.0[2])
     }
 
     #[inline(always)]
-    pub(super) fn cross(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn cross(&self, other: &Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         V3([(b * z).sub_product(c, y), (c * x).sub_product(a, z), (a * y).sub_product(b, x)])
     }
 
     #[inline(always)]
-    pub(super) fn norm(&self) -> Lanes<S> {
+    pub(in crate::engine::articulated) fn norm(&self) -> Lanes<S> {
         self.dot(self).sqrt()
     }
 
     #[inline(always)]
-    pub(super) fn times(&self, factor: Lanes<S>) -> Self {
+    pub(in crate::engine::articulated) fn times(&self, factor: Lanes<S>) -> Self {
         V3([self.0[0] * factor, self.0[1] * factor, self.0[2] * factor])
     }
 }
@@ -89,38 +89,38 @@ impl<S: Simd> Sub for V3<S> {
 }
 
 impl<S: Simd> M3<S> {
-    pub(super) fn of(simd: S, matrix: impl Fn(usize) -> Matrix3<f64>) -> Self {
+    pub(in crate::engine::articulated) fn of(simd: S, matrix: impl Fn(usize) -> Matrix3<f64>) -> Self {
         M3([0, 1, 2].map(|i| [0, 1, 2].map(|j| Lanes::of(simd, |lane| matrix(lane)[(i, j)]))))
     }
 
     #[inline(always)]
-    pub(super) fn identity(simd: S) -> Self {
+    pub(in crate::engine::articulated) fn identity(simd: S) -> Self {
         M3([V3::axis(simd, 0).0, V3::axis(simd, 1).0, V3::axis(simd, 2).0])
     }
 
     #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> V3<S> {
+    pub(in crate::engine::articulated) fn row(&self, i: usize) -> V3<S> {
         V3(self.0[i])
     }
 
     #[inline(always)]
-    pub(super) fn column(&self, j: usize) -> V3<S> {
+    pub(in crate::engine::articulated) fn column(&self, j: usize) -> V3<S> {
         V3([self.0[0][j], self.0[1][j], self.0[2][j]])
     }
 
     #[inline(always)]
-    pub(super) fn turn(&self, v: &V3<S>) -> V3<S> {
+    pub(in crate::engine::articulated) fn turn(&self, v: &V3<S>) -> V3<S> {
         V3([self.row(0).dot(v), self.row(1).dot(v), self.row(2).dot(v)])
     }
 
     /// What the transposed matrix makes of a vector.
     #[inline(always)]
-    pub(super) fn turn_back(&self, v: &V3<S>) -> V3<S> {
+    pub(in crate::engine::articulated) fn turn_back(&self, v: &V3<S>) -> V3<S> {
         V3([self.column(0).dot(v), self.column(1).dot(v), self.column(2).dot(v)])
     }
 
     #[inline(always)]
-    pub(super) fn then(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn then(&self, other: &Self) -> Self {
         let mut product = *self;
         for i in 0..3 {
             for j in 0..3 {

@@ -1,6 +1,6 @@
 //! A robot in its world, body by body: what the engine is built from, and whether two of them are of one kind.
 
-use super::tree::Carrier;
+use crate::engine::articulated::tree::Carrier;
 use crate::engine::assemble;
 use crate::robot::{Base, Follower, Geometry, JointKind, Robot};
 use crate::setup::{Compliance, Setup};
@@ -11,44 +11,44 @@ use std::f64::consts::TAU;
 const HARD_HZ: f64 = 30.0;
 
 /// A robot in its world, number by number.
-pub(super) struct World {
-    pub(super) bodies: Vec<WorldBody>,
-    pub(super) poses: Vec<Isometry3<f64>>,
-    pub(super) start: Isometry3<f64>,
-    pub(super) hulls: Vec<WorldShape>,
-    pub(super) q: Vec<f64>,
-    pub(super) dq: Vec<f64>,
-    pub(super) limits: Vec<(f64, f64)>,
-    pub(super) names: Vec<String>,
-    pub(super) followers: Vec<Follower>,
-    pub(super) root: usize,
-    pub(super) feet: usize,
-    pub(super) mass_kg: f64,
-    pub(super) setup: Setup,
+pub(in crate::engine::articulated) struct World {
+    pub(in crate::engine::articulated) bodies: Vec<WorldBody>,
+    pub(in crate::engine::articulated) poses: Vec<Isometry3<f64>>,
+    pub(in crate::engine::articulated) start: Isometry3<f64>,
+    pub(in crate::engine::articulated) hulls: Vec<WorldShape>,
+    pub(in crate::engine::articulated) q: Vec<f64>,
+    pub(in crate::engine::articulated) dq: Vec<f64>,
+    pub(in crate::engine::articulated) limits: Vec<(f64, f64)>,
+    pub(in crate::engine::articulated) names: Vec<String>,
+    pub(in crate::engine::articulated) followers: Vec<Follower>,
+    pub(in crate::engine::articulated) root: usize,
+    pub(in crate::engine::articulated) feet: usize,
+    pub(in crate::engine::articulated) mass_kg: f64,
+    pub(in crate::engine::articulated) setup: Setup,
 }
 
 /// A body of one robot; see [`TreeBody`].
-pub(super) struct WorldBody {
-    pub(super) parent: Option<usize>,
-    pub(super) carrier: Carrier,
+pub(in crate::engine::articulated) struct WorldBody {
+    pub(in crate::engine::articulated) parent: Option<usize>,
+    pub(in crate::engine::articulated) carrier: Carrier,
     /// In the joint's frame; nothing for free bodies.
-    pub(super) axis: Vector3<f64>,
-    pub(super) origin: Isometry3<f64>,
-    pub(super) mass_kg: f64,
-    pub(super) com_m: Vector3<f64>,
-    pub(super) inertia_kg_m2: Matrix3<f64>,
+    pub(in crate::engine::articulated) axis: Vector3<f64>,
+    pub(in crate::engine::articulated) origin: Isometry3<f64>,
+    pub(in crate::engine::articulated) mass_kg: f64,
+    pub(in crate::engine::articulated) com_m: Vector3<f64>,
+    pub(in crate::engine::articulated) inertia_kg_m2: Matrix3<f64>,
 }
 
 /// A shape on a body of one robot; see [`Hull`].
-pub(super) struct WorldShape {
-    pub(super) body: usize,
-    pub(super) foot: Option<usize>,
-    pub(super) pose: Isometry3<f64>,
-    pub(super) geometry: Geometry,
+pub(in crate::engine::articulated) struct WorldShape {
+    pub(in crate::engine::articulated) body: usize,
+    pub(in crate::engine::articulated) foot: Option<usize>,
+    pub(in crate::engine::articulated) pose: Isometry3<f64>,
+    pub(in crate::engine::articulated) geometry: Geometry,
 }
 
 impl World {
-    pub(super) fn new(robot: &Robot, setup: &Setup) -> Self {
+    pub(in crate::engine::articulated) fn new(robot: &Robot, setup: &Setup) -> Self {
         let assembled = assemble::bodies(robot);
         let floats = robot.base == Base::Floating;
         let start = Translation3::new(0.0, 0.0, assemble::lift_m(robot, &assembled, setup)) * robot.start;
@@ -83,7 +83,7 @@ impl World {
     }
 
     /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
-    pub(super) fn is_like(&self, other: &World) -> bool {
+    pub(in crate::engine::articulated) fn is_like(&self, other: &World) -> bool {
         let body = |a: &WorldBody, b: &WorldBody| a.parent == b.parent && a.carrier == b.carrier;
         let shape = |a: &WorldShape, b: &WorldShape| {
             let form = std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry);
@@ -105,7 +105,7 @@ impl World {
     }
 
     /// Stiffness and damping of the floor.
-    pub(super) fn compliance(&self) -> Compliance {
+    pub(in crate::engine::articulated) fn compliance(&self) -> Compliance {
         let (mass, angular_frequency) = (self.mass_kg, TAU * HARD_HZ);
         let hard = Compliance { stiffness: mass * angular_frequency.powi(2), damping: 2.0 * mass * angular_frequency };
         self.setup.ground.and_then(|ground| ground.compliance).unwrap_or(hard)

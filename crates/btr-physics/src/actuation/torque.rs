@@ -1,0 +1,143 @@
+//! A motor's torque before saturation, and the bound within which it stays.
+
+use super::joint_input::JointInput;
+use crate::engine::{Affine, Bounded};
+
+/// The largest torque of a motor in the direction in which it pushes: a ceiling, and a torque-speed line below which it stays
+/// while it drives. A motor that brakes has its whole torque.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueBound {
+    /// At any speed, in N·m (N); infinite when unbounded.
+    pub ceiling: f64,
+    /// Where the line begins, at rest, in N·m (N); infinite without a line.
+    pub stall: f64,
+    /// Where the line ends, in rad/s (m/s).
+    pub no_load_speed: f64,
+}
+
+impl TorqueBound {
+    /// No bound at all.
+    pub const NONE: TorqueBound = TorqueBound::at_any_speed(f64::INFINITY);
+
+    const fn at_any_speed(ceiling: f64) -> Self {
+        TorqueBound { ceiling, stall: f64::INFINITY, no_load_speed: f64::INFINITY }
+    }
+
+    /// Whether there is none.
+    pub fn is_none(&self) -> bool {
+        self.ceiling.is_infinite() && self.stall.is_infinite()
+    }
+
+    /// The largest torque at a speed in its own direction (negative while it brakes).
+    pub fn at(&self, speed: f64) -> f64 {
+        if self.stall.is_infinite() {
+            return self.ceiling;
+        }
+        let share = (1.0 - speed / self.no_load_speed).clamp(0.0, 1.0);
+        self.ceiling.min(self.stall * share)
+    }
+
+    /// The straight piece of it around a speed in its own direction.
+    fn around(&self, speed: f64) -> Affine {
+        let torque = self.at(speed);
+        if torque < self.ceiling && (0.0..self.no_load_speed).contains(&speed) {
+            return Affine { constant: self.stall, stiffness: 0.0, damping: self.stall / self.no_load_speed };
+        }
+        Affine::constant(torque)
+    }
+
+    /// The torque nearest to `wanted` at the velocity `dq`.
+    pub fn clamp(&self, wanted: f64, dq: f64) -> f64 {
+        wanted.min(self.at(dq)).max(-self.at(-dq))
+    }
+}
+
+/// A motor's torque before saturation, and its bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorTorque {
+    /// What it would do without a bound.
+    pub wanted: Affine,
+    /// What it can do.
+    pub bound: TorqueBound,
+}
+
+impl MotorTorque {
+    pub(super) const OFF: MotorTorque =
+        MotorTorque::within(f64::INFINITY, Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 });
+
+    /// What is wanted, within a bound that is the same at every speed.
+    pub(super) const fn within(limit: f64, wanted: Affine) -> Self {
+        MotorTorque { wanted, bound: TorqueBound::at_any_speed(limit) }
+    }
+
+    /// Lowers the ceiling, where it is not lower already.
+    pub(crate) fn limit_to(&mut self, torque: f64) {
+        self.bound.ceiling = self.bound.ceiling.min(torque);
+    }
+
+    /// Lets the bound fall with the speed; of several lines the one counts that begins lowest.
+    pub(crate) fn limit_to_line(&mut self, stall: f64, no_load_speed: f64) {
+        if stall < self.bound.stall {
+            (self.bound.stall, self.bound.no_load_speed) = (stall, no_load_speed);
+        }
+    }
+
+    /// Less (or more) of everything: the same command gives this share of the torque.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        let Affine { constant, stiffness, damping } = self.wanted;
+        self.wanted = Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
+        self.bound.ceiling *= factor;
+        self.bound.stall *= factor;
+    }
+
+    /// The motor's law in a state: what is wanted there, within its bound.
+    pub fn at(&self, q: f64, dq: f64) -> f64 {
+        self.bound.clamp(self.wanted.at(q, dq), dq)
+    }
+
+    /// The largest and the least torque, as they depend on the velocity around that of the coming step's middle.
+    fn bounds(&self, state: &JointInput) -> [Affine; 2] {
+        let dq = state.dq_midway();
+        let least = self.bound.around(-dq);
+        [self.bound.around(dq), Affine { constant: -least.constant, ..least }]
+    }
+
+    /// For an engine that keeps the bound in the step that it solves; `None` where there is none.
+    pub(crate) fn bounded(&self, state: &JointInput) -> Option<Bounded> {
+        if self.bound.is_none() {
+            return None;
+        }
+        let [most, least] = self.bounds(state);
+        Some(Bounded { wanted: self.wanted, most, least })
+    }
+
+    /// For an engine that does not: the bound if the wanted torque would exceed it when the step ends, as far as the joint's
+    /// own inertia tells.
+    ///
+    /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
+    /// its bounds.
+    pub fn saturated(&self, state: &JointInput) -> Affine {
+        if self.bound.is_none() {
+            return self.wanted;
+        }
+        // What an implicit step (see `Affine::step`) ends with is push·inertia/(inertia + dt·resistance).
+        let Affine { constant, stiffness, damping } = self.wanted;
+        let resistance = damping + state.dt_s * stiffness;
+        let push = constant - stiffness * state.q - resistance * state.dq;
+        let limit = self.bound.at(state.dq_midway().copysign(state.dq_midway() * push));
+        if push.abs() * state.inertia <= limit * (state.inertia + state.dt_s * resistance) {
+            return self.wanted;
+        }
+        let [most, least] = self.bounds(state);
+        if push > 0.0 { most } else { least }
+    }
+
+    /// Its bound, if that is exceeded by `torque` at the velocity `dq`.
+    pub(crate) fn beyond(&self, torque: f64, dq: f64, state: &JointInput) -> Option<Affine> {
+        let [most, least] = self.bounds(state);
+        if torque > self.bound.at(dq) {
+            return Some(most);
+        }
+        (torque < -self.bound.at(-dq)).then_some(least)
+    }
+}

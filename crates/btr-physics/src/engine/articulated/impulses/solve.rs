@@ -1,0 +1,145 @@
+//! What rows do to each other, and the change of velocities that the impulses bring about.
+
+use super::rows::{ImpulseBlock, Impulses};
+use crate::engine::articulated::linear_algebra::lanes::Lanes;
+use crate::engine::articulated::linear_algebra::spatial::substitute;
+use crate::engine::articulated::tree::Tree;
+use pulp::Simd;
+
+impl<S: Simd> Impulses<S> {
+    /// Finds the impulses and lets them change the velocities.
+    #[inline(always)]
+    pub(in crate::engine::articulated) fn act(&mut self, tree: &Tree<S>, factor: &[Lanes<S>], u: &mut [Lanes<S>]) {
+        let zero = Lanes::zero(self.simd);
+        if self.blocks.is_empty() {
+            self.found.fill([zero; 3]);
+            self.found_hard = zero.less(zero);
+            return;
+        }
+        self.prepare(tree);
+        // Joints that are coupled push each other: sweep by sweep that takes long, too.
+        let all = zero.at_most(zero);
+        let hard = if self.couples > 0 { all } else { self.hard.and(self.touching()) };
+        let stuck = if hard.any() { self.stick(hard) } else { hard };
+        self.begin(stuck, hard);
+        self.found_hard = stuck.or(self.sweep_until_settled(stuck.not(), u));
+        self.found.fill([zero; 3]);
+        for contact in &self.contacts {
+            for k in 0..3 {
+                self.found[contact.slot][k] = self.impulses[contact.row + k];
+            }
+        }
+        self.change.clear();
+        self.change.resize(u.len(), zero);
+        for block in 0..self.blocks.len() {
+            match self.blocks[block].rows {
+                3 => self.add_up::<3>(block, tree),
+                _ => self.add_up::<1>(block, tree),
+            }
+        }
+        substitute(factor, &tree.ways, &mut self.change);
+        for (u, change) in u.iter_mut().zip(&self.change) {
+            *u += *change;
+        }
+    }
+
+    /// The step is done with what was found last. A step that is solved anew before begins where it began.
+    #[inline(always)]
+    pub(in crate::engine::articulated) fn keep(&mut self) {
+        std::mem::swap(&mut self.known, &mut self.found);
+        self.hard = self.found_hard;
+    }
+
+    /// The normal impulse of the last step at a slot, in N·s.
+    #[inline(always)]
+    pub(in crate::engine::articulated) fn normal(&self, slot: usize) -> Lanes<S> {
+        self.known[slot][0]
+    }
+
+    /// Adds what a block's impulses do to the change.
+    #[inline(always)]
+    fn add_up<const ROWS: usize>(&mut self, block: usize, tree: &Tree<S>) {
+        let ImpulseBlock { row, ways, .. } = self.blocks[block];
+        for &(last, begin) in ways.iter().flatten() {
+            for (step, &d) in tree.ways[last].iter().enumerate() {
+                for k in 0..ROWS {
+                    let half = self.halves[begin + step * ROWS + k];
+                    self.change[d] = self.change[d].add_product(half, self.impulses[row + k]);
+                }
+            }
+        }
+    }
+
+    /// What rows do to each other.
+    #[inline(always)]
+    fn prepare(&mut self, tree: &Tree<S>) {
+        let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
+        // All that is read of it is written first.
+        self.answers.resize(self.answers.len().max(rows * rows), zero);
+        for i in 0..self.blocks.len() {
+            for j in 0..=i {
+                match (self.blocks[i].rows, self.blocks[j].rows) {
+                    (3, 3) => self.answer::<3, 3>(i, j, tree),
+                    (3, _) => self.answer::<3, 1>(i, j, tree),
+                    (_, 3) => self.answer::<1, 3>(i, j, tree),
+                    _ => self.answer::<1, 1>(i, j, tree),
+                }
+            }
+        }
+        self.impulses.clear();
+        self.impulses.resize(rows, zero);
+        for single in &mut self.singles {
+            single.stubborn = self.answers[single.row * rows + single.row].recip();
+        }
+        for contact in &mut self.contacts {
+            let row = contact.row;
+            let (a, b, c) = (
+                self.answers[(row + 1) * rows + row + 1],
+                self.answers[(row + 1) * rows + row + 2],
+                self.answers[(row + 2) * rows + row + 2],
+            );
+            contact.stubborn = (self.answers[row * rows + row] + contact.law.softness).recip();
+            let apart = ((a - c) * (a - c) * 0.25 + b * b).sqrt();
+            contact.stubborn_across = ((a + c) * 0.5 + apart).recip();
+        }
+    }
+
+    /// What two blocks do to each other.
+    #[inline(always)]
+    fn answer<const OWN: usize, const OTHERS: usize>(&mut self, i: usize, j: usize, tree: &Tree<S>) {
+        let (rows, one, other) = (self.rows(), self.blocks[i], self.blocks[j]);
+        let mut sums = [[Lanes::zero(self.simd); OTHERS]; OWN];
+        for &(a, own) in one.ways.iter().flatten() {
+            for &(b, others) in other.ways.iter().flatten() {
+                for step in 0..shared(&tree.ways[a], &tree.ways[b]) {
+                    let own = &self.halves[own + step * OWN..][..OWN];
+                    let others = &self.halves[others + step * OTHERS..][..OTHERS];
+                    for k in 0..OWN {
+                        for l in 0..OTHERS {
+                            sums[k][l] = sums[k][l].add_product(own[k], others[l]);
+                        }
+                    }
+                }
+            }
+        }
+        for k in 0..OWN {
+            for l in 0..OTHERS {
+                self.answers[(one.row + k) * rows + other.row + l] = sums[k][l];
+                self.answers[(other.row + l) * rows + one.row + k] = sums[k][l];
+            }
+        }
+    }
+}
+
+/// How many steps two ways from the root have in common: all of them come first.
+#[inline(always)]
+fn shared(a: &[usize], b: &[usize]) -> usize {
+    if a[a.len() - 1] == b[b.len() - 1] {
+        return a.len();
+    }
+    let mut steps = 0;
+    while steps < a.len() && steps < b.len() && a[steps] == b[steps] {
+        steps += 1;
+    }
+    steps
+}

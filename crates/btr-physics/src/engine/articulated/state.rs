@@ -1,0 +1,93 @@
+//! State and working memory of the engine.
+
+use super::contacts::{BallShape, ContactPoint, Hull};
+use super::impulses::Impulses;
+use super::joint_forces::{BoundedMotor, JointForces};
+use super::linear_algebra::lanes::{Lanes, Mask};
+use super::linear_algebra::spatial::Spatial;
+use super::linear_algebra::vectors::V3;
+use super::tree::{Configuration, Tree};
+use crate::engine::PrescribedMotion;
+use nalgebra::Isometry3;
+use pulp::{Arch, Simd};
+
+/// Robots of one kind, each in a world of its own.
+pub(crate) struct Articulated<S: Simd> {
+    pub(super) simd: S,
+    /// What it is compiled for: as wide registers as there are, also for a single candidate.
+    pub(super) arch: Arch,
+    /// The candidate that is spoken of.
+    pub(super) lane: usize,
+    /// What every candidate's joints do.
+    pub(super) seen: Vec<JointStates>,
+    pub(super) tree: Tree<S>,
+    pub(super) now: Configuration<S>,
+    /// Velocities one step ago.
+    pub(super) before: Vec<Lanes<S>>,
+    /// Degrees of freedom of the root, which come first: 6 or none.
+    pub(super) root: usize,
+    pub(super) fixed: Vec<Isometry3<f64>>,
+    pub(super) inner: Vec<JointForces<S>>,
+    pub(super) motors: Vec<Option<BoundedMotor<S>>>,
+    /// Joints whose motion is prescribed; only where there is a single candidate.
+    pub(super) courses: Vec<Option<PrescribedMotion>>,
+    pub(super) limits: Vec<(Lanes<S>, Lanes<S>)>,
+    pub(super) followers: Vec<Coupling<S>>,
+    pub(super) names: Vec<String>,
+    pub(super) gravity: V3<S>,
+    pub(super) dt_s: f64,
+    pub(super) substeps: usize,
+    pub(super) floor: Option<Floor<S>>,
+    pub(super) hulls: Vec<Hull<S>>,
+    pub(super) ball: Option<BallShape<S>>,
+    /// Rate at which the ball's spin decays, in 1/s.
+    pub(super) rolling_damping: Lanes<S>,
+    pub(super) impulses: Impulses<S>,
+    pub(super) foot_impulses: Vec<Lanes<S>>,
+    /// Whose velocities are absurd.
+    pub(super) wild: Mask<S>,
+    pub(super) scratch: Scratch<S>,
+}
+
+/// Positions and velocities of a candidate's joints.
+pub(super) struct JointStates {
+    pub(super) q: Vec<f64>,
+    pub(super) dq: Vec<f64>,
+}
+
+/// A joint that follows another one.
+pub(super) struct Coupling<S: Simd> {
+    pub(super) joint: usize,
+    pub(super) leader: usize,
+    pub(super) ratio: Lanes<S>,
+    pub(super) offset: Lanes<S>,
+}
+
+/// What the floor and the ball do to whatever touches them.
+pub(super) struct Floor<S: Simd> {
+    /// None where there is only a ball.
+    pub(super) friction: Option<Lanes<S>>,
+    /// Of every point of contact, in N/m and N·s/m.
+    pub(super) stiffness: Lanes<S>,
+    pub(super) damping: Lanes<S>,
+}
+
+/// Memory for a step, allocated once.
+pub(super) struct Scratch<S: Simd> {
+    /// The middle of the step.
+    pub(super) middle: Configuration<S>,
+    /// Row by row: first the inertia matrix, then its factor.
+    pub(super) matrix: Vec<Lanes<S>>,
+    /// What every degree of freedom has to carry.
+    pub(super) carried: Vec<Lanes<S>>,
+    /// What all do at the step's end, and in the mean.
+    pub(super) next: Vec<Lanes<S>>,
+    pub(super) mean: Vec<Lanes<S>>,
+    /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
+    pub(super) share: Vec<Lanes<S>>,
+    pub(super) touches: Vec<ContactPoint<S>>,
+    /// How every body would move if nothing touched, and how it moves.
+    pub(super) motions: [Vec<Spatial<S>>; 2],
+    /// Accelerations of the joints where they are known.
+    pub(super) known: Vec<Lanes<S>>,
+}

@@ -1,0 +1,142 @@
+//! One step: predict the middle, solve the linear equations with motors at their bounds and impulses, advance.
+
+use super::linear_algebra::lanes::Lanes;
+use super::linear_algebra::spatial::{factorise, solve};
+use super::state::Articulated;
+use pulp::{NullaryFnOnce, Simd};
+use std::ops::Range;
+
+/// Faster than this (m/s, rad/s) is a blow-up.
+pub(super) const ABSURD_SPEED: f64 = 1e4;
+
+/// The steps of the engine, compiled for the registers that there are.
+pub(super) struct Steps<'a, S: Simd>(pub(super) &'a mut Articulated<S>);
+
+impl<S: Simd> NullaryFnOnce for Steps<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let engine = self.0;
+        let zero = Lanes::zero(engine.simd);
+        engine.foot_impulses.fill(zero);
+        for _ in 0..engine.substeps {
+            engine.advance();
+            engine.feel();
+        }
+        engine.look();
+    }
+}
+
+impl<S: Simd> Articulated<S> {
+    /// Where everything will be in the middle of the step if it goes on as it did.
+    #[inline(always)]
+    fn predict(&mut self) {
+        let (now, s) = (&self.now, &mut self.scratch);
+        now.fly(&self.tree, 0.5 * self.dt_s, &now.u, &mut s.middle);
+        for ((middle, now), before) in s.middle.u.iter_mut().zip(&now.u).zip(&self.before) {
+            *middle = *now * 1.5 - *before * 0.5;
+        }
+    }
+
+    /// One step of `dt_s`: implicit in everything that acts inside the joints and at contacts.
+    #[inline(always)]
+    fn advance(&mut self) {
+        self.predict();
+        self.foresee();
+        self.tree.place(self.simd, &self.scratch.middle);
+        self.tree.carry(self.simd, &self.scratch.middle.u, &self.gravity, None, &mut self.scratch.carried);
+        self.guess_bounds();
+        for look in 0.. {
+            self.tree.fill_matrix(&mut self.scratch.matrix);
+            self.balance();
+            self.lead();
+            factorise(&mut self.scratch.matrix, &self.tree.ways);
+            solve(&self.scratch.matrix, &self.tree.ways, &mut self.scratch.next);
+            self.stop();
+            if self.bounds_hold(look) {
+                break;
+            }
+        }
+        self.impulses.keep();
+        let (now, s) = (&self.now, &mut self.scratch);
+        for d in 0..s.next.len() {
+            let share = s.share[d];
+            s.mean[d] = (share.like(1.0) - share) * now.u[d] + share * s.next[d];
+        }
+        now.fly(&self.tree, self.dt_s, &s.mean, &mut s.middle);
+        std::mem::swap(&mut self.now.q, &mut s.middle.q);
+        std::mem::swap(&mut self.now.poses, &mut s.middle.poses);
+        self.before.copy_from_slice(&self.now.u);
+        self.now.u.copy_from_slice(&s.next);
+        self.arrive();
+    }
+
+    /// The linear equations for the velocities at the step's end: `matrix`·u' = `next`.
+    ///
+    /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean velocity
+    /// v = (1 − h)·u + h·u'.
+    #[inline(always)]
+    fn balance(&mut self) {
+        let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
+        let (half, whole) = (Lanes::all(self.simd, 0.5), Lanes::all(self.simd, 1.0));
+        for (next, carried) in s.next.iter_mut().zip(&s.carried) {
+            *next = *carried * -dt;
+        }
+        s.share.fill(half);
+        for (i, joint) in self.inner.iter().enumerate() {
+            let d = self.root + i;
+            s.matrix[d * n + d] += joint.armature;
+            s.next[d] += (joint.constant - joint.stiffness * self.now.q[i]) * dt;
+        }
+        for d in 0..n {
+            let u = self.now.u[d];
+            let mut own = s.next[d] + s.matrix[d * n + d] * u;
+            let way = &self.tree.ways[d];
+            for &e in &way[..way.len() - 1] {
+                let inertia = s.matrix[d * n + e];
+                own += inertia * self.now.u[e];
+                s.next[e] += inertia * u;
+            }
+            s.next[d] = own;
+        }
+        for (i, joint) in self.inner.iter().enumerate() {
+            let d = self.root + i;
+            let inertia = s.matrix[d * n + d];
+            let rings = inertia.at_most(joint.damping * dt + joint.stiffness * (dt * dt));
+            let share = rings.select(whole, half);
+            let resistance = joint.damping * dt + share * joint.stiffness * (dt * dt);
+            s.share[d] = share;
+            s.next[d] -= (whole - share) * resistance * self.now.u[d];
+            s.matrix[d * n + d] = inertia + share * resistance;
+        }
+        if let Some(ball) = &self.ball {
+            let first = self.tree.first[ball.body];
+            for d in first..first + 3 {
+                s.matrix[d * n + d] = s.matrix[d * n + d] * (whole + self.rolling_damping * dt);
+            }
+        }
+    }
+
+    /// The lanes of the candidate that is spoken of: the last one has all that are left, and does the same in each. Left to
+    /// themselves they would fall over, and everybody would wait for them.
+    pub(super) fn spoken_of(&self) -> Range<usize> {
+        let last = self.lane + 1 == self.seen.len();
+        self.lane..if last { S::F64_LANES } else { self.lane + 1 }
+    }
+
+    /// What can be seen of every candidate after a step.
+    #[inline(always)]
+    pub(super) fn look(&mut self) {
+        let (none, absurd) = (Lanes::zero(self.simd), Lanes::all(self.simd, ABSURD_SPEED));
+        self.wild = absurd.less(none);
+        for u in &self.now.u {
+            self.wild = self.wild.or(u.abs().at_most(absurd).not());
+        }
+        for (lane, seen) in self.seen.iter_mut().enumerate() {
+            for i in 0..seen.q.len() {
+                seen.q[i] = self.now.q[i].lane(lane);
+                seen.dq[i] = self.now.u[self.root + i].lane(lane);
+            }
+        }
+    }
+}
