@@ -1,7 +1,10 @@
-//! What people look at: HTML reports, figures as SVG, tables and sentences for the terminal.
+//! HTML reports, figures as SVG, and the tables and sentences of the terminal.
 
 pub mod figures;
 pub mod html;
 pub mod plot;
+mod subject;
 pub mod table;
 pub mod text;
+
+pub use subject::Subject;

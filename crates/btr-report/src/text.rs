@@ -1,6 +1,6 @@
 //! Sentences and rows that the terminal and the reports share.
 
-use crate::html::Subject;
+use crate::Subject;
 use crate::table::{maybe, number};
 use btr_identify::compare::ChannelError;
 use btr_identify::diagnose::Verdict;

@@ -9,8 +9,8 @@ use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{FitReport, VerbInput};
+use btr_report::Subject;
 use btr_report::html;
-use btr_report::html::Subject;
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {

@@ -1,6 +1,6 @@
 //! What a joint's residual may follow: velocity, position, load, reversals, a rhythm, itself.
 
-use super::joints::{FINE, JointView};
+use super::views::{FINE, JointView};
 use crate::plot::{Ink, Mark, Panel, Series};
 use btr_core::signal::stats::autocorrelation;
 use btr_identify::compare::{JointTrack, spectrum};

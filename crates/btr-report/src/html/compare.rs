@@ -1,7 +1,7 @@
 //! The report of `btr compare`.
 
 use super::joints::{ComparedLogs, LOGS_SHOWN, joints};
-use super::{Block, Report, Section};
+use super::page::{Block, Report, Section};
 use crate::plot::heat::{Heat, heat};
 use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use btr_identify::compare::{JointTrack, Regime, RegimeCell};

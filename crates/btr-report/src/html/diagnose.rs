@@ -1,7 +1,8 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{FLOORS, Subject, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
-use super::{Block, Report, Section};
+use super::ladder::{FLOORS, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
+use super::page::{Block, Report, Section};
+use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;

@@ -1,7 +1,8 @@
 //! The report of `btr fit`.
 
-use super::ladder::{Subject, fall, fine_print};
-use super::{Block, Report, Section};
+use super::ladder::{fall, fine_print};
+use super::page::{Block, Report, Section};
+use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};

@@ -1,15 +1,15 @@
 //! Joints in logs, beside one simulation of them or beside an earlier and a later one: what they did, and what is left.
 
 use super::clues::follows;
-use super::{Block, Section};
+use super::page::{Block, Section};
+use super::views::{FINE, JointView, SimulatedJoint};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use btr_core::log::Log;
-use btr_identify::compare::{ChannelResidual, Comparison, JointTrack, Regime};
+use btr_identify::compare::{Comparison, Regime};
 
 /// Logs of a joint that are drawn, the worst first.
 pub(super) const LOGS_SHOWN: usize = 3;
-/// Points of a line and dots of a cloud, at most.
-pub(super) const FINE: usize = 1200;
+
 /// Logs beside simulations of them.
 pub(super) struct ComparedLogs<'a> {
     /// What the logs are called.
@@ -80,49 +80,6 @@ impl ComparedLogs<'_> {
         views.sort_by(|a, b| b.after.chi().total_cmp(&a.after.chi()));
         views.truncate(LOGS_SHOWN);
         views
-    }
-}
-
-/// A joint in one log.
-pub(super) struct JointView<'a> {
-    pub(super) name: &'a str,
-    measured: &'a [f64],
-    pub(super) before: Option<SimulatedJoint<'a>>,
-    pub(super) after: SimulatedJoint<'a>,
-}
-
-/// What one simulation makes of it.
-pub(super) struct SimulatedJoint<'a> {
-    pub(super) track: &'a JointTrack,
-    residual: &'a ChannelResidual,
-}
-
-impl<'a> SimulatedJoint<'a> {
-    fn of(comparison: &'a Comparison, log: usize, joint: &str) -> Option<Self> {
-        let channel = format!("q_{joint}");
-        let track = comparison.tracks.iter().find(|track| track.log == log && track.joint == joint)?;
-        let residual = comparison.residuals.iter().find(|r| r.log == log && r.channel == channel)?;
-        Some(SimulatedJoint { track, residual })
-    }
-
-    fn chi(&self) -> f64 {
-        let there = self.track.error.iter().filter(|e| e.is_finite());
-        let (n, sum) = there.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
-        sum / (n * self.track.floor.powi(2))
-    }
-}
-
-impl<'a> JointView<'a> {
-    /// The simulations with their names and inks, the latest last. Where there is one, it is called `alone`.
-    pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &SimulatedJoint<'a>)> {
-        match &self.before {
-            None => vec![(alone, Ink::Main, &self.after)],
-            Some(before) => vec![("before", Ink::Third, before), ("after", Ink::Main, &self.after)],
-        }
-    }
-
-    pub(super) fn unit(&self) -> &str {
-        &self.after.residual.unit
     }
 }
 

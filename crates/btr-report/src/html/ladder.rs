@@ -2,7 +2,8 @@
 //! fine print.
 
 use super::joints::ComparedLogs;
-use super::{Block, Section};
+use super::page::{Block, Section};
+use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::number;
@@ -11,17 +12,6 @@ use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_lab::verbs::{NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
-
-/// What a page is about: a question to `diagnose` or `fit`.
-#[derive(Clone, Copy)]
-pub struct Subject<'a> {
-    /// The model beside the logs.
-    pub input: &'a VerbInput,
-    /// The logs to learn from: files, or what they are called.
-    pub logs: &'a [PathBuf],
-    /// The logs to judge on.
-    pub held_out: &'a [PathBuf],
-}
 
 /// What errors are measured in.
 pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";

@@ -2,85 +2,10 @@
 
 pub(crate) mod axis;
 pub(crate) mod heat;
+mod panel;
 pub(crate) mod paper;
 pub(crate) mod rows;
 mod svg;
 
-pub(crate) use svg::escaped;
-
-/// A colour by what it is for; every figure uses the same ones.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Ink {
-    /// The main curve: the best, the simulated.
-    Main,
-    /// A second curve: the mean, the measured.
-    Second,
-    /// A third curve: what was simulated before.
-    Third,
-    /// What stands where it should not.
-    Alarm,
-    /// What is true or was measured.
-    Truth,
-    /// Between black (0, best) and pale (1, worst).
-    Shade(f64),
-}
-
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Mark {
-    /// A continuous line.
-    Line,
-    /// A broad, pale line, which shows beside a line that lies on it.
-    Broad,
-    /// A dashed line.
-    Dashes,
-    /// A dot per point.
-    Dots,
-}
-
-/// Points that belong together. Points that are not finite are gaps.
-#[derive(Clone, Debug)]
-pub(crate) struct Series {
-    /// For the legend; nameless series are not in it.
-    pub(crate) name: Option<String>,
-    /// Colour.
-    pub(crate) ink: Ink,
-    /// Line or dots.
-    pub(crate) mark: Mark,
-    /// x and y in the units of the axes.
-    pub(crate) points: Vec<(f64, f64)>,
-}
-
-impl Series {
-    /// A series with a name for the legend.
-    pub(crate) fn new(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: Some(name.to_owned()), ink, mark, points }
-    }
-
-    /// A series that the legend leaves out.
-    pub(crate) fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: None, ink, mark, points }
-    }
-}
-
-/// One pair of axes and what is drawn in it.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Panel {
-    /// Above the panel.
-    pub(crate) title: String,
-    /// Below the x axis, with the unit.
-    pub(crate) x_label: String,
-    /// Beside the y axis, with the unit.
-    pub(crate) y_label: String,
-    /// Drawn in this order.
-    pub(crate) series: Vec<Series>,
-    /// Thin vertical lines, for instance where an iteration ends.
-    pub(crate) marks_x: Vec<f64>,
-    /// Values that the y axis has to reach, so that panels can be compared.
-    pub(crate) show_y: Vec<f64>,
-}
-
-/// A figure of panels, row by row with `columns` in each, as an SVG document.
-pub(crate) fn figure(panels: &[Panel], columns: usize) -> String {
-    svg::document(panels, columns.max(1))
-}
+pub(crate) use panel::{Ink, Mark, Panel, Series};
+pub(crate) use svg::{escaped, figure};

@@ -1,6 +1,7 @@
 //! The paper's figures 3 and 5 (Zagal, Delpiano and Ruiz-del-Solar 2009), drawn from a run's history.
 
-use super::{Ink, Mark, Panel, Series, figure};
+use super::panel::{Ink, Mark, Panel, Series};
+use super::svg::figure;
 
 /// One generation of the search for controllers, or for simulations.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! Rows of marks on one scale: an error step by step, candidates one beside the other, values between their bounds.
 
-use super::Ink;
 use super::axis::{Axis, decades};
+use super::panel::Ink;
 use super::svg::{escaped, opening, stroke};
 use std::fmt::Write;
 

@@ -1,7 +1,7 @@
 //! Panels to SVG.
 
 use super::axis::Axis;
-use super::{Ink, Mark, Panel, Series};
+use super::panel::{Ink, Mark, Panel, Series};
 use std::fmt::Write;
 
 /// A panel with its labels, and the plot inside it, in px.
@@ -31,8 +31,9 @@ macro_rules! line {
     ($out:expr, $($format:tt)*) => {{ let _ = writeln!($out, $($format)*); }};
 }
 
-/// The whole document.
-pub(super) fn document(panels: &[Panel], columns: usize) -> String {
+/// A figure of panels, row by row with `columns` in each, as an SVG document.
+pub(crate) fn figure(panels: &[Panel], columns: usize) -> String {
+    let columns = columns.max(1);
     let rows = panels.len().div_ceil(columns);
     let (width, height) = (CELL.0 * columns.min(panels.len()) as f64, CELL.1 * rows as f64);
     let titles: Vec<&str> = panels.iter().map(|panel| panel.title.as_str()).collect();
@@ -180,7 +181,7 @@ mod tests {
     use super::*;
 
     fn drawn(series: Vec<Series>) -> String {
-        document(&[Panel { title: "a < b & c".into(), series, ..Panel::default() }], 2)
+        figure(&[Panel { title: "a < b & c".into(), series, ..Panel::default() }], 2)
     }
 
     #[test]

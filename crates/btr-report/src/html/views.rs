@@ -1,0 +1,50 @@
+//! A joint in one log: what was measured, and what one or two simulations make of it.
+
+use crate::plot::Ink;
+use btr_identify::compare::{ChannelResidual, Comparison, JointTrack};
+
+/// Points of a line and dots of a cloud, at most.
+pub(super) const FINE: usize = 1200;
+
+/// A joint in one log.
+pub(super) struct JointView<'a> {
+    pub(super) name: &'a str,
+    pub(super) measured: &'a [f64],
+    pub(super) before: Option<SimulatedJoint<'a>>,
+    pub(super) after: SimulatedJoint<'a>,
+}
+
+/// What one simulation makes of it.
+pub(super) struct SimulatedJoint<'a> {
+    pub(super) track: &'a JointTrack,
+    pub(super) residual: &'a ChannelResidual,
+}
+
+impl<'a> SimulatedJoint<'a> {
+    pub(super) fn of(comparison: &'a Comparison, log: usize, joint: &str) -> Option<Self> {
+        let channel = format!("q_{joint}");
+        let track = comparison.tracks.iter().find(|track| track.log == log && track.joint == joint)?;
+        let residual = comparison.residuals.iter().find(|r| r.log == log && r.channel == channel)?;
+        Some(SimulatedJoint { track, residual })
+    }
+
+    pub(super) fn chi(&self) -> f64 {
+        let there = self.track.error.iter().filter(|e| e.is_finite());
+        let (n, sum) = there.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        sum / (n * self.track.floor.powi(2))
+    }
+}
+
+impl<'a> JointView<'a> {
+    /// The simulations with their names and inks, the latest last. Where there is one, it is called `alone`.
+    pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &SimulatedJoint<'a>)> {
+        match &self.before {
+            None => vec![(alone, Ink::Main, &self.after)],
+            Some(before) => vec![("before", Ink::Third, before), ("after", Ink::Main, &self.after)],
+        }
+    }
+
+    pub(super) fn unit(&self) -> &str {
+        &self.after.residual.unit
+    }
+}
