@@ -53,8 +53,8 @@ fn answer(args: &Args) -> Result<u8, Failure> {
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),
-        Verb::Schema => cmd::schema::run(),
-        Verb::Completions { shell } => cmd::completions::run(*shell),
-        Verb::Man => cmd::completions::man(),
+        Verb::Schema => cmd::generated::schema(),
+        Verb::Completions { shell } => cmd::generated::completions(*shell),
+        Verb::Man => cmd::generated::man(),
     }
 }

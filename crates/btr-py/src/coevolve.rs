@@ -3,7 +3,7 @@
 use crate::error::{Raise, TestFailed, in_python, raised};
 use crate::log::{Log, warn};
 use crate::model::Model;
-use crate::work::{ExecutorChoice, context, working};
+use crate::work::{ExecutorChoice, working};
 use btr_core::coevolve::{Coevolution, StepOutcome};
 use btr_identify::LadderStep;
 use btr_lab::distributed::ExecutionContext;
@@ -35,7 +35,7 @@ pub(crate) fn coevolve(
     warned: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<Option<String>> {
-    let (context, raised_there) = (context(py, executor, model)?, Raised::default());
+    let (context, raised_there) = (model.context(py, executor)?, Raised::default());
     let robot = robot.map(|function| robotic(function, raised_there.clone()));
     let source = model.source.clone();
     let asked = robot.is_some();

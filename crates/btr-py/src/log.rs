@@ -1,7 +1,6 @@
 //! Logs: a clock and channels as NumPy arrays.
 
 use crate::error::{Raise, raised};
-use crate::model::Model;
 use btr_core::log;
 use btr_io::{Mapping, Meta, Recording, Warning};
 use btr_lab::experiment::LogSource;
@@ -20,6 +19,14 @@ pub(crate) struct Log {
     /// Whether somebody gave it this name. Else it only says what kind of log it is, and verbs number what they are given.
     is_named: bool,
     pub(crate) log: log::Log,
+}
+
+/// The meanings that a model gives to foreign channel names (`[channels]`). Extracted from a `Model`.
+pub(crate) struct ChannelNames(pub(crate) Mapping);
+
+/// The mapping of a model, or the default one.
+fn mapping(model: Option<ChannelNames>) -> Mapping {
+    model.map(|model| model.0).unwrap_or_default()
 }
 
 pub(crate) type Floats<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
@@ -76,8 +83,8 @@ impl Log {
     /// `BtrError` for what is no log.
     #[staticmethod]
     #[pyo3(signature = (path, model = None))]
-    fn read(py: Python<'_>, path: PathBuf, model: Option<&Model>) -> PyResult<Self> {
-        let mapping = mapping(model)?;
+    fn read(py: Python<'_>, path: PathBuf, model: Option<ChannelNames>) -> PyResult<Self> {
+        let mapping = mapping(model);
         let (log, warnings) = py.detach(|| btr_io::read_log(&path, &mapping)).map_err(Raise::raise)?;
         warn(py, &warnings)?;
         Ok(Log::new(path, log))
@@ -261,18 +268,18 @@ pub(crate) fn log_of_columns(
     clock_s: &Bound<'_, PyAny>,
     channels: &Bound<'_, PyDict>,
     name: Option<PathBuf>,
-    model: Option<&Model>,
+    model: Option<ChannelNames>,
 ) -> PyResult<Log> {
-    let (log, warnings) = of_columns(clock_s, channels, name, &mapping(model)?)?;
+    let (log, warnings) = of_columns(clock_s, channels, name, &mapping(model))?;
     warn(py, &warnings)?;
     Ok(log)
 }
 
 /// A log under the names that a model's `[channels]` say; itself where it has these already.
 #[pyfunction]
-pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: &Model) -> PyResult<Py<Log>> {
+pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: ChannelNames) -> PyResult<Py<Log>> {
     let Log { name, is_named, log: given } = log.get();
-    let (other, warnings) = btr_io::renamed(name, given.clone(), &mapping(Some(model))?).map_err(Raise::raise)?;
+    let (other, warnings) = btr_io::renamed(name, given.clone(), &model.0).map_err(Raise::raise)?;
     warn(py, &warnings)?;
     if other.is_same(given) {
         return Ok(log);
@@ -282,15 +289,9 @@ pub(crate) fn renamed(py: Python<'_>, log: Py<Log>, model: &Model) -> PyResult<P
 
 /// Which of these columns is the time, as in a CSV, and how many seconds its unit has.
 #[pyfunction]
-pub(crate) fn time_of(columns: Vec<String>, model: Option<&Model>) -> PyResult<Option<(String, f64)>> {
-    let mapping = mapping(model)?;
+pub(crate) fn time_of(columns: Vec<String>, model: Option<ChannelNames>) -> PyResult<Option<(String, f64)>> {
+    let mapping = mapping(model);
     Ok(btr_io::time_of(&columns, &mapping).map(|(column, unit_s)| (column.to_owned(), unit_s)))
-}
-
-/// What a model says of foreign names.
-fn mapping(model: Option<&Model>) -> PyResult<Mapping> {
-    let file = model.map(|model| model.source.parse().map_err(Raise::raise)).transpose()?;
-    Ok(file.map_or_else(Mapping::default, |file| file.channels))
 }
 
 /// What a reader noticed, as Python's warnings at the line that called btr.
@@ -309,9 +310,9 @@ pub(crate) fn log_of_messages(
     name: PathBuf,
     topics: Vec<(String, String, String)>,
     messages: &Bound<'_, PyAny>,
-    model: Option<&Model>,
+    model: Option<ChannelNames>,
 ) -> PyResult<Log> {
-    let mapping = mapping(model)?;
+    let mapping = mapping(model);
     let mut recording = Recording::new(&mapping);
     for (id, (topic, schema, encoding)) in (0..).zip(&topics) {
         recording.topic(id, topic, schema, encoding, &BTreeMap::new());

@@ -2,11 +2,12 @@
 
 use crate::error::{Raise, raised};
 use crate::laws;
-use crate::log::{Log, LogArgument};
-use crate::work::{at_once, context, working};
+use crate::log::{ChannelNames, Log, LogArgument};
+use crate::work::{ExecutorChoice, at_once, context, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_io::{IoError, write_whole};
+use btr_lab::distributed::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::adapt::{at, moved};
 use btr_lab::experiment::{LogSource, Source};
@@ -18,6 +19,7 @@ use pyo3::prelude::*;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A robot's model: the text of its file, and where relative paths in it begin.
 #[pyclass(frozen, module = "btr", name = "Model")]
@@ -150,7 +152,7 @@ impl Model {
         begins: Option<Begins>,
     ) -> PyResult<Vec<Option<Log>>> {
         let log = log.map(LogArgument::source);
-        let context = context(py, None, self)?;
+        let context = self.context(py, None)?;
         let simulated = working(py, &context, || {
             let replaying = log.map(|log| self.replaying(log, begins)).transpose()?;
             let model = replaying.as_ref().unwrap_or(&self.built);
@@ -188,6 +190,11 @@ impl Model {
 type Begins = (Vec<(String, f64)>, Option<[f64; 7]>, f64);
 
 impl Model {
+    /// How work on the model is done.
+    pub(crate) fn context(&self, py: Python<'_>, executor: Option<ExecutorChoice>) -> PyResult<Arc<ExecutionContext>> {
+        context(py, executor, &self.source, &self.functions)
+    }
+
     /// The model, told what a log says, from where the log begins or as `begins` has it.
     fn replaying(&self, log: LogSource, begins: Option<Begins>) -> PyResult<model::Model> {
         let replaying = experiment::model_replaying(&self.source, log).map_err(Raise::raise)?;
@@ -195,6 +202,16 @@ impl Model {
             Some((joints, base, duration_s)) => replaying.begun(&joints, base, duration_s),
             None => replaying,
         })
+    }
+}
+
+/// Where a model is given for a log, its `[channels]` are meant.
+impl<'py> FromPyObject<'_, 'py> for ChannelNames {
+    type Error = PyErr;
+
+    fn extract(model: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let file = model.cast::<Model>()?.get().source.parse().map_err(Raise::raise)?;
+        Ok(ChannelNames(file.channels))
     }
 }
 

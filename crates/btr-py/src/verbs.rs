@@ -4,7 +4,7 @@ use crate::error::{Raise, raised};
 use crate::log::{Log, LogArgument};
 use crate::model::Model;
 use crate::page::Page;
-use crate::work::{ExecutorChoice, at_once, context, working};
+use crate::work::{ExecutorChoice, at_once, working};
 use btr_identify::diagnose::DiagnoseOptions;
 use btr_lab::distributed::{ExecutionContext, RemoteModel};
 use btr_lab::experiment;
@@ -69,7 +69,7 @@ pub(crate) fn diagnose(
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, Option<Log>)> {
-    let (logs, held_out, context) = (sources(logs), sources(held_out), context(py, executor, model)?);
+    let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
         let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
@@ -100,7 +100,7 @@ pub(crate) fn fit(
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
-    let (logs, held_out, context) = (sources(logs), sources(held_out), context(py, executor, model)?);
+    let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;

@@ -2,7 +2,7 @@
 
 use crate::error::raised;
 use crate::laws;
-use crate::model::Model;
+use crate::laws::LawGiven;
 use btr_lab::distributed;
 use btr_lab::distributed::{ExecutionContext, Executor, Stopped};
 use btr_lab::experiment::Source;
@@ -31,16 +31,17 @@ pub(crate) enum ExecutorChoice {
 pub(crate) fn context(
     py: Python<'_>,
     executor: Option<ExecutorChoice>,
-    model: &Model,
+    source: &Source,
+    functions: &LawGiven,
 ) -> PyResult<Arc<ExecutionContext>> {
     Ok(Arc::new(match executor {
         Some(ExecutorChoice::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
-            let functions = laws::packed(py, &model.functions)?;
+            let functions = laws::packed(py, functions)?;
             ExecutionContext::elsewhere(Box::new(PythonExecutor { object, workers, functions }))
         }
-        Some(ExecutorChoice::Threads(threads)) if model.functions.is_empty() => ExecutionContext::here(threads),
-        Some(ExecutorChoice::Threads(_)) | None => here(&model.source),
+        Some(ExecutorChoice::Threads(threads)) if functions.is_empty() => ExecutionContext::here(threads),
+        Some(ExecutorChoice::Threads(_)) | None => here(source),
     }))
 }
 

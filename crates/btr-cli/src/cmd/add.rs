@@ -3,14 +3,11 @@
 use super::common;
 use crate::args::{AddArgs, Global};
 use crate::exit::DONE;
-use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
 use btr_lab::experiment::adapt::{moved, named_files};
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard};
 use btr_lab::verbs::{AddError, Addition, add};
-use std::io::Write;
-use std::path::Path;
 
 pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.model, global)?;
@@ -22,7 +19,7 @@ pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     let text = add(&source, &model.robot, &additions)?;
     let into = args.output.parent().unwrap_or(&args.output);
     let text = moved(&text, source.folder(), into).map_err(AddError::from)?;
-    write_text(&args.output, &text)?;
+    common::write_text(&args.output, &text)?;
     if global.json {
         println!("{}", serde_json::json!({ "ok": true, "model": args.output, "added": args.effects }));
     } else if !global.quiet {
@@ -30,10 +27,4 @@ pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
         println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
     }
     Ok(DONE)
-}
-
-/// Writes a text file, whole or not at all.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
-    write_whole(path, |out| out.write_all(text.as_bytes()))
-        .map_err(|source| Failure::from(IoError::File { path: path.to_owned(), source }))
 }

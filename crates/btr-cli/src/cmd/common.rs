@@ -1,13 +1,15 @@
-//! The error's fall, as `diagnose` and `fit` show it while it happens.
+//! What several verbs share: reading the model and the logs, showing the error ladder, writing files.
 
 use crate::args::Global;
 use btr_identify::LadderStep;
+use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
 use btr_lab::experiment::{Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::Doubt;
 use btr_report::table::{Table, number};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The model's text with the settings of the command line.
@@ -49,6 +51,12 @@ pub(crate) fn table(ladder: &[LadderStep]) -> Table {
         table.row(vec![step.step.clone(), number(step.train), held_out]);
     }
     table
+}
+
+/// Writes a text file, whole or not at all.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    write_whole(path, |out| out.write_all(text.as_bytes()))
+        .map_err(|source| Failure::from(IoError::File { path: path.to_owned(), source }))
 }
 
 /// Writes a report.

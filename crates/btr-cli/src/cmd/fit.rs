@@ -1,8 +1,7 @@
 //! `btr fit`: the error falls, live; then what is known of each number.
 
-use super::add::write_text;
 use super::common;
-use super::common::{announce, write_report};
+use super::common::{announce, write_report, write_text};
 use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
 use btr_lab::failure::Failure;

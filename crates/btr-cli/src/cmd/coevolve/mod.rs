@@ -1,0 +1,158 @@
+//! `btr coevolve`: runs the loop, shows its progress and prints its result.
+
+mod disengagement;
+mod dry_run;
+mod format;
+mod posterior;
+mod summary;
+mod truth;
+
+use super::common;
+use crate::args::{CoevolveArgs, Global};
+use crate::exit::{DONE, INTERRUPTED, MISSED};
+use crate::progress::Progress;
+use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
+use btr_identify::LadderStep;
+use btr_lab::experiment::{Experiment, Source};
+use btr_lab::failure::Failure;
+use btr_lab::run::Run;
+use btr_lab::run::execute;
+use btr_lab::run::execute::{FinishedRun, RunObserver};
+use btr_lab::run::report::RunReport;
+use btr_report::figures;
+use disengagement::next_step;
+use dry_run::dry_run;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use summary::show;
+
+pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
+    let mut source = Source::read(&args.experiment)?;
+    source.set(&global.settings)?;
+    let folder = match &args.out {
+        Some(folder) => folder.clone(),
+        None => Path::new("runs").join(source.parse()?.name),
+    };
+    let mut experiment = Experiment::new(source, global.seed, &folder)?;
+    if args.dry_run {
+        return dry_run(&experiment, &folder, global);
+    }
+    let mut watcher = Watcher { global, interrupted: watch_for_interrupts()?, progress: None };
+    if !global.quiet {
+        experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    }
+    let ended = execute::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
+    watcher.finish();
+    match ended? {
+        Some(mut ended) => {
+            ended.files.extend(figures::write(&experiment, &ended.run, &ended.report)?);
+            finish(&ended, args, global)
+        }
+        None => Ok(say_interrupted(args, &folder)),
+    }
+}
+
+/// Shows a run on stderr.
+struct Watcher<'a> {
+    global: &'a Global,
+    interrupted: Arc<AtomicBool>,
+    progress: Option<Progress>,
+}
+
+impl Watcher<'_> {
+    fn finish(&self) {
+        self.progress.iter().for_each(Progress::finish);
+    }
+}
+
+impl RunObserver for Watcher<'_> {
+    fn begins(&mut self, experiment: &Experiment, run: &Coevolution) {
+        self.finish();
+        self.progress = Some(Progress::new(experiment.model.clone(), run, self.global));
+    }
+
+    fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>) {
+        let Some(progress) = &self.progress else { return };
+        progress.update(run);
+        let history = run.history();
+        match step {
+            Some(StepOutcome::Generation) => {
+                history.generations.last().into_iter().for_each(|g| progress.generation(g))
+            }
+            Some(StepOutcome::Iteration) => {
+                let of = run.plan().iterations;
+                history.iterations.last().into_iter().for_each(|it| progress.iteration(it, of));
+            }
+            _ => {}
+        }
+    }
+
+    fn ladder_step(&self, ladder_step: &LadderStep) {
+        common::tell(ladder_step, self.global);
+    }
+
+    fn warn(&mut self, line: &str) {
+        self.say(&format!("warning: {line}"));
+    }
+
+    fn say(&mut self, line: &str) {
+        self.progress.iter().for_each(|progress| progress.say(line));
+    }
+
+    fn stops(&mut self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
+/// The first Ctrl-C lets the step in flight finish, the second one does not.
+fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+        eprintln!("\nfinishing the step in flight; press again to stop at once");
+    })
+    .map_err(|e| Failure::new("signal", e.to_string(), None))?;
+    Ok(interrupted)
+}
+
+fn say_interrupted(args: &CoevolveArgs, folder: &Path) -> u8 {
+    eprintln!(
+        "interrupted; go on with: btr coevolve {} --out {} --resume",
+        args.experiment.display(),
+        folder.display()
+    );
+    INTERRUPTED
+}
+
+fn finish(ended: &FinishedRun, args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
+    let FinishedRun { run, report, files, waiting } = ended;
+    if global.json {
+        println!("{}", ended.document()?);
+    } else {
+        show(report);
+        if let Some(cause) = report.diagnosis.as_ref().filter(|_| report.disengaged) {
+            next_step(cause, run.folder(), args, global);
+        }
+        if let Some(what) = waiting {
+            println!("\nwaiting for a real test: {what}");
+        }
+        println!("\nfiles");
+        files.iter().for_each(|f| println!("  {}", f.display()));
+    }
+    Ok(exit_code(run, report))
+}
+
+/// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
+fn exit_code(run: &Run, report: &RunReport) -> u8 {
+    let goal = run.state().plan().fitness_goal.is_some();
+    match report.stop_reason {
+        Some(StopReason::GoalReached) | None => DONE,
+        Some(StopReason::Disengaged | StopReason::NoRealData) => MISSED,
+        Some(_) if goal => MISSED,
+        Some(_) => DONE,
+    }
+}
