@@ -4,7 +4,7 @@
 use btr_core::log::{Log, Role};
 use btr_identify::diagnose::{DiagnoseOptions, Verdict, diagnose};
 use btr_identify::fit::{LogSet, Objective, squares};
-use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use btr_identify::residual_model::{Derivation, ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::experiment::{Source, model};
 use btr_lab::identification::IdentificationProblem;
 use btr_physics::drive::{Drive, Replay};
@@ -78,9 +78,12 @@ fn found(hidden: &[PlacedEffect], stood_s: Option<f64>) -> (Verdict, Vec<String>
     let without: Vec<&str> = names.filter(|name| *name != "coulomb_friction").collect();
     let problem = IdentificationProblem::new(Arc::new(model), logs, &without).unwrap();
     assert_eq!(problem.is_chaotic(), stood_s.is_none(), "whole logs from a standing start, windows else");
-    let diagnosis =
-        diagnose(&Objective::new(&problem), DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() }, &|_| ())
-            .unwrap();
+    let diagnosis = diagnose(
+        &mut Objective::new(&problem),
+        DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() },
+        &|_| (),
+    )
+    .unwrap();
     let named = diagnosis.effects.iter().map(|found| format!("{}@{}", found.effect, found.site)).collect();
     (diagnosis.verdict, named)
 }
@@ -118,7 +121,7 @@ fn nothing_is_found_where_nothing_is_on_the_way() {
 
 /// The root mean square of a family's residuals at a point, in noise floors.
 fn error(model: &dyn ResidualModel, u: &[f64]) -> f64 {
-    let logs = 0..model.logs().len();
+    let logs = 0..model.description().logs.len();
     let all: Vec<f64> =
         logs.flat_map(|log| model.residual(ResidualRequest::of(u, log), TimeStep::USUAL).unwrap()).collect();
     let finite: Vec<f64> = all.into_iter().filter(|r| r.is_finite()).collect();
@@ -145,7 +148,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
         problem.parameters().iter().position(|parameter| parameter.name == "coulomb_friction.torque@L2_pitch").unwrap();
     truth[parameter] = problem.parameters()[parameter].coordinate(0.8);
     let blind = error(&problem, &truth);
-    let told = problem.with_starts_at(&truth).unwrap();
+    let told = problem.derive(&Derivation::WithStartsAt(truth.clone())).unwrap();
     let (seen, again) = (error(&*told, &truth), told.with_starts_at(&truth));
     assert!(blind > 1.2 && seen < 1.05 && again.is_none(), "{blind} {seen}");
 }

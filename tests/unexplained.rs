@@ -4,7 +4,6 @@
 use btr_core::log::{Log, Role};
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use btr_identify::fit::Objective;
-use btr_identify::residual_model::ResidualModel;
 use btr_lab::experiment::{Source, model};
 use btr_lab::identification::IdentificationProblem;
 use btr_lab::verbs::{NextExperiment, next_experiment};
@@ -58,7 +57,7 @@ fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
 fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
     let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).collect();
     let problem = problem(hidden, &names);
-    let diagnosis = diagnose(&Objective::new(&problem), DiagnoseOptions::default(), &|_| {}).unwrap();
+    let diagnosis = diagnose(&mut Objective::new(&problem), DiagnoseOptions::default(), &|_| {}).unwrap();
     (problem, diagnosis)
 }
 

@@ -14,7 +14,6 @@ use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use btr_identify::fit::Objective;
-use btr_identify::residual_model::ResidualModel;
 use btr_io::Meta;
 use reality::Subject;
 use score::{Case, Outcome, summary};
@@ -138,15 +137,16 @@ fn run(case: &Case, max_rollouts: usize, verbose: bool) -> Outcome {
         }
     }
     let began = Instant::now();
-    let objective = Objective::new(&case.model);
+    let mut objective = Objective::new(&case.model);
     let tell = |step: &LadderStep| {
         if verbose {
             let (held_out, seconds) = (step.held_out.unwrap_or(f64::NAN), began.elapsed().as_secs_f64());
             let LadderStep { step, train, .. } = step;
-            println!("    {step:<50} {train:7.3} {held_out:7.3}  {} rollouts {seconds:.1} s", objective.rollouts());
+            println!("    {step:<50} {train:7.3} {held_out:7.3}  {seconds:.1} s");
         }
     };
-    let diagnosis = diagnose(&objective, DiagnoseOptions { max_rollouts, ..DiagnoseOptions::default() }, &tell);
+    let diagnosis =
+        diagnose(&mut objective, DiagnoseOptions { max_rollouts, ..DiagnoseOptions::default() }, &tell).ok();
     let seconds = began.elapsed().as_secs_f64();
     if verbose {
         diagnosis.iter().for_each(show);

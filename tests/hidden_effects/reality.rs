@@ -4,9 +4,7 @@ use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
 use btr_core::log::{Log, Role};
 use btr_core::random::{Rng, stream};
-use btr_identify::residual_model::{
-    EffectCandidate, FitParameter, Parametrisation, ResidualModel, ResidualRequest, TimeStep,
-};
+use btr_identify::residual_model::{EffectCandidate, FitParameter, Parametrisation, ResidualRequest, TimeStep};
 use btr_lab::experiment::{Source, model, starts};
 use btr_lab::identification::IdentificationProblem;
 use btr_physics::drive::Replay;

@@ -3,7 +3,6 @@
 use btr_identify::diagnose::thresholds::TIE;
 use btr_identify::diagnose::{Diagnosis, Verdict};
 use btr_identify::fit::{ComparisonMeasure, FitPoint, Objective, SearchBudget};
-use btr_identify::residual_model::ResidualModel;
 use btr_lab::identification::IdentificationProblem;
 use btr_physics::effects::{PlacedEffect, find};
 
@@ -206,7 +205,7 @@ fn is_twin(case: &Case, objective: &Objective, diagnosis: &Diagnosis) -> bool {
     let planted: Vec<(usize, f64)> = case.planted.iter().flat_map(|p| p.coordinates.clone()).collect();
     planted.iter().for_each(|(parameter, x)| u[*parameter] = *x);
     let active = case.model.free().iter().copied().chain(planted.iter().map(|(parameter, _)| *parameter)).collect();
-    let Some(mut there) = FitPoint::at(objective, active, u, &named.step_error) else { return false };
+    let Ok(mut there) = FitPoint::at(objective, active, u, &named.step_error) else { return false };
     there.solve(objective, SearchBudget::FULL);
     let measure = ComparisonMeasure::of(objective, named);
     measure.criterion(&there) > measure.criterion(named) - TIE

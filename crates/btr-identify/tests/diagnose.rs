@@ -6,8 +6,8 @@ use btr_core::world::WorldError;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::{
-    EffectCandidate, FitParameter, MeasuredChannel, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
-    TimeStep,
+    Derivation, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Parametrisation, RecordedLog,
+    ResidualModel, ResidualRequest, TimeStep,
 };
 use rand::RngExt;
 use std::sync::Arc;
@@ -83,7 +83,7 @@ impl Made {
     }
 
     fn diagnosis(&self) -> Diagnosis {
-        diagnose(&Objective::new(self), DiagnoseOptions::default(), &|_| ()).unwrap()
+        diagnose(&mut Objective::new(self), DiagnoseOptions::default(), &|_| ()).unwrap()
     }
 }
 
@@ -104,43 +104,32 @@ fn parameter(name: &str, amplitude: bool) -> FitParameter {
 }
 
 impl ResidualModel for Made {
-    fn parameters(&self) -> &[FitParameter] {
-        &self.parameters
+    fn description(&self) -> ModelDescription {
+        ModelDescription {
+            free: vec![0],
+            candidates: self.candidates.clone(),
+            has_contact: self.contact,
+            ..ModelDescription::new(self.parameters.clone(), self.logs.clone())
+        }
     }
 
-    fn free(&self) -> &[usize] {
-        &[0]
+    fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+        let finer = f64::from(step.divides_by());
+        let residual = |&ResidualRequest { u, log, .. }: &ResidualRequest| {
+            let simulated = (0..self.logs[log].rows()).map(|i| (self.motion)(u, log, i as f64 * PERIOD_S, finer));
+            Ok(self.measured[log].iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect())
+        };
+        requests.iter().map(residual).collect()
     }
 
-    fn candidates(&self) -> &[EffectCandidate] {
-        &self.candidates
-    }
-
-    fn logs(&self) -> &[RecordedLog] {
-        &self.logs
-    }
-
-    fn has_contact(&self) -> bool {
-        self.contact
-    }
-
-    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
+    fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
+        let Derivation::Beginnings = derivation else { return None };
         let mut short = Made { beginning: None, ..self.clone() };
         for log in &mut short.logs {
             log.channels[0].samples.end = self.beginning?;
             log.present = self.beginning?;
         }
         Some(Box::new(short))
-    }
-
-    fn residual(
-        &self,
-        ResidualRequest { u, log, .. }: ResidualRequest,
-        step: TimeStep,
-    ) -> Result<Vec<f64>, WorldError> {
-        let finer = f64::from(step.divides_by());
-        let simulated = (0..self.logs[log].rows()).map(|i| (self.motion)(u, log, i as f64 * PERIOD_S, finer));
-        Ok(self.measured[log].iter().zip(simulated).map(|(there, here)| there - here).collect())
     }
 }
 

@@ -60,16 +60,10 @@ impl Failure {
         Failure::new("simulation", error.to_string(), help)
     }
 
-    /// A model that blows up on the logs of a question.
-    pub fn simulation_failure(input: &VerbInput) -> Self {
-        let message = "the model blows up on these logs as it stands";
-        match input.trouble() {
-            Some(error) => {
-                let why = Failure::simulation(&error, &input.doubts);
-                Failure { message: format!("{message}: {}", why.message), ..why }
-            }
-            None => Failure::new("simulation", message, Some("simulate it with the same logs to see where".to_owned())),
-        }
+    /// A model that cannot be simulated at its current values on the logs of a question, and why.
+    pub fn simulation_failure(input: &VerbInput, error: &WorldError) -> Self {
+        let why = Failure::simulation(error, &input.doubts);
+        Failure { message: format!("the model blows up on these logs as it stands: {}", why.message), ..why }
     }
 }
 

@@ -3,7 +3,7 @@
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
-use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use btr_identify::residual_model::{Derivation, ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::distributed::{
     ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, serve,
 };
@@ -46,19 +46,20 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
 }
 
 fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
-    let parameters = here.parameters().len();
-    let moved =
-        |k: usize| (0..parameters).map(|i| if i == k { here.parameters()[k].reach } else { 0.0 }).collect::<Vec<f64>>();
+    let description = here.description();
+    let parameters = description.parameters.len();
+    let reach = |k: usize| description.parameters[k].reach;
+    let moved = |k: usize| (0..parameters).map(|i| if i == k { reach(k) } else { 0.0 }).collect::<Vec<f64>>();
     let points: Vec<Vec<f64>> = (0..parameters).step_by(parameters / 7 + 1).map(moved).collect();
     let bits = |all: Vec<Result<Vec<f64>, _>>| -> Vec<Vec<u64>> {
         let of = |one: Result<Vec<f64>, _>| one.unwrap_or_default().iter().map(|x: &f64| x.to_bits()).collect();
         all.into_iter().map(of).collect()
     };
     let moved = |log: usize| {
-        let still = vec![0.0; here.starts(log)];
+        let still = vec![0.0; description.starts[log].numbers.len()];
         (0..still.len().min(5)).map(move |k| (log, [&still[..k], &[0.5], &still[k + 1..]].concat()))
     };
-    let logs = 0..here.logs().len();
+    let logs = 0..description.logs.len();
     let moved: Vec<(usize, Vec<f64>)> = logs.clone().flat_map(moved).collect();
     let of_points = logs.flat_map(|log| points.iter().map(move |u| ResidualRequest::of(u, log)));
     let of_starts = moved.iter().map(|(log, moved)| ResidualRequest { u: &points[0], log: *log, moved });
@@ -83,9 +84,10 @@ fn served(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
 fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
     let source = robots("arm.toml")?;
     let problem = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[] as &[LogSource])?.problem;
-    assert_eq!((problem.logs().len(), problem.begins_with(0), problem.begins_with(1)), (2, 0, 0));
+    let begin: Vec<usize> = problem.description().starts.iter().map(|start| start.begins_with).collect();
+    assert_eq!(begin, [0, 0]);
     let with_initial_state = problem
-        .with_initial_state(&[(0, vec![2.0; problem.starts(0)])])
+        .derive(&Derivation::WithInitialState(vec![(0, vec![2.0; problem.description().starts[0].numbers.len()])]))
         .ok_or("a fixed robot's logs can begin elsewhere")?;
     let origin = vec![0.0; problem.parameters().len()];
     for log in 0..2 {
@@ -105,11 +107,13 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     let (input, residual_model) = served(&source, 0.0)?;
     assert_the_same(&input.problem, &residual_model);
     // One that begins elsewhere.
-    let moved = [(0, (0..residual_model.starts(0)).map(|k| 0.1 * k as f64 - 0.3).collect())];
-    let (here, there) = (input.problem.with_initial_state(&moved), residual_model.with_initial_state(&moved));
+    let description = residual_model.description();
+    let numbers = 0..description.starts[0].numbers.len();
+    let moved = Derivation::WithInitialState(vec![(0, numbers.map(|k| 0.1 * k as f64 - 0.3).collect())]);
+    let (here, there) = (input.problem.derive(&moved), residual_model.derive(&moved));
     let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
     assert_the_same(&*here, &*there);
-    let origin = vec![0.0; residual_model.parameters().len()];
+    let origin = vec![0.0; residual_model.description().parameters.len()];
     let from = |residual_model: &dyn ResidualModel, log| {
         residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
     };
@@ -127,10 +131,10 @@ fn families_that_were_derived_of_others() -> Tested<()> {
     for from_s in [0.0, 0.6] {
         let (input, residual_model) = served(&source, from_s)?;
         assert_the_same(&input.problem, &residual_model);
-        let u = vec![0.0; residual_model.parameters().len()];
+        let seen = Derivation::WithStartsAt(vec![0.0; residual_model.description().parameters.len()]);
         for (here, there) in [
-            (input.problem.beginnings(), residual_model.beginnings()),
-            (input.problem.with_starts_at(&u), residual_model.with_starts_at(&u)),
+            (input.problem.derive(&Derivation::Beginnings), residual_model.derive(&Derivation::Beginnings)),
+            (input.problem.derive(&seen), residual_model.derive(&seen)),
         ] {
             assert_eq!(here.is_some(), there.is_some());
             if let (Some(here), Some(there)) = (here, there) {

@@ -78,7 +78,7 @@ pub(crate) fn diagnose(
         };
         let family = served(&input, &logs, &held_out, &context)?;
         let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)
-            .ok_or_else(|| Failure::simulation_failure(&input).raise())?;
+            .map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let document = json!(found).to_string();
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
@@ -112,7 +112,7 @@ pub(crate) fn fit(
         let heard = |step: &btr_identify::LadderStep| say(&tell, &step.step, step.train, step.held_out);
         let family = served(&input, &logs, &held_out, &context)?;
         let (found, fit, step) =
-            verbs::fit(&input, &family, &heard).ok_or_else(|| Failure::simulation_failure(&input).raise())?;
+            verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
         let (document, space) = (json!(found).to_string(), json!(input.problem.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);

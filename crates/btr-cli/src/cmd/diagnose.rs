@@ -25,9 +25,8 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
     let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
     let tell = |ladder_step: &_| common::tell(ladder_step, global);
-    let Some((report, diagnosis)) = verbs::diagnose(&input, &input.problem, question, &tell) else {
-        return Err(Failure::simulation_failure(&input));
-    };
+    let (report, diagnosis) = verbs::diagnose(&input, &input.problem, question, &tell)
+        .map_err(|error| Failure::simulation_failure(&input, &error))?;
     let asked = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;

@@ -24,9 +24,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));
     }
-    let Some((report, fit, step)) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global)) else {
-        return Err(Failure::simulation_failure(&input));
-    };
+    let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global))
+        .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
         let text = input.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;

@@ -7,29 +7,31 @@ use super::state::DiagnosisState;
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::residual_model::Derivation;
 
 /// Those of the candidates `offered` that lead in the beginnings of logs, as they fit the whole of them, and who was
 /// screened for that. Nobody where beginnings tell no more than the whole.
 pub(super) fn from_beginnings(
-    objective: &Objective,
+    objective: &mut Objective,
     state: &DiagnosisState,
     offered: &[usize],
 ) -> (Vec<Rival>, Vec<StartPoint>) {
-    let Some(model) = objective.model.beginnings() else { return Default::default() };
+    let Some(model) = objective.model.derive(&Derivation::Beginnings) else { return Default::default() };
     // With the effects found so far; if there are none, with the parameters in doubt as they were given: the ends of logs may
     // have led them astray.
     let origin = || vec![0.0; state.fit.u.len()];
     let u = if state.chosen.is_empty() { origin() } else { state.fit.u.clone() };
-    let short = objective.going_on(&*model, &u);
-    let Some(mut base) = FitPoint::at(&short, state.fit.active.clone(), u, &[]) else { return Default::default() };
-    base.renew_step_error(&short);
+    let mut short = objective.going_on(&*model, &u);
+    let Ok(mut base) = FitPoint::at(&short, state.fit.active.clone(), u, &[]) else { return Default::default() };
+    base.renew_step_error(&mut short);
     base.solve(&short, SearchBudget::FULL);
     let mut bases = vec![base];
     let starts = screen(&short, &mut bases, offered);
     let leaders = race(&short, &bases, &starts, None);
     objective.count(&short);
+    // A leader that cannot be simulated over whole logs is skipped.
     let lengthened = |rival: Rival| {
-        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), rival.fit.u, &state.fit.step_error)?;
+        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), rival.fit.u, &state.fit.step_error).ok()?;
         fit.solve(objective, FOLLOWER);
         if chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
             // Only now is the motion known whose step error is to be taken off.

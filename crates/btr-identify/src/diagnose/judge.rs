@@ -19,7 +19,7 @@ pub(super) fn judge_rivals(
     let measure = ComparisonMeasure::of(objective, &rivals.first()?.fit);
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
-    let candidates = objective.model.candidates();
+    let candidates = objective.candidates();
     let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(objective, &r.fit.u));
     let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
     let ranked = |(r, squares): (&Rival, &Option<f64>)| RankedCandidate {

@@ -42,7 +42,7 @@ struct Probe {
 
 /// The mirror images of probes, where their amplitudes have another side.
 fn mirrored(objective: &Objective, probes: &[Probe]) -> Vec<Probe> {
-    let two_sided = |probe: &Probe| objective.model.parameters()[probe.amplitude].bounds.0 < 0.0;
+    let two_sided = |probe: &Probe| objective.parameters()[probe.amplitude].bounds.0 < 0.0;
     let mirror =
         |probe: &Probe| Probe { size: if two_sided(probe) { -probe.size } else { probe.size }, ..probe.clone() };
     probes.iter().map(mirror).collect()
@@ -66,7 +66,7 @@ impl<'a> BasePoint<'a> {
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
         let mut held = Vec::new();
         for (k, &index) in fit.active.iter().enumerate() {
-            let parameter = &objective.model.parameters()[index];
+            let parameter = &objective.parameters()[index];
             let (u, weight) = (fit.u[index], parameter.spread.powi(-2));
             normal[(k, k)] += weight;
             gradient[k] += weight * u;
@@ -107,7 +107,7 @@ impl<'a> BasePoint<'a> {
         offered: &[(usize, Vec<Vec<f64>>)],
         sizes: &ProbeSizes,
     ) -> Vec<StartPoint> {
-        let candidates = objective.model.candidates();
+        let candidates = objective.candidates();
         let mut promising = Vec::new();
         for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
             let probes = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
@@ -131,7 +131,7 @@ impl<'a> BasePoint<'a> {
     /// The best point of a candidate, by its probes.
     fn promise(&self, objective: &Objective, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<StartPoint> {
         // Probes of one start and one size belong together: one column for each amplitude.
-        let amplitudes = objective.model.candidates()[probes.first()?.candidate].amplitudes.len();
+        let amplitudes = objective.candidates()[probes.first()?.candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
         let found = groups.flat_map(|(probes, columns)| {
             self.pictures.iter().filter_map(move |picture| self.best_of(objective, picture, probes, columns))
@@ -140,9 +140,8 @@ impl<'a> BasePoint<'a> {
     }
 
     fn probes(&self, objective: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
-        let candidate = &objective.model.candidates()[index];
-        let limit =
-            candidate.amplitudes.iter().any(|&k| objective.model.parameters()[k].law == Parametrisation::Inverse);
+        let candidate = &objective.candidates()[index];
+        let limit = candidate.amplitudes.iter().any(|&k| objective.parameters()[k].law == Parametrisation::Inverse);
         let sizes = if limit { sizes.limits } else { sizes.amplitudes };
         let mut probes = Vec::new();
         for shapes in starts {
@@ -158,10 +157,10 @@ impl<'a> BasePoint<'a> {
     fn point(&self, objective: &Objective, probes: &[&Probe]) -> Vec<f64> {
         let mut u = self.fit.u.clone();
         for probe in probes {
-            for (&parameter, &shape) in objective.model.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
+            for (&parameter, &shape) in objective.candidates()[probe.candidate].shapes.iter().zip(&probe.shapes) {
                 u[parameter] = shape;
             }
-            u[probe.amplitude] = objective.model.parameters()[probe.amplitude].clamp(probe.size);
+            u[probe.amplitude] = objective.parameters()[probe.amplitude].clamp(probe.size);
         }
         u
     }
@@ -174,7 +173,7 @@ impl<'a> BasePoint<'a> {
             let residuals = objective.residuals_of(&points, &self.logs);
             for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let size = point[probe.amplitude];
-                columns.push(residual.map(|residual| self.column(residual, size)));
+                columns.push(residual.ok().map(|residual| self.column(residual, size)));
             }
         }
         columns
@@ -182,7 +181,7 @@ impl<'a> BasePoint<'a> {
 
     /// The same, several in one simulation: each column as far as its candidate's own channels go.
     fn columns_together(&self, objective: &Objective, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
-        let near = |probe: &Probe| objective.model.near(probe.candidate);
+        let near = |probe: &Probe| objective.description.channels_of(probe.candidate);
         let shots = shared(probes.iter().map(|probe| near(probe)));
         let mut columns = vec![None; probes.len()];
         for batch in shots.chunks(BATCH) {
@@ -193,7 +192,7 @@ impl<'a> BasePoint<'a> {
             let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
             let residuals = objective.residuals_of(&points, &self.logs);
             for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
-                let Some(residual) = residual else { continue };
+                let Ok(residual) = residual else { continue };
                 for &i in shot {
                     let column = self.column(residual.clone(), point[probes[i].amplitude]);
                     columns[i] = Some(self.only_near(objective, column, near(probes[i])));
@@ -216,7 +215,7 @@ impl<'a> BasePoint<'a> {
             return column;
         }
         let (mut only, mut first) = (DVector::zeros(column.len()), 0);
-        for log in self.logs.iter().map(|&log| &objective.model.logs()[log]) {
+        for log in self.logs.iter().map(|&log| &objective.description.logs[log]) {
             for row in rows_near(log, near).into_iter().flatten() {
                 only[first + row] = column[first + row];
             }
@@ -233,7 +232,7 @@ impl<'a> BasePoint<'a> {
         probes: &[Probe],
         columns: &[Option<DVector<f64>>],
     ) -> Option<StartPoint> {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
         let k = columns.len();
         let residual = DVector::from_column_slice(&self.fit.residual);
@@ -268,7 +267,7 @@ impl<'a> BasePoint<'a> {
             self.fit.active.iter().map(|&parameter| u[parameter] - self.fit.u[parameter]),
         );
         let promised = residual + change + self.jacobian * moved;
-        let active = with(self.fit, &objective.model.candidates()[probes[0].candidate]);
+        let active = with(self.fit, &objective.candidates()[probes[0].candidate]);
         let cost = crate::fit::cost(parameters, &active, &u, promised.as_slice());
         Some(StartPoint { candidate: probes[0].candidate, base: self.index, u, cost })
     }

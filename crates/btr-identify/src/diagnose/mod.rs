@@ -23,6 +23,7 @@ pub use residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Objective, RESTARTS, SearchBudget, estimates};
+use btr_core::world::WorldError;
 use residual_law::residual_law;
 use round::round;
 use state::DiagnosisState;
@@ -30,10 +31,15 @@ use thresholds::EXPLAINED;
 
 /// Finds out which effects of the family's candidates are missing; `on_step` hears every step of the ladder as it is reached.
 ///
-/// `None` where the model blows up as it stands.
-pub fn diagnose(objective: &Objective, question: DiagnoseOptions, on_step: &dyn Fn(&LadderStep)) -> Option<Diagnosis> {
+/// # Errors
+/// The reason why the model cannot be simulated at its current values.
+pub fn diagnose(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    on_step: &dyn Fn(&LadderStep),
+) -> Result<Diagnosis, WorldError> {
     let state = begin(objective, on_step)?;
-    Some(match objective.model.has_contact() {
+    Ok(match objective.description.has_contact {
         true => go_on(objective, question, state, on_step),
         false => go_on_looking(objective, question, state, on_step, RESTARTS),
     })
@@ -42,13 +48,13 @@ pub fn diagnose(objective: &Objective, question: DiagnoseOptions, on_step: &dyn 
 /// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
 /// believed if nothing else is left to explain: a model that lacks something sees such that make up for it.
 fn go_on_looking(
-    objective: &Objective,
+    objective: &mut Objective,
     question: DiagnoseOptions,
     mut state: DiagnosisState,
     on_step: &dyn Fn(&LadderStep),
     restarts_left: usize,
 ) -> Diagnosis {
-    let contact = objective.model.has_contact();
+    let contact = objective.description.has_contact;
     let looks_again = state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective));
     if restarts_left == 0 || !looks_again {
         return go_on(objective, question, state, on_step);
@@ -57,18 +63,18 @@ fn go_on_looking(
     if seen.is_none() && contact {
         return go_on(objective, question, state, on_step);
     }
-    let again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &state.fit.u);
+    let mut again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &state.fit.u);
     if !contact && !state.is_explained_by(&again) {
         objective.count(&again);
         return go_on(objective, question, state, on_step);
     }
-    state.look_again(&again, on_step);
-    go_on_looking(&again, question, state, on_step, restarts_left - 1)
+    state.look_again(&mut again, on_step);
+    go_on_looking(&mut again, question, state, on_step, restarts_left - 1)
 }
 
 /// Round after round; once something is found, with starts as the model that has it sees them.
 fn go_on(
-    objective: &Objective,
+    objective: &mut Objective,
     question: DiagnoseOptions,
     mut state: DiagnosisState,
     on_step: &dyn Fn(&LadderStep),
@@ -83,7 +89,7 @@ fn go_on(
         state.accept(objective, rival, found, on_step);
         state.eliminate(objective);
         state.simplify(objective);
-        let contact = objective.model.has_contact();
+        let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_looking(objective, question, state, on_step, restarts_left);
@@ -93,10 +99,10 @@ fn go_on(
 }
 
 /// The model's own parameters at their best.
-fn begin(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<DiagnosisState> {
-    let model = objective.model;
-    let origin = vec![0.0; model.parameters().len()];
-    let mut fit = FitPoint::at(objective, model.free().to_vec(), origin, &[])?;
+fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<DiagnosisState, WorldError> {
+    let free = objective.description.free.clone();
+    let origin = vec![0.0; objective.parameters().len()];
+    let mut fit = FitPoint::at(objective, free.clone(), origin, &[])?;
     let mut state = DiagnosisState {
         held_out: None,
         fit: fit.clone(),
@@ -109,17 +115,17 @@ fn begin(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<Diagnos
     };
     state.fit = fit;
     state.record(objective, "model as it stands".to_owned(), on_step);
-    if !model.free().is_empty() {
+    if !free.is_empty() {
         state.fit.solve(objective, SearchBudget::FULL);
         state.integrator = state.fit.renew_step_error(objective);
         state.fit.solve(objective, SearchBudget { jacobians: 1, steps: 6 });
         state.record(objective, "its parameters fitted".to_owned(), on_step);
     }
     state.bare = state.fit.clone();
-    Some(state)
+    Ok(state)
 }
 
-fn conclude(objective: &Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
+fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let integrator_error = state.fit.step_error_to_judge_on(objective).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
@@ -134,7 +140,7 @@ fn conclude(objective: &Objective, question: DiagnoseOptions, mut state: Diagnos
     let inflation = ComparisonMeasure::of(objective, &state.fit).inflation();
     let all = estimates(objective, &state.fit, inflation, trusted);
     for found in &mut state.chosen {
-        let parameters: Vec<usize> = objective.model.candidates()[found.candidate].parameters().collect();
+        let parameters: Vec<usize> = objective.candidates()[found.candidate].parameters().collect();
         found.parameters =
             all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
     }
@@ -143,7 +149,7 @@ fn conclude(objective: &Objective, question: DiagnoseOptions, mut state: Diagnos
         .then(|| state.bare_now(objective))
         .flatten()
         .and_then(|bare| residual_law(objective, &bare, found));
-    let free = objective.model.free();
+    let free = &objective.description.free;
     let at_bound =
         all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {

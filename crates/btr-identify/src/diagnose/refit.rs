@@ -65,7 +65,7 @@ pub(super) fn last_chance_of_the_best(
     leader: &FitPoint,
 ) -> Vec<Rival> {
     let signs = |candidate: usize| {
-        let two = has_two_sides(objective, &objective.model.candidates()[candidate]);
+        let two = has_two_sides(objective, &objective.candidates()[candidate]);
         if two { [1.0, -1.0].iter() } else { [1.0].iter() }
     };
     let sizes = |candidate: usize| signs(candidate).flat_map(|sign| SIZES.map(|size| sign * size));
@@ -80,9 +80,9 @@ pub(super) fn last_chance_of_the_best(
 
 /// A candidate at so many typical sizes.
 fn of_size(objective: &Objective, base: &FitPoint, candidate: usize, size: f64) -> StartPoint {
-    let own = &objective.model.candidates()[candidate];
+    let own = &objective.candidates()[candidate];
     let mut u = base.u.clone();
-    own.amplitudes.iter().for_each(|&parameter| u[parameter] = objective.model.parameters()[parameter].clamp(size));
+    own.amplitudes.iter().for_each(|&parameter| u[parameter] = objective.parameters()[parameter].clamp(size));
     own.shapes.iter().zip(&own.starts[0]).for_each(|(&parameter, &shape)| u[parameter] = shape);
     StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
 }
@@ -107,7 +107,7 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
             rival.fit.jacobian = None;
             rival.fit.solve(objective, if polished.is_empty() { LEADER } else { FOLLOWER });
             // In contact every look takes long, and hardly anybody overtakes by it.
-            if !objective.model.is_chaotic() || rival.fit.squares() <= best {
+            if !objective.description.is_chaotic || rival.fit.squares() <= best {
                 reshape(objective, &mut rival);
             }
             polished.push(rival);
@@ -120,14 +120,14 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
 /// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's
 /// law): tries the other shapes that it could have from where it ended.
 fn reshape(objective: &Objective, rival: &mut Rival) {
-    let candidate = &objective.model.candidates()[rival.candidate];
+    let candidate = &objective.candidates()[rival.candidate];
     if candidate.starts.len() < 2 || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
         return;
     }
     let reshaped = candidate.starts.iter().filter_map(|shapes| {
         let mut u = rival.fit.u.clone();
         candidate.shapes.iter().zip(shapes).for_each(|(&parameter, &shape)| u[parameter] = shape);
-        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), u, &rival.fit.step_error)?;
+        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), u, &rival.fit.step_error).ok()?;
         fit.solve(objective, RESHAPED);
         Some(fit)
     });
@@ -142,9 +142,10 @@ fn sort(rivals: &mut [Rival]) {
 }
 
 /// A fit of base and candidate at the candidate's start: the base's Jacobian, with new columns for the candidate alone.
+/// `None` where that cannot be simulated: the candidate is skipped.
 fn begin(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
-    let candidate = &objective.model.candidates()[start.candidate];
-    let mut fit = FitPoint::at(objective, with(base, candidate), start.u.clone(), &base.step_error)?;
+    let candidate = &objective.candidates()[start.candidate];
+    let mut fit = FitPoint::at(objective, with(base, candidate), start.u.clone(), &base.step_error).ok()?;
     let own: Vec<usize> = candidate.parameters().collect();
     let added = columns(objective, &fit.u, &own, &fit.residual, &fit.step_error);
     let known = base.jacobian.as_ref()?;

@@ -18,9 +18,9 @@ const MODEST: f64 = 0.5;
 const ELSEWHERE: usize = 3;
 
 /// Screens, races and judges; the winner if it is to be believed.
-pub(super) fn round(objective: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
+pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
-    let offered: Vec<usize> = (0..objective.model.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
+    let offered: Vec<usize> = (0..objective.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
     let (mut rivals, mut starts) = from_beginnings(objective, state, &offered);
     rivals = best_of_each(rivals);
     if rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)) {
@@ -41,7 +41,7 @@ pub(super) fn round(objective: &Objective, state: &mut DiagnosisState) -> Option
         let others = race(objective, &bases, &starts, (!simpler).then_some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
-    if objective.model.has_contact() {
+    if objective.description.has_contact {
         let rivals = on_the_ground(objective, state, rivals, &offered);
         return judge_rivals(objective, state, rivals);
     }
@@ -63,7 +63,7 @@ fn on_the_ground(
     mut rivals: Vec<Rival>,
     offered: &[usize],
 ) -> Vec<Rival> {
-    let candidates = objective.model.candidates();
+    let candidates = objective.candidates();
     if let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) {
         let base = unbiased(objective, state);
         let late = last_chance_of_the_best(objective, &base, &not_fitted(&rivals, offered), &leader.fit);
@@ -86,7 +86,7 @@ fn unbiased(objective: &Objective, state: &DiagnosisState) -> FitPoint {
     let given = state
         .chosen
         .is_empty()
-        .then(|| FitPoint::at(objective, state.fit.active.clone(), origin(), &state.fit.step_error));
+        .then(|| FitPoint::at(objective, state.fit.active.clone(), origin(), &state.fit.step_error).ok());
     given.flatten().unwrap_or_else(|| state.fit.clone())
 }
 
@@ -103,8 +103,9 @@ fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
 /// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
 fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usize]) -> (Vec<Rival>, Vec<StartPoint>) {
     let mut bases = vec![state.fit.clone()];
-    if state.chosen.is_empty() && !objective.model.free().is_empty() {
+    if state.chosen.is_empty() && !objective.description.free.is_empty() {
         let origin = vec![0.0; state.fit.u.len()];
+        // Without this base, candidates are screened from the other one alone.
         bases.extend(FitPoint::at(objective, state.fit.active.clone(), origin, &state.fit.step_error));
     }
     let starts = screen(objective, &mut bases, offered);
@@ -123,7 +124,7 @@ fn worth_another_look(
 ) -> Vec<usize> {
     let similar = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
-        let is_kin = objective.model.candidates()[leader.candidate].similar.contains(candidate);
+        let is_kin = objective.candidates()[leader.candidate].similar.contains(candidate);
         (is_kin && !fitted) || is_simpler_kin(objective, leader.candidate, *candidate)
     };
     let explains = chi(leader.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
@@ -133,7 +134,7 @@ fn worth_another_look(
 
 /// Whether a candidate looks like another one and makes do with fewer numbers.
 fn is_simpler_kin(objective: &Objective, of: usize, candidate: usize) -> bool {
-    let candidates = objective.model.candidates();
+    let candidates = objective.candidates();
     candidates[of].similar.contains(&candidate)
         && candidates[candidate].parameters().count() < candidates[of].parameters().count()
 }
@@ -142,10 +143,8 @@ fn is_simpler_kin(objective: &Objective, of: usize, candidate: usize) -> bool {
 /// parameters in doubt have done to make up for it.
 fn drop_effect(objective: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
     let mut u = leader.fit.u.clone();
-    objective.model.candidates()[leader.candidate]
-        .parameters()
-        .for_each(|parameter| u[parameter] = state.fit.u[parameter]);
-    FitPoint::at(objective, state.fit.active.clone(), u, &state.fit.step_error)
+    objective.candidates()[leader.candidate].parameters().for_each(|parameter| u[parameter] = state.fit.u[parameter]);
+    FitPoint::at(objective, state.fit.active.clone(), u, &state.fit.step_error).ok()
 }
 
 /// The best fit of each candidate, best first.

@@ -28,15 +28,16 @@ const SHARES: [f64; 2] = [1.0, 0.3];
 
 /// About how many logs a screening simulates.
 pub(super) fn rollouts(objective: &Objective) -> usize {
-    let (candidates, logs) = (objective.model.candidates(), objective.logs(LogSet::Learn).len());
+    let (candidates, logs) = (objective.candidates(), objective.logs(LogSet::Learn).len());
     let sides = |candidate: &EffectCandidate| if has_two_sides(objective, candidate) { 2 } else { 1 };
     let probes = |candidate: &EffectCandidate| {
         sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * GLANCE.amplitudes.len()
     };
     let all: Vec<usize> = (0..candidates.len()).collect();
     let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
-    let glances =
-        kinds.map(|kind| probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.model.near(c))).len());
+    let glances = kinds.map(|kind| {
+        probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.description.channels_of(c))).len()
+    });
     glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
@@ -50,7 +51,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
-    let all = |&candidate: &usize| (candidate, objective.model.candidates()[candidate].starts.clone());
+    let all = |&candidate: &usize| (candidate, objective.candidates()[candidate].starts.clone());
     let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
     let glance = |(index, base): (usize, &FitPoint)| {
         let there = base.in_rows(rows.clone());
@@ -79,9 +80,9 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
 /// Whether a promise stops where the probes of the closer look are no longer believed, with room beyond.
 fn goes_further(objective: &Objective, start: &StartPoint) -> bool {
     let believed = STRETCH * LOOK.amplitudes.iter().fold(0.0, |most: f64, size| most.max(*size));
-    let mut amplitudes = objective.model.candidates()[start.candidate].amplitudes.iter();
+    let mut amplitudes = objective.candidates()[start.candidate].amplitudes.iter();
     amplitudes.any(|&parameter| {
-        let (u, parameter) = (start.u[parameter], &objective.model.parameters()[parameter]);
+        let (u, parameter) = (start.u[parameter], &objective.parameters()[parameter]);
         parameter.law == Parametrisation::Linear
             && u.abs() > 0.999 * believed
             && parameter.clamp(2.0 * u).abs() > u.abs()
@@ -123,10 +124,11 @@ pub(super) fn simulate(objective: &Objective, bases: &[FitPoint], starts: &mut [
     let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
     for (start, residual) in starts.iter_mut().zip(objective.residuals(&points, LogSet::Learn)) {
         let base = &bases[start.base];
-        let active = with(base, &objective.model.candidates()[start.candidate]);
+        let active = with(base, &objective.candidates()[start.candidate]);
         let cost = |residual| {
-            crate::fit::cost(objective.model.parameters(), &active, &start.u, &corrected(residual, &base.step_error))
+            crate::fit::cost(objective.parameters(), &active, &start.u, &corrected(residual, &base.step_error))
         };
+        // A start that cannot be simulated is the last choice.
         start.cost = residual.map_or(f64::INFINITY, cost);
     }
 }

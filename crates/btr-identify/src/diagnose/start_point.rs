@@ -28,20 +28,21 @@ impl StartPoint {
     /// Part of the way from a base to here; shapes have nowhere to come from.
     pub(super) fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
         let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
-        objective.model.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
+        objective.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
         u
     }
 
     pub(super) fn shapes(&self, objective: &Objective) -> Vec<f64> {
-        objective.model.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
+        objective.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
     }
 }
 
 /// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
 /// where one that is lifted does not.
 pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
-    let parameters = objective.model.parameters();
-    objective.model.has_contact() && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
+    let parameters = objective.parameters();
+    objective.description.has_contact
+        && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
 }
 
 /// The base's free knobs and a candidate's.

@@ -34,7 +34,7 @@ impl DiagnosisState {
     /// Makes the winner the new base.
     pub(super) fn accept(
         &mut self,
-        objective: &Objective,
+        objective: &mut Objective,
         rival: Rival,
         found: MissingEffect,
         on_step: &dyn Fn(&LadderStep),
@@ -56,16 +56,17 @@ impl DiagnosisState {
     /// either side of where each of the latest effect's numbers ended, as long as that leads lower.
     fn perturb(&mut self, objective: &Objective, candidate: usize) {
         for _ in 0..SHAKES {
-            if objective.model.is_chaotic() || !self.leaves_something(objective, &self.fit) {
+            if objective.description.is_chaotic || !self.leaves_something(objective, &self.fit) {
                 return;
             }
-            let own = &objective.model.candidates()[candidate];
+            let own = &objective.candidates()[candidate];
             let sides = own.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
             let with_initial_state = sides.filter_map(|(parameter, side)| {
                 let mut u = self.fit.u.clone();
                 let away = if own.shapes.contains(&parameter) { SHAKEN.1 } else { SHAKEN.0 * u[parameter].abs() };
-                u[parameter] = objective.model.parameters()[parameter].clamp(u[parameter] + side * away);
-                let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error)?;
+                u[parameter] = objective.parameters()[parameter].clamp(u[parameter] + side * away);
+                // A side that cannot be simulated is skipped.
+                let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error).ok()?;
                 fit.solve(objective, RESHAPED);
                 Some(fit)
             });
@@ -116,16 +117,15 @@ impl DiagnosisState {
         })
     }
 
-    /// The point without some of the chosen; all else stays.
+    /// The point without some of the chosen; all else stays. `None` where that cannot be simulated: then they stay chosen.
     fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
-        let parameters = |&index: &usize| {
-            objective.model.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>()
-        };
+        let parameters =
+            |&index: &usize| objective.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>();
         let gone: Vec<usize> = indices.iter().flat_map(parameters).collect();
         let mut u = self.fit.u.clone();
         gone.iter().for_each(|&parameter| u[parameter] = 0.0);
         let active = self.fit.active.iter().copied().filter(|parameter| !gone.contains(parameter)).collect();
-        FitPoint::at(objective, active, u, &self.fit.step_error)
+        FitPoint::at(objective, active, u, &self.fit.step_error).ok()
     }
 
     /// The latest of the chosen fitted in the place of an earlier one.
@@ -144,7 +144,7 @@ impl DiagnosisState {
     /// Names what was found first anew where one of its kin that makes do with fewer numbers explains as much, now that
     /// others are known, and the logs to judge on do not object: it may have needed more of them to make up for those.
     pub(super) fn simplify(&mut self, objective: &Objective) {
-        let candidates = objective.model.candidates();
+        let candidates = objective.candidates();
         for index in 0..self.chosen.len().saturating_sub(1) {
             let own = &candidates[self.chosen[index].candidate];
             let simpler = |similar: &usize| {
@@ -170,7 +170,7 @@ impl DiagnosisState {
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
-        let (own, found) = (&objective.model.candidates()[rival.candidate], &mut self.chosen[index]);
+        let (own, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
         let before = format!("{}@{}", found.effect, found.site);
         found.alike.retain(|alike| *alike != own.name());
         found.alike.push(before.clone());
@@ -196,9 +196,9 @@ impl DiagnosisState {
         }
     }
 
-    /// The fit without any effect, with the time step as it is now.
-    pub(super) fn bare_now(&self, objective: &Objective) -> Option<FitPoint> {
-        let mut bare = FitPoint::at(objective, self.bare.active.clone(), self.bare.u.clone(), &[])?;
+    /// The fit without any effect, with the time step as it is now; `None` where that step diverges.
+    pub(super) fn bare_now(&self, objective: &mut Objective) -> Option<FitPoint> {
+        let mut bare = FitPoint::at(objective, self.bare.active.clone(), self.bare.u.clone(), &[]).ok()?;
         bare.renew_step_error(objective);
         Some(bare)
     }
@@ -211,7 +211,7 @@ impl DiagnosisState {
     /// Whether nothing is left to explain where a family is seen from here.
     pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
-        let Some(mut fit) = again else { return false };
+        let Ok(mut fit) = again else { return false };
         fit.solve(objective, FOLLOWER);
         let samples = objective.samples(LogSet::HeldOut).max(1);
         let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
@@ -219,9 +219,10 @@ impl DiagnosisState {
     }
 
     /// Goes on beside a family that is seen from here.
-    pub(super) fn look_again(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+    pub(super) fn look_again(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
         for fit in [&mut self.bare, &mut self.fit] {
-            if let Some(again) = FitPoint::at(objective, fit.active.clone(), fit.u.clone(), &[]) {
+            // A point that cannot be simulated from the new starts stays as it was.
+            if let Ok(again) = FitPoint::at(objective, fit.active.clone(), fit.u.clone(), &[]) {
                 *fit = again;
             }
         }
@@ -234,7 +235,7 @@ impl DiagnosisState {
     pub(super) fn leaves_something(&self, objective: &Objective, fit: &FitPoint) -> bool {
         let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
         // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
-        if objective.model.is_chaotic() {
+        if objective.description.is_chaotic {
             return squares > NOISE.powi(2);
         }
         squares > 1.0 + LEARNT_FALL / 2.0 + self.integrator.powi(2)

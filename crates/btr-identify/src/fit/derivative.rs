@@ -1,11 +1,12 @@
 //! How the residual changes with the free knobs: finite differences, cheap ones for the way and careful ones for what is said
 //! about the end of it.
 
-use super::estimate::told;
+use super::estimate::information;
 use super::objective::{LogSet, Objective};
 use super::residual_vector::ResidualVector;
 use super::solve::FitPoint;
 use crate::residual_model::FitParameter;
+use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 
 /// How much finer than the usual ones fine differences are.
@@ -110,7 +111,7 @@ impl FitPoint {
 
     /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
     fn slopes(&self, objective: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let stencils: Vec<[(f64, f64); 2]> =
             active.iter().map(|&k| stencil(&parameters[k], self.u[k], share * parameters[k].reach)).collect();
         let moved = |(&parameter, stencil): (&usize, &[(f64, f64); 2])| {
@@ -123,8 +124,8 @@ impl FitPoint {
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
         let there = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let slope = |(stencil, there): (&[(f64, f64); 2], &[Option<ResidualVector>])| match there {
-            [Some(near), Some(far)] => Slope::new(*stencil, &here, near, far),
+        let slope = |(stencil, there): (&[(f64, f64); 2], &[Result<ResidualVector, WorldError>])| match there {
+            [Ok(near), Ok(far)] => Slope::new(*stencil, &here, near, far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
         stencils.iter().zip(there.chunks(2)).map(slope).collect()
@@ -139,8 +140,9 @@ impl FitPoint {
         self.look_along_the_common_factor(objective);
         let mut steps = vec![SHORT; self.active.len()];
         for _ in 0..RESTARTS {
-            let Some(told) = told(objective.model.parameters(), self).filter(|told| !told.is_empty()) else { return };
-            let eigen = told.symmetric_eigen();
+            let information = information(objective.parameters(), self);
+            let Some(information) = information.filter(|information| !information.is_empty()) else { return };
+            let eigen = information.symmetric_eigen();
             let deviation = |i: usize| (1.0 + eigen.eigenvalues[i].max(0.0)).powf(-0.5);
             // From the best told direction to the worst told one, so that each meets its likes of the look before.
             let mut order: Vec<usize> = (0..self.active.len()).collect();
@@ -161,7 +163,7 @@ impl FitPoint {
     /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
     /// seem to tell. So it is looked along by itself, and believed where that shows less.
     fn look_along_the_common_factor(&mut self, objective: &Objective) {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let Some(along) = self.common_factor(parameters) else { return };
         let Some(ProbeResponse { along, scaled, change }) = self.look(objective, vec![(along, COMMON)]).pop() else {
             return;
@@ -193,7 +195,7 @@ impl FitPoint {
     /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
     /// as the bounds allow. Directions that blow up or have no room on either side are left out.
     fn look(&self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let spreads = DVector::from_fn(self.active.len(), |k, _| parameters[self.active[k]].spread);
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
@@ -206,8 +208,8 @@ impl FitPoint {
         let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
         let there = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let seen = |(look, there): (ProbeDirection, &[Option<ResidualVector>])| {
-            let ([Some(near), Some(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
+        let seen = |(look, there): (ProbeDirection, &[Result<ResidualVector, WorldError>])| {
+            let ([Ok(near), Ok(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
                 return None;
             };
             let at = |row: usize| near_weight * (near[row] - here[row]) + far_weight * (far[row] - here[row]);
@@ -263,7 +265,7 @@ pub fn columns(
     residual: &[f64],
     step_error: &[f64],
 ) -> Vec<Vec<f64>> {
-    let parameters = objective.model.parameters();
+    let parameters = objective.parameters();
     let reach = |parameter: usize| {
         let reach = parameters[parameter].reach;
         if u[parameter] + reach <= parameters[parameter].bounds.1 { reach } else { -reach }
@@ -275,12 +277,13 @@ pub fn columns(
     };
     let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
     let there = objective.residuals(&points, LogSet::Learn);
-    let column = |(&parameter, there): (&usize, Option<ResidualVector>)| match there {
-        Some(there) => {
+    let column = |(&parameter, there): (&usize, Result<ResidualVector, WorldError>)| match there {
+        Ok(there) => {
             let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
             there.iter().zip(bare).map(|(a, b)| (a - b) / reach(parameter)).collect()
         }
-        None => vec![0.0; residual.len()],
+        // A parameter that cannot be moved is not searched along.
+        Err(_) => vec![0.0; residual.len()],
     };
     active.iter().zip(there).map(column).collect()
 }

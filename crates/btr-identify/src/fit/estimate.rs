@@ -3,7 +3,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::channels;
 use super::solve::FitPoint;
-use crate::residual_model::{FitParameter, ResidualModel};
+use crate::residual_model::{FitParameter, ModelDescription};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -43,10 +43,10 @@ pub struct Estimate {
 /// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
 /// too; with contact they are at least as wide as channels differ in what they say.
 pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
-    let (model, parameters) = (objective.model, objective.model.parameters());
+    let (description, parameters) = (&objective.description, objective.parameters());
     let deviations_within = deviations(parameters, fit, inflation, 1.0);
     let by_logs = deviations(parameters, fit, inflation, LOOSE);
-    let by_channels = if model.has_contact() { by_channels(model, fit) } else { None };
+    let by_channels = if description.has_contact { by_channels(description, fit) } else { None };
     let by_step = if trusted { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (parameter, u) = (&parameters[index], fit.u[index]);
@@ -66,7 +66,7 @@ pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted:
 }
 
 /// JᵀJ in units of the priors, so that what the logs tell is comparable with what is believed anyway.
-pub(super) fn told(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
+pub(super) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let spread = |k: usize| parameters[fit.active[k]].spread;
     let information = jacobian.tr_mul(jacobian);
@@ -75,7 +75,12 @@ pub(super) fn told(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatri
 
 /// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as
 /// wide as they are.
-fn information(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
+fn posterior_precision(
+    parameters: &[FitParameter],
+    fit: &FitPoint,
+    inflation: f64,
+    looser: f64,
+) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
     for (k, &parameter) in fit.active.iter().enumerate() {
@@ -86,7 +91,7 @@ fn information(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, loos
 
 /// Standard deviation of each free coordinate.
 fn deviations(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<Vec<f64>> {
-    information(parameters, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
+    posterior_precision(parameters, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
 }
 
 fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
@@ -96,9 +101,9 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
 /// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a
 /// channel is small and lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum
 /// of the squares of what each channel's residual says. None where channels are too few to tell.
-fn by_channels(model: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
+fn by_channels(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let channels = channels(model.logs().iter().filter(|log| !log.held_out));
+    let channels = channels(description.logs.iter().filter(|log| !log.held_out));
     let numbers = fit.active.len();
     if channels.len() < CHANNELS * numbers {
         return None;
@@ -111,16 +116,16 @@ fn by_channels(model: &dyn ResidualModel, fit: &FitPoint) -> Option<Vec<f64>> {
     }
     // A fit bends what channels say towards nothing.
     said *= channels.len() as f64 / (channels.len() - numbers) as f64;
-    let inverse = information(model.parameters(), fit, 1.0, 1.0)?.try_inverse()?;
+    let inverse = posterior_precision(&description.parameters, fit, 1.0, 1.0)?.try_inverse()?;
     Some(roots(&(&inverse * said * &inverse)))
 }
 
 /// By how much the integrator's error moves each free coordinate; nothing is known of it where motion is chaotic.
 fn by_step(objective: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
-    let jacobian = fit.jacobian.as_ref().filter(|_| !objective.model.is_chaotic())?;
+    let jacobian = fit.jacobian.as_ref().filter(|_| !objective.description.is_chaotic)?;
     let error = objective.step_error(&fit.u, &fit.bare(), LogSet::Learn);
     let says = jacobian.tr_mul(&DVector::from_vec(error));
-    let moved = information(objective.model.parameters(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
+    let moved = posterior_precision(objective.parameters(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
     Some(moved.iter().map(|by| by.abs()).collect())
 }
 
@@ -136,12 +141,11 @@ pub struct NullDirection {
 
 /// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say: first the knobs
 /// that are dead by themselves, then combinations of the others, each of as few as possible.
-pub fn null_directions(model: &dyn ResidualModel, fit: &FitPoint) -> Vec<NullDirection> {
-    let parameters = model.parameters();
-    let Some(told) = told(parameters, fit) else { return Vec::new() };
-    let (dead, alive): (Vec<usize>, Vec<usize>) = (0..told.nrows()).partition(|&k| is_dead(told[(k, k)]));
+pub fn null_directions(parameters: &[FitParameter], fit: &FitPoint) -> Vec<NullDirection> {
+    let Some(information) = information(parameters, fit) else { return Vec::new() };
+    let (dead, alive): (Vec<usize>, Vec<usize>) = (0..information.nrows()).partition(|&k| is_dead(information[(k, k)]));
     let alone = dead.iter().map(|&k| vec![(k, 1.0)]);
-    let among = null_space(&told.select_rows(&alive).select_columns(&alive));
+    let among = null_space(&information.select_rows(&alive).select_columns(&alive));
     let together = among.into_iter().map(|x| alive.iter().copied().zip(x.iter().copied()).collect());
     alone.chain(together).map(|direction: Vec<(usize, f64)>| named(parameters, fit, &direction)).collect()
 }

@@ -7,6 +7,7 @@ use super::residual_vector::chi;
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
 use crate::residual_model::TimeStep;
+use btr_core::world::WorldError;
 
 /// Where amplitudes that are off are started from: at off, where some effects have no slope, and beside it.
 const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
@@ -79,13 +80,15 @@ const LESS: f64 = 0.99;
 const MOST: f64 = 0.5;
 
 /// Fits everything that is in doubt; `on_step` is called with each step: what was done, the error on the logs to learn from and on
-/// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them. `None`
-/// where the model blows up as it stands.
-pub fn fitted(objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> Option<FitResult> {
+/// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them.
+///
+/// # Errors
+/// The reason why the model cannot be simulated at its current values.
+pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<FitResult, WorldError> {
     let mut ladder = LadderRecorder { steps: Vec::new(), on_step };
     let fit = begin(objective, &mut ladder)?;
     let done = finish(objective, fit, &mut ladder, "fitted");
-    let restarts_left = if objective.model.has_contact() { 1 } else { RESTARTS };
+    let restarts_left = if objective.description.has_contact { 1 } else { RESTARTS };
     looked(objective, done, ladder, restarts_left)
 }
 
@@ -96,26 +99,26 @@ fn looked(
     done: FinishedSearch,
     mut ladder: LadderRecorder,
     restarts_left: usize,
-) -> Option<FitResult> {
-    let contact = objective.model.has_contact();
+) -> Result<FitResult, WorldError> {
+    let contact = objective.description.has_contact;
     if restarts_left == 0 || (contact && ladder.error() <= NOISE) {
-        return Some(conclude(objective, done, ladder));
+        return Ok(conclude(objective, done, ladder));
     }
     let seen = objective.with_starts_at(&done.0.u);
     if seen.is_none() && contact {
-        return Some(conclude(objective, done, ladder));
+        return Ok(conclude(objective, done, ladder));
     }
-    let again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &done.0.u);
+    let mut again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &done.0.u);
     let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
-    fit.renew_step_error(&again);
+    fit.renew_step_error(&mut again);
     if !contact {
         fit.solve(&again, TRIAL);
         if !is_better(&again, &fit, objective, &done.0) {
             objective.count(&again);
-            return Some(conclude(objective, done, ladder));
+            return Ok(conclude(objective, done, ladder));
         }
     }
-    let done = finish(&again, fit, &mut ladder, "starts as it sees them");
+    let done = finish(&mut again, fit, &mut ladder, "starts as it sees them");
     looked(&again, done, ladder, restarts_left - 1)
 }
 
@@ -133,22 +136,23 @@ fn is_better(again: &Objective, fit: &FitPoint, objective: &Objective, before: &
 }
 
 /// The best of several starts.
-fn begin(objective: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint> {
-    let parameters = objective.model.parameters();
-    let free = objective.model.free().to_vec();
-    let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; parameters.len()], &[])?;
+fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPoint, WorldError> {
+    let free = objective.description.free.clone();
+    let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; objective.parameters().len()], &[])?;
     fit.renew_step_error(objective);
+    let (objective, parameters) = (&*objective, objective.parameters());
     ladder.record(objective, "model as it stands", &fit);
     let off: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].amplitude).collect();
     let open: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].is_of_any_magnitude()).collect();
     if off.is_empty() && open.is_empty() {
-        return Some(fit);
+        return Ok(fit);
     }
+    // A start that cannot be simulated is skipped: others can.
     let start = |(size, factor): (f64, f64)| {
         let mut u = fit.u.clone();
         off.iter().for_each(|&k| u[k] = parameters[k].clamp(size));
         open.iter().for_each(|&k| u[k] = parameters[k].clamp(parameters[k].coordinate(factor * parameters[k].origin)));
-        let mut fit = FitPoint::at(objective, free.clone(), u, &fit.step_error)?;
+        let mut fit = FitPoint::at(objective, free.clone(), u, &fit.step_error).ok()?;
         fit.solve(objective, TRIAL);
         Some(fit)
     };
@@ -157,17 +161,18 @@ fn begin(objective: &Objective, ladder: &mut LadderRecorder) -> Option<FitPoint>
         starts.filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
     let (at_off, beside_it) = STARTS.split_at(1);
-    let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0])?;
+    // The first start is where the fit is, so that there is a best one.
+    let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0]).unwrap_or_else(|| fit.clone());
     if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > NOISE {
         let other = best_of(if off.is_empty() { at_off } else { beside_it }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
     ladder.record(objective, "best of several starts", &best);
-    Some(best)
+    Ok(best)
 }
 
 /// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
-fn finish(objective: &Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
+fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
     fit.solve(objective, SearchBudget::FULL);
     let integrator_error = fit.renew_step_error(objective);
@@ -195,7 +200,7 @@ fn conclude(
     let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
     FitResult {
         parameters: estimates(objective, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
-        null_directions: null_directions(objective.model, &fit),
+        null_directions: null_directions(objective.parameters(), &fit),
         integrator_error: integrator_error.max(fit.step_error_to_judge_on(objective)),
         fit,
         train,
@@ -227,7 +232,7 @@ mod tests {
             let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
             (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
         });
-        let found = fitted(&Objective::new(&made), &|_| {}).unwrap();
+        let found = fitted(&mut Objective::new(&made), &|_| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

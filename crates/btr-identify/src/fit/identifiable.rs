@@ -1,9 +1,10 @@
 //! What logs can tell about the numbers in doubt, before anything is fitted to them: G. H. Golub and C. F. Van Loan's singular
 //! values of the scaled Jacobian ("Matrix Computations", 1983), at the model as it stands.
 
-use super::estimate::{NullDirection, is_dead, null_directions, told};
+use super::estimate::{NullDirection, information, is_dead, null_directions};
 use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
+use btr_core::world::WorldError;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -38,36 +39,40 @@ pub struct Identifiable {
     pub null_directions: Vec<NullDirection>,
 }
 
-/// What the logs to learn from tell about the numbers in doubt. `None` where nothing is in doubt, or where the model
-/// blows up as it stands.
-pub fn identifiable(objective: &Objective) -> Option<Identifiable> {
-    let (model, parameters) = (objective.model, objective.model.parameters());
-    if model.free().is_empty() {
-        return None;
+/// What the logs to learn from tell about the numbers in doubt. `None` without free
+/// parameters, or where a parameter has no finite effect.
+///
+/// # Errors
+/// The reason why the model cannot be simulated at its current values.
+pub fn identifiable(objective: &Objective) -> Result<Option<Identifiable>, WorldError> {
+    let (free, parameters) = (&objective.description.free, objective.parameters());
+    if free.is_empty() {
+        return Ok(None);
     }
-    let mut fit = FitPoint::at(objective, model.free().to_vec(), vec![0.0; parameters.len()], &[])?;
+    let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; parameters.len()], &[])?;
     fit.differentiate_widely(objective);
-    let told = told(parameters, &fit)?;
-    let left = (DMatrix::identity(told.nrows(), told.nrows()) + &told).cholesky()?.inverse();
+    let Some(information) = information(parameters, &fit) else { return Ok(None) };
+    let posterior = DMatrix::identity(information.nrows(), information.nrows()) + &information;
+    let Some(left) = posterior.cholesky().map(|factors| factors.inverse()) else { return Ok(None) };
     let samples = objective.samples(LogSet::Learn).max(1) as f64;
     let sensitivity = |(k, &index): (usize, &usize)| Sensitivity {
         name: parameters[index].name.clone(),
         unit: parameters[index].unit.clone(),
         value: parameters[index].origin,
-        sensitivity: (told[(k, k)] / samples).sqrt(),
+        sensitivity: (information[(k, k)] / samples).sqrt(),
         uncertainty_left: left[(k, k)].max(0.0).sqrt(),
-        dead: is_dead(told[(k, k)]),
+        dead: is_dead(information[(k, k)]),
     };
+    let null_directions = null_directions(parameters, &fit);
     let parameters = fit.active.iter().enumerate().map(sensitivity).collect();
-    let null_directions = null_directions(model, &fit);
-    let squares = told.symmetric_eigenvalues();
+    let squares = information.symmetric_eigenvalues();
     let (most, least) = (squares.max(), squares.min());
     // Below this the smallest is rounding.
-    let told_at_all = least > f64::EPSILON * squares.len() as f64 * most;
-    Some(Identifiable {
+    let is_told = least > f64::EPSILON * squares.len() as f64 * most;
+    Ok(Some(Identifiable {
         parameters,
         rank: fit.active.len() - null_directions.len(),
-        condition_number: told_at_all.then(|| (most / least).sqrt()),
+        condition_number: is_told.then(|| (most / least).sqrt()),
         null_directions,
-    })
+    }))
 }

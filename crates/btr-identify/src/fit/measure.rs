@@ -41,11 +41,11 @@ impl ComparisonMeasure {
 }
 
 /// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
-/// blows up.
+/// cannot be simulated there.
 pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> {
-    let residual = objective.residual(u, LogSet::HeldOut)?;
+    let residual = objective.residual(u, LogSet::HeldOut).ok()?;
     let as_simulated = squares(&residual);
-    if objective.model.is_chaotic() {
+    if objective.description.is_chaotic {
         return Some(as_simulated);
     }
     let error = objective.step_error(u, &residual, LogSet::HeldOut);
@@ -54,7 +54,7 @@ pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> 
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
 fn memory(objective: &Objective, fit: &FitPoint) -> f64 {
-    let logs = objective.logs(LogSet::Learn).iter().map(|&log| &objective.model.logs()[log]);
+    let logs = objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
     let (mut weighted, mut weight) = (0.0, 0.0);
     for rows in channels(logs) {
         let series = &fit.residual[rows];

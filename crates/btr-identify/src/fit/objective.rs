@@ -3,10 +3,12 @@
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::each;
 use super::start::{MOVED, StartStates, nearest_starts};
-use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{
+    Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, ResidualModel, ResidualRequest, TimeStep,
+};
 use btr_core::world::WorldError;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How far the integrator's error is believed at a sample, in multiples of the noise.
 const WORST_STEP_ERROR: f64 = 5.0;
@@ -18,12 +20,14 @@ pub const FINEST: u32 = 4;
 
 /// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
 pub struct Objective<'a> {
-    /// The family.
+    /// The residual model.
     pub model: &'a dyn ResidualModel,
+    /// Its description.
+    pub description: ModelDescription,
     learn: Vec<usize>,
     held_out: Vec<usize>,
     starts: StartStates,
-    halvings: AtomicU8,
+    step: TimeStep,
     rollouts: AtomicUsize,
 }
 
@@ -39,28 +43,46 @@ pub enum LogSet {
 impl<'a> Objective<'a> {
     /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
     pub fn new(model: &'a dyn ResidualModel) -> Self {
-        Self::at(model, &vec![0.0; model.parameters().len()])
+        let description = model.description();
+        let origin = vec![0.0; description.parameters.len()];
+        Self::described(model, description, &origin)
     }
 
     /// The same where what another start state does is answered by the model at a point.
     pub fn at(model: &'a dyn ResidualModel, u: &[f64]) -> Self {
-        let (held_out, learn) = (0..model.logs().len()).partition(|log| model.logs()[*log].held_out);
-        let (starts, rollouts) = StartStates::at(model, u);
-        Objective { model, learn, held_out, starts, halvings: AtomicU8::new(0), rollouts: AtomicUsize::new(rollouts) }
+        Self::described(model, model.description(), u)
+    }
+
+    fn described(model: &'a dyn ResidualModel, description: ModelDescription, u: &[f64]) -> Self {
+        let logs = &description.logs;
+        let (held_out, learn) = (0..logs.len()).partition(|log| logs[*log].held_out);
+        let (starts, rollouts) = StartStates::at(model, &description, u);
+        Objective {
+            model,
+            description,
+            learn,
+            held_out,
+            starts,
+            step: TimeStep::USUAL,
+            rollouts: AtomicUsize::new(rollouts),
+        }
     }
 
     /// A bench for the same family as it is seen from a point: with this one's step, counting on.
     pub(crate) fn going_on<'b>(&self, model: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
         let other = Objective::at(model, u);
         let rollouts = self.rollouts() + other.rollouts();
-        Objective { halvings: self.step().halvings().into(), rollouts: rollouts.into(), ..other }
+        Objective { step: self.step, rollouts: rollouts.into(), ..other }
     }
 
-    /// The family as the model at a point has it; see [`ResidualModel::with_starts_at`]. `None` where that is no different.
+    /// The family as the model at a point has it; see [`Derivation::WithStartsAt`]. `None` where that is no different.
     pub(crate) fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
-        let (moved, rollouts) = nearest_starts(self.model, u, MOVED);
+        let (moved, rollouts) = nearest_starts(self.model, &self.description, u, MOVED);
         self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
-        if moved.is_empty() { self.model.with_starts_at(u) } else { self.model.with_initial_state(&moved) }
+        self.model.derive(&match moved.is_empty() {
+            true => Derivation::WithStartsAt(u.to_vec()),
+            false => Derivation::WithInitialState(moved),
+        })
     }
 
     /// Takes over the count of a bench that went on from here.
@@ -75,19 +97,34 @@ impl<'a> Objective<'a> {
 
     /// The time step that everything is simulated with.
     pub fn step(&self) -> TimeStep {
-        TimeStep::of_halvings(self.halvings.load(Ordering::Relaxed))
+        self.step
     }
 
     /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from
     /// or else in those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors
     /// have that error in them.
-    pub(super) fn refine(&self, learn: f64, held_out: impl FnOnce() -> f64) -> bool {
-        let refinable = self.step().divides_by() < FINEST && !self.model.is_chaotic();
-        let refines = refinable && (learn > FINE_ENOUGH || held_out() > FINE_ENOUGH);
+    pub(super) fn refine(&mut self, learn: f64, held_out: impl FnOnce(&Objective) -> f64) -> bool {
+        let refinable = self.step().divides_by() < FINEST && !self.description.is_chaotic;
+        let refines = refinable && (learn > FINE_ENOUGH || held_out(self) > FINE_ENOUGH);
         if refines {
-            self.halvings.fetch_add(1, Ordering::Relaxed);
+            self.step = self.step.halved();
         }
         refines
+    }
+
+    /// Everything that may be varied.
+    pub fn parameters(&self) -> &[FitParameter] {
+        &self.description.parameters
+    }
+
+    /// Effects that may be missing.
+    pub fn candidates(&self) -> &[EffectCandidate] {
+        &self.description.candidates
+    }
+
+    /// Terms of laws.
+    pub fn law_terms(&self) -> &[LawTerm] {
+        &self.description.law_terms
     }
 
     /// The logs of a kind, as indices in the family.
@@ -98,39 +135,51 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// Residuals at several points, in parallel; `None` where a simulation blew up.
-    pub fn residuals(&self, points: &[Vec<f64>], logs: LogSet) -> Vec<Option<ResidualVector>> {
+    /// Residuals at several points, in parallel; for each point, the residuals of all its logs or the reason of the first
+    /// failing rollout.
+    pub fn residuals(&self, points: &[Vec<f64>], logs: LogSet) -> Vec<Result<ResidualVector, WorldError>> {
         self.residuals_of(points, self.logs(logs))
     }
 
     /// The same for some logs.
-    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize]) -> Vec<Option<ResidualVector>> {
+    pub fn residuals_of(&self, points: &[Vec<f64>], which: &[usize]) -> Vec<Result<ResidualVector, WorldError>> {
         self.in_steps(points, which, self.step())
     }
 
-    fn in_steps(&self, points: &[Vec<f64>], which: &[usize], step: TimeStep) -> Vec<Option<ResidualVector>> {
+    fn in_steps(
+        &self,
+        points: &[Vec<f64>],
+        which: &[usize],
+        step: TimeStep,
+    ) -> Vec<Result<ResidualVector, WorldError>> {
         let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
         let rollouts: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
         self.rollouts.fetch_add(rollouts.len(), Ordering::Relaxed);
-        let parts = each(self.model, &rollouts, step, &|log, residual| self.known(log, residual));
-        let joined = |point: usize| {
-            let of_logs = (0..which.len()).map(|log| parts[log * points.len() + point].as_deref());
-            Some(of_logs.collect::<Option<Vec<&[f64]>>>()?.concat())
-        };
-        (0..points.len()).map(joined).collect()
+        let parts =
+            each(self.model, self.description.batch_size, &rollouts, step, &|log, residual| self.known(log, residual));
+        let mut residuals: Vec<Result<ResidualVector, WorldError>> = points.iter().map(|_| Ok(Vec::new())).collect();
+        for (k, part) in parts.into_iter().enumerate() {
+            let of_point = &mut residuals[k % points.len()];
+            match (of_point.as_mut(), part) {
+                (Ok(residual), Ok(part)) => residual.extend(part),
+                (Ok(_), Err(error)) => *of_point = Err(error),
+                (Err(_), _) => {}
+            }
+        }
+        residuals
     }
 
     /// The residual of a log without what its start state could do; a missing sample is none.
-    fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Option<ResidualVector> {
-        let mut residual = residual.ok()?;
+    fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Result<ResidualVector, WorldError> {
+        let mut residual = residual?;
         residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
         self.starts.project(log, &mut residual);
-        Some(residual)
+        Ok(residual)
     }
 
     /// Measured samples of the logs of a kind, without those that their start states take.
     pub fn samples(&self, logs: LogSet) -> usize {
-        let count = |log: &usize| self.model.logs()[*log].present.saturating_sub(self.starts.rank(*log));
+        let count = |log: &usize| self.description.logs[*log].present.saturating_sub(self.starts.rank(*log));
         self.logs(logs).iter().map(count).sum()
     }
 
@@ -139,7 +188,7 @@ impl<'a> Objective<'a> {
         let mut start = 0;
         let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();
         for &log in &self.learn {
-            let rows = start..start + self.model.logs()[log].rows();
+            let rows = start..start + self.description.logs[log].rows();
             start = rows.end;
             logs.push((squares(&residual[rows.clone()]), log, rows));
         }
@@ -148,23 +197,31 @@ impl<'a> Objective<'a> {
     }
 
     /// The residual at one point.
-    pub fn residual(&self, point: &[f64], logs: LogSet) -> Option<ResidualVector> {
-        self.residuals(&[point.to_vec()], logs).pop().flatten()
+    ///
+    /// # Errors
+    /// The reason of the first failing rollout.
+    pub fn residual(&self, point: &[f64], logs: LogSet) -> Result<ResidualVector, WorldError> {
+        self.residuals(&[point.to_vec()], logs).pop().unwrap_or_else(|| Ok(Vec::new()))
     }
 
     /// The residual at one point with half the step.
-    pub(super) fn halved(&self, point: &[f64], logs: LogSet) -> Option<ResidualVector> {
-        self.in_steps(&[point.to_vec()], self.logs(logs), self.step().halved()).pop().flatten()
+    pub(super) fn halved(&self, point: &[f64], logs: LogSet) -> Result<ResidualVector, WorldError> {
+        let mut residuals = self.in_steps(&[point.to_vec()], self.logs(logs), self.step().halved());
+        residuals.pop().unwrap_or_else(|| Ok(Vec::new()))
     }
 
-    /// What the integrator's error adds to the residual at a point. Zero where half the step blows up.
+    /// What the integrator's error adds to the residual at a point. Zero where the simulation diverges with half the step:
+    /// then nothing is known of the error.
     pub fn step_error(&self, point: &[f64], usual: &[f64], logs: LogSet) -> ResidualVector {
-        self.halved(point, logs).map_or_else(|| vec![0.0; usual.len()], |halved| self.beyond(usual, &halved))
+        match self.halved(point, logs) {
+            Ok(halved) => self.beyond(usual, &halved),
+            Err(_) => vec![0.0; usual.len()],
+        }
     }
 
     /// The change that half the step makes, extrapolated to no step at all (Richardson).
     pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
-        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.model.order()) - 1.0);
+        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.description.order) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
 }

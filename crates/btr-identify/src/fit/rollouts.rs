@@ -9,11 +9,12 @@ use std::ops::Range;
 /// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
 pub(super) fn each<T: Send>(
     model: &dyn ResidualModel,
+    batch_size: usize,
     rollouts: &[ResidualRequest],
     step: TimeStep,
     made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
 ) -> Vec<T> {
-    let at_once = side_by_side(model.side_by_side(), rollouts.len());
+    let at_once = side_by_side(batch_size, rollouts.len());
     let run = |few: &[ResidualRequest]| {
         let residuals = model.residuals(few, step);
         few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()

@@ -4,6 +4,7 @@ use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
 use crate::residual_model::FitParameter;
+use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 
 /// Steps to the middle of what is left open, as long as each lowers the cost by this much, and which shares of each are tried.
@@ -50,7 +51,7 @@ impl FitPoint {
     /// The best point on the way to where the local model is least, if it is better than here, and by how much the cost
     /// should fall on the way.
     fn settling_step(&self, objective: &Objective) -> Option<(FitPoint, f64)> {
-        let (parameters, jacobian) = (objective.model.parameters(), self.jacobian.as_ref()?);
+        let (parameters, jacobian) = (objective.parameters(), self.jacobian.as_ref()?);
         let (straight, pinned) = self.bounded_step(parameters, jacobian)?;
         let promised = self.promised(parameters, jacobian, &straight);
         let bend = self.bend(objective, jacobian, &straight, &pinned);
@@ -61,12 +62,12 @@ impl FitPoint {
         best.filter(|best| best.cost < self.cost).map(|best| (best, promised))
     }
 
-    /// The same fit at other points, without slopes; those that blow up are left out.
+    /// The same fit at other points, without slopes; those where the simulation fails are left out.
     fn elsewhere(&self, objective: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
         let there = objective.residuals(&points, LogSet::Learn);
-        let fit = |(u, residual): (Vec<f64>, Option<ResidualVector>)| {
-            let residual = corrected(residual?, &self.step_error);
-            let cost = cost(objective.model.parameters(), &self.active, &u, &residual);
+        let fit = |(u, residual): (Vec<f64>, Result<ResidualVector, WorldError>)| {
+            let residual = corrected(residual.ok()?, &self.step_error);
+            let cost = cost(objective.parameters(), &self.active, &u, &residual);
             let (active, step_error) = (self.active.clone(), self.step_error.clone());
             Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
         };
@@ -115,10 +116,10 @@ impl FitPoint {
         step: &DVector<f64>,
         pinned: &[Option<f64>],
     ) -> Option<DVector<f64>> {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let there =
             objective.residuals(&AHEAD.map(|share| self.point_along(parameters, &(step * share))), LogSet::Learn);
-        let [Some(near), Some(far)] = &there[..] else { return None };
+        let [Ok(near), Ok(far)] = &there[..] else { return None };
         let (near_weight, far_weight, here_weight) = second_difference(AHEAD);
         let here = self.bare();
         let second = |row: usize| 0.5 * (near_weight * near[row] + far_weight * far[row] + here_weight * here[row]);
@@ -168,7 +169,7 @@ mod tests {
 
     /// A fit that has gone downhill from somewhere along the factor.
     fn downhill(objective: &Objective, factor: f64) -> FitPoint {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let u = parameters.iter().zip(TRUTH).map(|(parameter, value)| parameter.coordinate(factor * value)).collect();
         let mut fit = FitPoint::at(objective, vec![0, 1, 2], u, &[]).unwrap();
         fit.solve(objective, SearchBudget::FULL);

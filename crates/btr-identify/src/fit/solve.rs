@@ -4,6 +4,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
 use crate::residual_model::FitParameter;
+use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::ops::Range;
@@ -63,13 +64,21 @@ pub struct FitPoint {
 }
 
 impl FitPoint {
-    /// A fit at a point; `None` where the simulation blows up.
-    pub fn at(objective: &Objective, active: Vec<usize>, u: Vec<f64>, step_error: &[f64]) -> Option<FitPoint> {
+    /// A fit at a point; without a `step_error`, none is assumed.
+    ///
+    /// # Errors
+    /// The reason of the first failing rollout on a training log.
+    pub fn at(
+        objective: &Objective,
+        active: Vec<usize>,
+        u: Vec<f64>,
+        step_error: &[f64],
+    ) -> Result<FitPoint, WorldError> {
         let residual = objective.residual(&u, LogSet::Learn)?;
         let step_error = if step_error.is_empty() { vec![0.0; residual.len()] } else { step_error.to_vec() };
         let residual = corrected(residual, &step_error);
-        let cost = cost(objective.model.parameters(), &active, &u, &residual);
-        Some(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
+        let cost = cost(objective.parameters(), &active, &u, &residual);
+        Ok(FitPoint { active, u, residual, cost, step_error, jacobian: None, fresh: false })
     }
 
     /// Sum of squares of the residual alone.
@@ -97,24 +106,25 @@ impl FitPoint {
     /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
     /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
     /// square in the logs to learn from, in multiples of the noise floor.
-    pub fn renew_step_error(&mut self, objective: &Objective) -> f64 {
+    pub fn renew_step_error(&mut self, objective: &mut Objective) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
-            let halved = objective.halved(&self.u, LogSet::Learn).unwrap_or_else(|| bare.clone());
+            // Where half the step diverges, nothing is known of the error.
+            let halved = objective.halved(&self.u, LogSet::Learn).unwrap_or_else(|_| bare.clone());
             let error = objective.beyond(&bare, &halved);
             let size = chi(squares(&error), objective.samples(LogSet::Learn));
-            if !objective.refine(size, || self.step_error_to_judge_on(objective)) {
+            if !objective.refine(size, |objective| self.step_error_to_judge_on(objective)) {
                 break (error, size);
             }
             bare = halved;
         };
         let extrapolated = corrected(bare.clone(), &error);
-        let orderly = !objective.model.is_chaotic() && squares(&extrapolated) < squares(&bare);
+        let orderly = !objective.description.is_chaotic && squares(&extrapolated) < squares(&bare);
         (self.residual, self.step_error) = match orderly {
             true => (extrapolated, error),
             false => (bare, vec![0.0; error.len()]),
         };
-        self.cost = cost(objective.model.parameters(), &self.active, &self.u, &self.residual);
+        self.cost = cost(objective.parameters(), &self.active, &self.u, &self.residual);
         size
     }
 
@@ -175,7 +185,7 @@ impl FitPoint {
     /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
     /// simulated.
     fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
-        let parameters = objective.model.parameters();
+        let parameters = objective.parameters();
         let jacobian = self.jacobian.as_ref()?;
         let step = self.direction(parameters, jacobian, damping)?;
         let mut u = self.u.clone();
@@ -189,8 +199,8 @@ impl FitPoint {
         if moved.norm_squared() < 1e-18 {
             return None;
         }
-        let Some(residual) = objective.residual(&u, LogSet::Learn) else {
-            // A blow-up is infinitely bad: the caller damps.
+        let Ok(residual) = objective.residual(&u, LogSet::Learn) else {
+            // A simulation that diverges costs infinitely much: the caller damps.
             return Some(FitPoint { cost: f64::INFINITY, ..self.clone() });
         };
         let residual = corrected(residual, &self.step_error);

@@ -2,7 +2,8 @@
 
 use super::bundle::Folder;
 use btr_core::log::Log;
-use btr_core::world::{Behaviour, Output};
+use btr_core::world::{Behaviour, Output, WorldError};
+use btr_identify::residual_model::Derivation;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::hash::{DefaultHasher, Hasher};
@@ -50,17 +51,6 @@ pub(super) enum PayloadContent {
     Test(Behaviour),
 }
 
-/// How a family was made of another one.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) enum Derivation {
-    /// Where only the beginnings of logs count.
-    Beginnings,
-    /// As it is seen from a point.
-    SeenFrom(Vec<f64>),
-    /// Where some logs begin elsewhere.
-    Begun(Vec<(usize, Vec<f64>)>),
-}
-
 /// A point of a family, most of whose coordinates are 0: those that are not.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sparse {
@@ -102,7 +92,37 @@ pub(super) struct Rollouts {
 }
 
 /// Residuals, or why there are none.
-pub(super) type ResidualMessage = Result<Vec<f64>, String>;
+pub(super) type ResidualMessage = Result<Vec<f64>, RolloutFailure>;
+
+/// Why a rollout failed.
+#[derive(Serialize, Deserialize)]
+pub(super) enum RolloutFailure {
+    BlewUp { time_s: f64, what: String },
+    Law { what: String },
+    Setup { what: String },
+}
+
+impl From<WorldError> for RolloutFailure {
+    fn from(error: WorldError) -> Self {
+        match error {
+            WorldError::BlewUp { time_s, what } => RolloutFailure::BlewUp { time_s, what },
+            WorldError::Law { what } => RolloutFailure::Law { what },
+            WorldError::Setup { what } => RolloutFailure::Setup { what },
+            WorldError::Space(error) => RolloutFailure::Setup { what: error.to_string() },
+            WorldError::Log(error) => RolloutFailure::Setup { what: error.to_string() },
+        }
+    }
+}
+
+impl From<RolloutFailure> for WorldError {
+    fn from(failure: RolloutFailure) -> Self {
+        match failure {
+            RolloutFailure::BlewUp { time_s, what } => WorldError::BlewUp { time_s, what },
+            RolloutFailure::Law { what } => WorldError::Law { what },
+            RolloutFailure::Setup { what } => WorldError::Setup { what },
+        }
+    }
+}
 
 /// A candidate of a population.
 #[derive(Serialize, Deserialize)]

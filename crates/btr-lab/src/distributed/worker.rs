@@ -3,7 +3,7 @@
 use super::bundle::Functions;
 use super::cache::Cache;
 use super::messages::{
-    Answer, Batch, Candidate, CandidateResult, Derivation, OutputOrder, Payload, PayloadContent, ResidualMessage,
+    Answer, Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, ResidualMessage, RolloutFailure,
     Rollouts, name_of,
 };
 use super::remote_model::fingerprint;
@@ -98,12 +98,7 @@ fn residuals(base: &dyn ResidualModel, key: u64, rollouts: &Rollouts) -> Result<
         let mut residual_model: Option<Box<dyn ResidualModel>> = None;
         for how in &rollouts.derived {
             let from = residual_model.as_deref().unwrap_or(base);
-            let next = match how {
-                Derivation::Beginnings => from.beginnings(),
-                Derivation::SeenFrom(u) => from.with_starts_at(u),
-                Derivation::Begun(moved) => from.with_initial_state(moved),
-            };
-            residual_model = Some(next.ok_or("this family cannot be derived here")?);
+            residual_model = Some(from.derive(how).ok_or("this family cannot be derived here")?);
         }
         let residual_model = residual_model.ok_or("nothing was derived")?;
         Ok(DecodedPayload::Family { residual_model, fingerprint: 0 })
@@ -119,9 +114,10 @@ fn made_of(residual_model: &dyn ResidualModel, rollouts: &Rollouts) -> Vec<Resid
     let dense: Vec<_> = rollouts.asked.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
     let asked: Vec<ResidualRequest> =
         dense.iter().map(|(u, log, moved)| ResidualRequest { u, log: *log, moved }).collect();
-    let results =
-        asked.chunks(residual_model.side_by_side().max(1)).flat_map(|few| residual_model.residuals(few, step));
-    results.map(|result| result.map_err(|e| e.to_string())).collect()
+    let results = asked
+        .chunks(residual_model.description().batch_size.max(1))
+        .flat_map(|few| residual_model.residuals(few, step));
+    results.map(|result| result.map_err(RolloutFailure::from)).collect()
 }
 
 fn population(

@@ -4,7 +4,7 @@
 use super::IdentificationProblem;
 use btr_core::world::WorldError;
 use btr_identify::fit::{rows_near, shared, squares};
-use btr_identify::residual_model::{FitParameter, Parametrisation, ResidualModel, ResidualRequest, TimeStep};
+use btr_identify::residual_model::{FitParameter, Parametrisation, ResidualRequest, TimeStep};
 use rayon::prelude::*;
 
 /// What a unit of an amplitude should show, and what the reach of a difference, where it shows best: in noise floors.

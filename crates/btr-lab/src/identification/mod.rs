@@ -1,4 +1,4 @@
-//! A model beside recorded logs, as the core's [`ResidualModel`]: what is in doubt, and every effect of the library at every site
+//! A model beside recorded logs, as a [`ResidualModel`](btr_identify::residual_model::ResidualModel): what is in doubt, and every effect of the library at every site
 //! where it could sit.
 
 mod candidates;
@@ -16,9 +16,7 @@ mod start;
 use btr_core::log::{Channel, Log, Role};
 use btr_core::world::WorldError;
 use btr_identify::diagnose::ResidualLaw;
-use btr_identify::residual_model::{
-    EffectCandidate, FitParameter, LawTerm, MeasuredChannel, RecordedLog, ResidualModel, TimeStep,
-};
+use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, MeasuredChannel, RecordedLog, TimeStep};
 use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;

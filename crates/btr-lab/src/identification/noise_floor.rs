@@ -9,7 +9,6 @@ use btr_core::log::Log;
 use btr_core::random::{derive, stream};
 use btr_core::world::WorldError;
 use btr_identify::fit::{Objective, squares};
-use btr_identify::residual_model::ResidualModel;
 use btr_physics::sensor::SensorNoise;
 use indexmap::IndexMap;
 use rand::RngExt;
@@ -107,7 +106,7 @@ fn of_logs(
     let objective = Objective::at(&twin, truth);
     let mut left = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
-        let residual = objective.residuals_of(&[truth.to_vec()], &[index]).pop().flatten();
+        let residual = objective.residuals_of(&[truth.to_vec()], &[index]).pop().and_then(Result::ok);
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
         let own = |channel: &btr_identify::residual_model::MeasuredChannel| {

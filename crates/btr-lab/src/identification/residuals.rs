@@ -1,4 +1,4 @@
-//! What is simulated beside what was measured, at any point of the family and from any start.
+//! Residuals of the identification problem: measured minus simulated, at any point and from any start state.
 
 use super::IdentificationProblem;
 use super::noise_floor;
@@ -7,64 +7,107 @@ use super::start::windows;
 use btr_core::log::{Log, interpolate};
 use btr_core::world::{Simulator, WorldError};
 use btr_identify::residual_model::{
-    EffectCandidate, FitParameter, LawTerm, RecordedLog, ResidualModel, ResidualRequest, TimeStep,
+    Derivation, EffectCandidate, FitParameter, LogStart, ModelDescription, RecordedLog, ResidualModel, ResidualRequest,
+    StartNumber, TimeStep,
 };
 use btr_physics::effects::PlacedEffect;
 use btr_physics::model::{ModelPoint, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
-use std::ops::Range;
 
 /// What counts as the beginning of a log, as a share of it.
 const BEGINNING: f64 = 0.3;
 
 impl ResidualModel for IdentificationProblem {
-    fn parameters(&self) -> &[FitParameter] {
-        &self.parameters
+    fn description(&self) -> ModelDescription {
+        let clock = |log: usize| self.clocks_s[self.parts[log].scenario].clone();
+        ModelDescription {
+            free: self.free.clone(),
+            candidates: self.candidates.clone(),
+            candidate_channels: self.near.clone(),
+            law_terms: self.features.clone(),
+            clocks_s: (0..self.logs.len()).map(clock).collect(),
+            starts: (0..self.logs.len()).map(|log| self.start(log)).collect(),
+            // Nudges of a free robot are as large as what is not known of its start.
+            start_spread: if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 },
+            batch_size: self.model.side_by_side(),
+            order: self.model.order(),
+            has_contact: self.model.has_contact(),
+            is_chaotic: self.is_chaotic(),
+            ..ModelDescription::new(self.parameters.clone(), self.logs.clone())
+        }
     }
 
-    fn free(&self) -> &[usize] {
-        &self.free
-    }
-
-    fn candidates(&self) -> &[EffectCandidate] {
-        &self.candidates
-    }
-
-    fn features(&self) -> &[LawTerm] {
-        &self.features
-    }
-
-    fn clock_s(&self, log: usize) -> &[f64] {
-        &self.clocks_s[self.parts[log].scenario]
-    }
-
-    fn logs(&self) -> &[RecordedLog] {
-        &self.logs
-    }
-
-    fn residual(&self, rollout: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
-        self.residuals(&[rollout], step).remove(0)
-    }
-
-    fn side_by_side(&self) -> usize {
-        self.model.side_by_side()
-    }
-
-    fn residuals(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+    fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
         let point = |of: &ResidualRequest| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
-        let points: Vec<(Vec<f64>, Vec<PlacedEffect>, Cow<Scenario>)> = rollouts.iter().map(point).collect();
+        let points: Vec<(Vec<f64>, Vec<PlacedEffect>, Cow<Scenario>)> = requests.iter().map(point).collect();
         let points: Vec<ModelPoint> =
             points.iter().map(|(s, further, situation)| ModelPoint { s, further, situation }).collect();
         let simulated = self.model.rollouts_in(&points, step);
-        rollouts.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
+        requests.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
     }
 
-    fn order(&self) -> i32 {
-        self.model.order()
+    fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
+        let derived = match derivation {
+            Derivation::Beginnings => self.beginnings()?,
+            Derivation::WithStartsAt(u) => self.with_starts_at(u)?,
+            Derivation::WithInitialState(moved) => self.begun_elsewhere(moved),
+        };
+        Some(Box::new(derived))
+    }
+}
+
+impl IdentificationProblem {
+    /// Everything that may be varied.
+    pub fn parameters(&self) -> &[FitParameter] {
+        &self.parameters
     }
 
-    fn starts(&self, log: usize) -> usize {
+    /// Indices of the parameters that are fitted from the beginning.
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
+
+    /// Effects that may be missing.
+    pub fn candidates(&self) -> &[EffectCandidate] {
+        &self.candidates
+    }
+
+    /// The logs; training logs first.
+    pub fn logs(&self) -> &[RecordedLog] {
+        &self.logs
+    }
+
+    /// Whether small errors grow: the logs are compared in windows.
+    pub fn is_chaotic(&self) -> bool {
+        self.parts.iter().any(|part| !part.windows.is_empty())
+    }
+
+    /// The residual of one request; see [`ResidualModel::residuals`].
+    ///
+    /// # Errors
+    /// A simulation that diverges or cannot be set up.
+    pub fn residual(&self, request: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
+        (self as &dyn ResidualModel).residual(request, step)
+    }
+
+    /// How a log begins.
+    fn start(&self, log: usize) -> LogStart {
+        let number = |number: usize| StartNumber {
+            channels: self.start_channels(log, number).to_vec(),
+            // A free robot's start is seen otherwise.
+            search_sd: (self.model.robot.base == Base::Fixed).then(|| OPEN[number % 2]),
+        };
+        let same = |other: &usize| self.parts[*other].scenario == self.parts[log].scenario;
+        LogStart {
+            numbers: (0..self.start_numbers(log)).map(number).collect(),
+            windows: self.parts[log].windows.clone(),
+            begins_with: (0..self.parts.len()).find(same).unwrap_or(log),
+        }
+    }
+
+    /// How many numbers of a log's start are not known for certain.
+    fn start_numbers(&self, log: usize) -> usize {
         match (self.model.robot.base, self.parts[log].windows.len()) {
             (Base::Fixed, _) => 2 * self.nudged(log).count(),
             (Base::Floating, 0) if self.rests => self.nudged(log).count(),
@@ -74,24 +117,26 @@ impl ResidualModel for IdentificationProblem {
         }
     }
 
-    fn windows(&self, log: usize) -> Vec<Range<usize>> {
-        self.parts[log].windows.clone()
+    /// Names of the channels in which a number of a log's start is felt; empty where it is felt in all.
+    fn start_channels(&self, log: usize, number: usize) -> &[String] {
+        match windows::nudged_joint(number, self.model.robot.movable().count()) {
+            Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
+            _ => &[],
+        }
     }
 
-    fn start_spread(&self) -> f64 {
-        // Nudges of a free robot are as large as what is not known of it.
-        if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 }
+    /// The problem with only the beginnings of its logs.
+    fn beginnings(&self) -> Option<Self> {
+        if !self.model.has_contact() || self.is_chaotic() {
+            return None;
+        }
+        let mut other = self.clone();
+        other.shorten(BEGINNING).ok()?;
+        Some(other)
     }
 
-    fn has_contact(&self) -> bool {
-        self.model.has_contact()
-    }
-
-    fn is_chaotic(&self) -> bool {
-        self.parts.iter().any(|part| !part.windows.is_empty())
-    }
-
-    fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+    /// The problem with starts and noise floors from the model at `u`.
+    fn with_starts_at(&self, u: &[f64]) -> Option<Self> {
         if self.model.robot.base == Base::Fixed {
             return None;
         }
@@ -102,46 +147,9 @@ impl ResidualModel for IdentificationProblem {
         } else {
             other.rest_otherwise(u).unwrap_or(false)
         };
-        differs.then(|| Box::new(other) as Box<dyn ResidualModel>)
+        differs.then_some(other)
     }
 
-    fn with_initial_state(&self, moved: &[(usize, Vec<f64>)]) -> Option<Box<dyn ResidualModel>> {
-        Some(Box::new(self.begun_elsewhere(moved)))
-    }
-
-    fn beginnings(&self) -> Option<Box<dyn ResidualModel>> {
-        if !self.has_contact() || self.is_chaotic() {
-            return None;
-        }
-        let mut other = self.clone();
-        other.shorten(BEGINNING).ok()?;
-        Some(Box::new(other))
-    }
-
-    fn start_near(&self, log: usize, number: usize) -> &[String] {
-        match windows::nudged_joint(number, self.model.robot.movable().count()) {
-            Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
-            _ => &[],
-        }
-    }
-
-    fn near(&self, candidate: usize) -> &[String] {
-        &self.near[candidate]
-    }
-
-    fn start_open(&self, log: usize) -> Vec<f64> {
-        // A free robot's start is seen otherwise.
-        let numbers = if self.model.robot.base == Base::Fixed { self.starts(log) } else { 0 };
-        (0..numbers).map(|number| OPEN[number % 2]).collect()
-    }
-
-    fn begins_with(&self, log: usize) -> usize {
-        let same = |other: &usize| self.parts[*other].scenario == self.parts[log].scenario;
-        (0..self.parts.len()).find(same).unwrap_or(log)
-    }
-}
-
-impl IdentificationProblem {
     /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
     pub(super) fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
@@ -151,16 +159,16 @@ impl IdentificationProblem {
         })
     }
 
-    /// What was measured in a log less what was simulated, in noise floors.
+    /// Measured minus simulated in a log, in multiples of the noise floor.
     pub(super) fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
         let part = &self.parts[log];
         let recorded = &self.recorded[part.scenario];
         let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());
         for channel in &self.logs[log].channels {
-            let said = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
-            let pairs = recorded.values(&channel.name)?.iter().zip(said).enumerate();
-            let error = |(i, (measured, said)): (usize, (&f64, f64))| {
-                if part.has(i) { (measured - said) / channel.sigma } else { f64::NAN }
+            let predicted = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
+            let pairs = recorded.values(&channel.name)?.iter().zip(predicted).enumerate();
+            let error = |(i, (measured, predicted)): (usize, (&f64, f64))| {
+                if part.has(i) { (measured - predicted) / channel.sigma } else { f64::NAN }
             };
             residual.extend(pairs.map(error));
         }

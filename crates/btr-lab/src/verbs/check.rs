@@ -5,7 +5,6 @@ use crate::experiment::{CheckedLog, Replays};
 use crate::identification::IdentificationProblem;
 use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
 use btr_identify::quality::CommandResponse;
-use btr_identify::residual_model::ResidualModel;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -83,7 +82,7 @@ fn told(replays: Replays) -> IdentifiabilityReport {
         return not_judged("no number of the model is in doubt ([parameters])");
     }
     let objective = Objective::new(&problem);
-    let Some(found) = identifiable(&objective) else {
+    let Ok(Some(found)) = identifiable(&objective) else {
         return not_judged("the model blows up on these logs as it stands");
     };
     let dead = found.parameters.iter().filter(|parameter| parameter.dead).map(|parameter| parameter.name.clone());

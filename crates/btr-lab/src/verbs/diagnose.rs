@@ -3,6 +3,7 @@
 use super::{Doubt, NextExperiment, NoiseFloor, VerbInput};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::stats;
+use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
 use btr_identify::fit::{Estimate, NOISE, Objective};
@@ -119,17 +120,20 @@ pub struct DiagnoseReport {
     pub seconds: f64,
 }
 
-/// Finds out what is missing; `on_step` hears every step of the ladder. `None` where the model blows up as it stands.
+/// Finds out what is missing; `on_step` hears every step of the ladder.
 /// `residual_model` is the problem's own, or the same served by others.
+///
+/// # Errors
+/// The reason why the model cannot be simulated at its current values.
 pub fn diagnose(
     input: &VerbInput,
     residual_model: &dyn ResidualModel,
     question: DiagnoseOptions,
     on_step: &dyn Fn(&LadderStep),
-) -> Option<(DiagnoseReport, Diagnosis)> {
+) -> Result<(DiagnoseReport, Diagnosis), WorldError> {
     let began = Instant::now();
-    let objective = Objective::new(residual_model);
-    let diagnosis = btr_identify::diagnose::diagnose(&objective, question, on_step)?;
+    let mut objective = Objective::new(residual_model);
+    let diagnosis = btr_identify::diagnose::diagnose(&mut objective, question, on_step)?;
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
@@ -152,7 +156,7 @@ pub fn diagnose(
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
-    Some((report, diagnosis))
+    Ok((report, diagnosis))
 }
 
 impl DiagnoseReport {

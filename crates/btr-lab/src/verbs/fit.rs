@@ -2,6 +2,7 @@
 
 use super::{Doubt, NoiseFloor, VerbInput};
 use crate::experiment::adapt::{adapted, in_finer_steps};
+use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
@@ -47,16 +48,19 @@ pub struct FitReport {
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds for;
-/// `None` where the model blows up as it stands. `residual_model` is the problem's own, or the same served by others.
+/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds for.
+/// `residual_model` is the problem's own, or the same served by others.
+///
+/// # Errors
+/// The reason why the model cannot be simulated at its current values.
 pub fn fit(
     input: &VerbInput,
     residual_model: &dyn ResidualModel,
     on_step: &dyn Fn(&LadderStep),
-) -> Option<(FitReport, FitPoint, TimeStep)> {
+) -> Result<(FitReport, FitPoint, TimeStep), WorldError> {
     let began = Instant::now();
-    let objective = Objective::new(residual_model);
-    let fitted = btr_identify::fit::fitted(&objective, on_step)?;
+    let mut objective = Objective::new(residual_model);
+    let fitted = btr_identify::fit::fitted(&mut objective, on_step)?;
     let report = FitReport {
         ok: true,
         cost: fitted.fit.cost,
@@ -75,7 +79,7 @@ pub fn fit(
         rollouts: fitted.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
-    Some((report, fitted.fit, fitted.step))
+    Ok((report, fitted.fit, fitted.step))
 }
 
 impl VerbInput {

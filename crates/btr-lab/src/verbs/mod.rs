@@ -26,7 +26,6 @@ use crate::identification::IdentificationProblem;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
-use btr_identify::residual_model::{ResidualModel as _, TimeStep};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -137,12 +136,6 @@ impl VerbInput {
         }
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
         Ok(VerbInput { source, problem, doubts, not_judged })
-    }
-
-    /// Why the model cannot be simulated beside its logs as it stands, where it cannot.
-    pub fn trouble(&self) -> Option<WorldError> {
-        let origin = vec![0.0; self.problem.parameters().len()];
-        (0..self.problem.recorded().len()).find_map(|log| self.problem.simulate(&origin, log, TimeStep::USUAL).err())
     }
 
     /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these

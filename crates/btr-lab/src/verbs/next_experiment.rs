@@ -5,7 +5,7 @@ use crate::identification::IdentificationProblem;
 use crate::identification::excitation::{Excitation, excitations};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{ResidualModel, TimeStep};
+use btr_identify::residual_model::TimeStep;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
 use rayon::prelude::*;

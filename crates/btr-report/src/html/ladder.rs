@@ -148,7 +148,6 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use btr_identify::residual_model::ResidualModel;
     use btr_lab::experiment::Source;
 
     #[test]

@@ -54,7 +54,7 @@ impl<'a> LawPicture<'a> {
         let jacobian = base.jacobian.as_ref()?.select_rows(&rows);
         let mut normal = jacobian.tr_mul(&jacobian);
         for (k, &parameter) in base.active.iter().enumerate() {
-            normal[(k, k)] += objective.model.parameters()[parameter].spread.powi(-2);
+            normal[(k, k)] += objective.parameters()[parameter].spread.powi(-2);
         }
         Some(LawPicture { objective, base, logs, residual, jacobian, factors: normal.cholesky()? })
     }
@@ -66,7 +66,7 @@ impl<'a> LawPicture<'a> {
 
     /// The best law of a place.
     pub(super) fn draft(&self, place: Range<usize>) -> Option<Draft> {
-        let features = self.objective.model.features();
+        let features = self.objective.law_terms();
         let (mut trials, mut columns) = (Vec::new(), Vec::new());
         let steady: Vec<(usize, Vec<f64>)> = place
             .clone()
@@ -76,7 +76,7 @@ impl<'a> LawPicture<'a> {
         self.probe(&steady, &mut trials, &mut columns);
         let rate = |i: usize| {
             let plain = trials.iter().find(|trial| Some(trial.feature) == features[i].swings)?;
-            let parameter = &self.objective.model.parameters()[*features[i].term.shapes.first()?];
+            let parameter = &self.objective.parameters()[*features[i].term.shapes.first()?];
             Some((i, vec![parameter.clamp(parameter.coordinate(self.rate(&columns[plain.columns.start])?))]))
         };
         let swinging: Vec<(usize, Vec<f64>)> = place.filter_map(rate).collect();
@@ -90,7 +90,7 @@ impl<'a> LawPicture<'a> {
 
     /// Simulates features of given shapes, and notes the columns of those that do not blow up.
     fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
-        let (features, parameters) = (self.objective.model.features(), self.objective.model.parameters());
+        let (features, parameters) = (self.objective.law_terms(), self.objective.parameters());
         let mut points = Vec::new();
         for (i, shapes) in wanted {
             let term = &features[*i].term;
@@ -118,7 +118,7 @@ impl<'a> LawPicture<'a> {
         let mut changes: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points.len()];
         for (log, rows) in &self.logs {
             for (change, after) in changes.iter_mut().zip(self.objective.residuals_of(points, &[*log])) {
-                let Some((change, after)) = change.as_mut().zip(after) else {
+                let Some((change, after)) = change.as_mut().zip(after.ok()) else {
                     *change = None;
                     continue;
                 };
@@ -137,7 +137,7 @@ impl<'a> LawPicture<'a> {
         let left = (&self.residual - share * response).component_mul(response);
         let (mut samples, mut row, mut step_s) = (Vec::new(), 0, 0.0_f64);
         for (log, rows) in &self.logs {
-            let clock = self.objective.model.clock_s(*log);
+            let clock = self.objective.description.clocks_s[*log].as_slice();
             let last_s = clock.last()?;
             step_s = step_s.max(last_s / clock.len() as f64);
             // All channels of a log are on its clock, one after the other.
@@ -172,7 +172,7 @@ impl<'a> LawPicture<'a> {
         let (_, last) = drafts.last()?;
         let left = residual.column(0)
             + last.columns.iter().zip(&last.amplitudes).map(|(&c, a)| own.column(c) * *a).sum::<DVector<f64>>();
-        let samples: usize = self.logs.iter().map(|(log, _)| self.objective.model.logs()[*log].present).sum();
+        let samples: usize = self.logs.iter().map(|(log, _)| self.objective.description.logs[*log].present).sum();
         let memory = autocorrelation_time(left.as_slice());
         let scale = memory * (last.cost / samples.max(1) as f64).max(1.0);
         let price = (samples as f64 / memory).ln().max(1.0);

@@ -48,6 +48,7 @@ pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option
             law_on(objective, found, found).map(|(left, law)| (left, ResidualLaw { beside_effects: true, ..law }))
         }
         None => FitPoint::at(objective, bare.active.clone(), vec![0.0; bare.u.len()], &bare.step_error)
+            .ok()
             .and_then(|origin| law_on(objective, &origin, bare)),
     };
     preferred(first, second, found.and_then(|found| judged(objective, found)))
@@ -88,7 +89,7 @@ fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoin
         base.differentiate(objective);
     }
     let picture = LawPicture::new(objective, &base)?;
-    let places = places(objective.model.features());
+    let places = places(objective.law_terms());
     let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| picture.draft(place)).collect();
     drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     drafts.truncate(FINALISTS);
@@ -115,7 +116,7 @@ fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
 
 /// The fit with everything that is in doubt, from where the probes point.
 fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
-    let (features, parameters) = (objective.model.features(), objective.model.parameters());
+    let (features, parameters) = (objective.law_terms(), objective.parameters());
     let mut active = base.active.clone();
     draft.terms.iter().for_each(|term| active.extend(features[term.feature].term.parameters()));
     let start = |share: &f64| {
@@ -129,7 +130,7 @@ fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<
                 .zip(&term.amplitudes)
                 .for_each(|(&k, &x)| u[k] = parameters[k].clamp(share * x));
         }
-        FitPoint::at(objective, active.clone(), u, &base.step_error)
+        FitPoint::at(objective, active.clone(), u, &base.step_error).ok()
     };
     let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     fit.solve(objective, EFFORT);
@@ -143,12 +144,12 @@ fn needed(objective: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (V
         if terms.len() == 1 {
             break;
         }
-        let parameters: Vec<usize> = objective.model.features()[term].term.parameters().collect();
+        let parameters: Vec<usize> = objective.law_terms()[term].term.parameters().collect();
         let mut u = fit.u.clone();
         parameters.iter().for_each(|&parameter| u[parameter] = 0.0);
         let active = fit.active.iter().copied().filter(|parameter| !parameters.contains(parameter)).collect();
         let without = FitPoint::at(objective, active, u, &fit.step_error);
-        if let Some(without) = without.filter(|without| without.squares() <= NEEDED * fit.squares()) {
+        if let Some(without) = without.ok().filter(|without| without.squares() <= NEEDED * fit.squares()) {
             fit = without;
             terms.retain(|other| *other != term);
         }

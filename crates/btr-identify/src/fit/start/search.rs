@@ -3,7 +3,7 @@
 
 use crate::fit::residual_vector::squares;
 use crate::fit::rollouts::each;
-use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{ModelDescription, ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -23,10 +23,23 @@ pub(in crate::fit) const MOVED: f64 = 3.0;
 ///
 /// A model that lacks something sees starts that make up for a little of it: whether they are to be believed is to be asked of
 /// what they explain.
-pub fn nearest_starts(model: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec<(usize, Vec<f64>)>, usize) {
-    let logs: Vec<usize> = (0..model.logs().len()).filter(|&log| model.begins_with(log) == log).collect();
+pub fn nearest_starts(
+    model: &dyn ResidualModel,
+    description: &ModelDescription,
+    u: &[f64],
+    least: f64,
+) -> (Vec<(usize, Vec<f64>)>, usize) {
+    let starts = &description.starts;
+    let logs: Vec<usize> = (0..starts.len()).filter(|&log| starts[log].begins_with == log).collect();
     let look = |log: usize| {
-        let start = StartSearch { model, u, log, open: model.start_open(log), rollouts: Cell::new(0) };
+        let start = StartSearch {
+            model,
+            batch_size: description.batch_size,
+            u,
+            log,
+            open: starts[log].search_sds(),
+            rollouts: Cell::new(0),
+        };
         let moved = start.nearest().filter(|at| at.amax() > least).map(|at| (log, at.as_slice().to_vec()));
         (moved, start.rollouts.get())
     };
@@ -38,6 +51,7 @@ pub fn nearest_starts(model: &dyn ResidualModel, u: &[f64], least: f64) -> (Vec<
 /// The start of a log as it is now, to be moved.
 struct StartSearch<'a> {
     model: &'a dyn ResidualModel,
+    batch_size: usize,
     u: &'a [f64],
     log: usize,
     open: Vec<f64>,
@@ -70,7 +84,7 @@ impl StartSearch<'_> {
             moved.iter().map(|by| ResidualRequest { u, log, moved: by.as_slice() }).collect();
         let there = |r: &f64| if r.is_finite() { *r } else { 0.0 };
         let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(there));
-        each(self.model, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
+        each(self.model, self.batch_size, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
     }
 
     fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {
@@ -119,7 +133,7 @@ impl StartSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual_model::{EffectCandidate, FitParameter, RecordedLog};
+    use crate::residual_model::{RecordedLog, StartNumber};
     use btr_core::world::WorldError;
     use proptest::prelude::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -140,38 +154,26 @@ mod tests {
     }
 
     impl ResidualModel for Throws {
-        fn parameters(&self) -> &[FitParameter] {
-            &[]
-        }
-
-        fn free(&self) -> &[usize] {
-            &[]
-        }
-
-        fn candidates(&self) -> &[EffectCandidate] {
-            &[]
-        }
-
-        fn logs(&self) -> &[RecordedLog] {
-            &self.logs
+        fn description(&self) -> ModelDescription {
+            let mut description = ModelDescription::new(Vec::new(), self.logs.clone());
+            let open = |sd: f64| StartNumber { search_sd: Some(sd), ..StartNumber::default() };
+            for start in description.starts.iter_mut().take(self.logs.len() - 1) {
+                start.numbers = vec![open(10.0), open(300.0)];
+            }
+            description
         }
 
         /// What drag does to a ball is not linear in its velocity.
-        fn residual(
-            &self,
-            ResidualRequest { log, moved, .. }: ResidualRequest,
-            _: TimeStep,
-        ) -> Result<Vec<f64>, WorldError> {
-            self.simulated.fetch_add(1, Ordering::Relaxed);
-            let height = |[q, dq]: [f64; 2], t: f64| q + 20.0 * (1.0 + (dq + 3.0) * t / 20.0).ln();
-            let at = |k: usize| 0.01 * k as f64;
-            let lost = |k: usize| if k == 7 { f64::NAN } else { 0.0 };
-            let there = |k| height(self.began[log], at(k)) - height([moved[0], moved[1]], at(k)) + lost(k);
-            Ok((0..100).map(there).map(|r| 1e3 * r).collect())
-        }
-
-        fn start_open(&self, log: usize) -> Vec<f64> {
-            if log + 1 < self.logs.len() { vec![10.0, 300.0] } else { Vec::new() }
+        fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+            let residual = |&ResidualRequest { log, moved, .. }: &ResidualRequest| {
+                self.simulated.fetch_add(1, Ordering::Relaxed);
+                let height = |[q, dq]: [f64; 2], t: f64| q + 20.0 * (1.0 + (dq + 3.0) * t / 20.0).ln();
+                let at = |k: usize| 0.01 * k as f64;
+                let lost = |k: usize| if k == 7 { f64::NAN } else { 0.0 };
+                let error = |k| height(self.began[log], at(k)) - height([moved[0], moved[1]], at(k)) + lost(k);
+                Ok((0..100).map(error).map(|r| 1e3 * r).collect())
+            };
+            requests.iter().map(residual).collect()
         }
     }
 
@@ -179,7 +181,7 @@ mod tests {
         #[test]
         fn logs_are_found_to_begin_where_they_did(q in -5.0f64..5.0, dq in -2.0f64..20.0) {
             let throws = Throws::that_began(&[[q, dq], [0.0, 0.0], [q, dq]]);
-            let (moved, rollouts) = nearest_starts(&throws, &[], 0.2);
+            let (moved, rollouts) = nearest_starts(&throws, &throws.description(), &[], 0.2);
             prop_assert_eq!(rollouts, throws.simulated.into_inner());
             prop_assert_eq!(moved.len(), usize::from(q.abs().max(dq.abs()) > 0.2), "{:?}", &moved);
             for (log, by) in moved {

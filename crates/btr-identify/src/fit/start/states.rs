@@ -4,7 +4,7 @@
 //! again, as if B's share of it were noise.
 
 use crate::fit::rollouts::{each, rows_near, shared};
-use crate::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{ModelDescription, ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 
 /// A direction shorter than this share of the longest one of its log is none.
@@ -30,8 +30,8 @@ struct NudgedRollout {
 }
 
 impl NudgedRollout {
-    fn of(model: &dyn ResidualModel, log: usize, nudged: Vec<usize>) -> Self {
-        let mut moved = vec![0.0; model.starts(log)];
+    fn of(description: &ModelDescription, log: usize, nudged: Vec<usize>) -> Self {
+        let mut moved = vec![0.0; description.starts[log].numbers.len()];
         nudged.iter().for_each(|&number| moved[number] = 1.0);
         NudgedRollout { log, nudged, moved }
     }
@@ -39,30 +39,39 @@ impl NudgedRollout {
 
 impl StartStates {
     /// As the model answers that stands at `u`, and how many logs were simulated for it.
-    pub(in crate::fit) fn at(model: &dyn ResidualModel, u: &[f64]) -> (StartStates, usize) {
+    pub(in crate::fit) fn at(
+        model: &dyn ResidualModel,
+        description: &ModelDescription,
+        u: &[f64],
+    ) -> (StartStates, usize) {
         // The first of each log is moved nowhere.
-        let nudged = |log: usize| shared((0..model.starts(log)).map(|number| model.start_near(log, number)));
-        let shots =
-            |log: usize| std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(model, log, n));
-        let logs = (0..model.logs().len()).filter(|&log| model.starts(log) > 0);
+        let nudged =
+            |log: usize| shared(description.starts[log].numbers.iter().map(|number| number.channels.as_slice()));
+        let shots = |log: usize| {
+            std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(description, log, n))
+        };
+        let logs = (0..description.logs.len()).filter(|&log| !description.starts[log].numbers.is_empty());
         let shots: Vec<NudgedRollout> = logs.flat_map(shots).collect();
         let rollouts: Vec<ResidualRequest> =
             shots.iter().map(|shot| ResidualRequest { u, log: shot.log, moved: &shot.moved }).collect();
-        let answers = each(model, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
+        let answers = each(model, description.batch_size, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
         let windows = |log: usize| {
             let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
             let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
             let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
             for (shot, there) in own().skip(1) {
                 let Some(there) = there else { continue };
-                let change = |&number: &usize| (number, change(model, log, number, usual, there));
+                let change = |&number: &usize| (number, change(description, log, number, usual, there));
                 changes.extend(shot.nudged.iter().map(change));
             }
             changes.sort_by_key(|(number, _)| *number);
             let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
-            rows(model, log).into_iter().map(|rows| StartWindow::new(rows, &changes, model.start_spread())).collect()
+            rows(description, log)
+                .into_iter()
+                .map(|rows| StartWindow::new(rows, &changes, description.start_spread))
+                .collect()
         };
-        let starts = (0..model.logs().len()).map(windows).collect();
+        let starts = (0..description.logs.len()).map(windows).collect();
         (StartStates(starts), shots.len())
     }
 
@@ -80,9 +89,11 @@ impl StartStates {
 }
 
 /// What one number of a start changes, where it is felt.
-fn change(model: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+fn change(description: &ModelDescription, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
     let mut change = vec![0.0; usual.len()];
-    for row in rows_near(&model.logs()[log], model.start_near(log, number)).into_iter().flatten() {
+    for row in
+        rows_near(&description.logs[log], &description.starts[log].numbers[number].channels).into_iter().flatten()
+    {
         let moved = there[row] - usual[row];
         change[row] = if moved.is_finite() { moved } else { 0.0 };
     }
@@ -90,8 +101,8 @@ fn change(model: &dyn ResidualModel, log: usize, number: usize, usual: &[f64], t
 }
 
 /// The rows of each window of a log.
-fn rows(model: &dyn ResidualModel, log: usize) -> Vec<Vec<usize>> {
-    let (recorded, windows) = (&model.logs()[log], model.windows(log));
+fn rows(description: &ModelDescription, log: usize) -> Vec<Vec<usize>> {
+    let (recorded, windows) = (&description.logs[log], &description.starts[log].windows);
     if windows.is_empty() {
         return vec![(0..recorded.rows()).collect()];
     }

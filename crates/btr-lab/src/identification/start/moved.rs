@@ -28,7 +28,7 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
     let mut problem = IdentificationProblem::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
     problem.measure().ok()?;
     let origin = vec![0.0; problem.parameters.len()];
-    let (mut moved, _) = nearest_starts(&problem, &origin, 0.0);
+    let (mut moved, _) = nearest_starts(&problem, &problem.description(), &origin, 0.0);
     moved.retain(|(log, by)| problem.is_explained_from(&origin, *log, by));
     (!moved.is_empty()).then(|| problem.begun_elsewhere(&moved).situations)
 }

@@ -81,10 +81,8 @@ impl Cause {
         let problem = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
         let question = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
         let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
-        let objective = Objective::new(&residual_model);
-        let Some(found) = diagnose(&objective, question, on_step) else {
-            return Err("the model blows up on the real tests as it stands".to_owned());
-        };
+        let found = diagnose(&mut Objective::new(&residual_model), question, on_step)
+            .map_err(|_| "the model blows up on the real tests as it stands".to_owned())?;
         if found.cut_short && found.effects.is_empty() {
             return Err(format!(
                 "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \

@@ -1,0 +1,69 @@
+//! Everything about a residual model that does not have to be simulated.
+
+use super::candidate::{EffectCandidate, LawTerm};
+use super::log::{LogStart, RecordedLog};
+use super::parameter::FitParameter;
+
+/// The parameters, candidates and logs of a residual model, and how to simulate it.
+///
+/// [`new`](Self::new) describes a smooth model without effect candidates whose logs begin in a known state; set the other
+/// fields where that is not so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelDescription {
+    /// Everything that may be varied. A point of the model has one coordinate per parameter.
+    pub parameters: Vec<FitParameter>,
+    /// Indices of the parameters that are fitted from the beginning.
+    pub free: Vec<usize>,
+    /// Effects that may be missing.
+    pub candidates: Vec<EffectCandidate>,
+    /// For each candidate, names of the channels in which it is felt before all others; empty where it is felt in all.
+    /// The first screening tries candidates that are felt in different channels in one rollout.
+    pub candidate_channels: Vec<Vec<String>>,
+    /// Terms of laws. Those of one place (a site, and what they act on) follow one another.
+    pub law_terms: Vec<LawTerm>,
+    /// The logs; training logs first.
+    pub logs: Vec<RecordedLog>,
+    /// For each log, the clock of its channels, in s from where laws count time.
+    pub clocks_s: Vec<Vec<f64>>,
+    /// For each log, how it begins.
+    pub starts: Vec<LogStart>,
+    /// Standard deviation of what is known of the numbers of all starts, in units of
+    /// [`ResidualRequest::moved`](super::ResidualRequest::moved); infinite where nothing is known.
+    pub start_spread: f64,
+    /// Best number of requests per call of [`residuals`](super::ResidualModel::residuals).
+    pub batch_size: usize,
+    /// Order of the integrator: its error falls with this power of the time step.
+    pub order: i32,
+    /// Whether the robot touches the world, so that effects may show on one side of zero and not on the other.
+    pub has_contact: bool,
+    /// Whether small errors grow, as with contact. Then half the time step does not show what no step at all would do, and
+    /// the noise floors must include the integrator's error.
+    pub is_chaotic: bool,
+}
+
+impl ModelDescription {
+    /// A smooth model with these parameters, all of them free, and these logs, which begin in a known state.
+    pub fn new(parameters: Vec<FitParameter>, logs: Vec<RecordedLog>) -> Self {
+        let start = |log| LogStart { begins_with: log, ..LogStart::default() };
+        ModelDescription {
+            free: (0..parameters.len()).collect(),
+            parameters,
+            candidates: Vec::new(),
+            candidate_channels: Vec::new(),
+            law_terms: Vec::new(),
+            clocks_s: vec![Vec::new(); logs.len()],
+            starts: (0..logs.len()).map(start).collect(),
+            logs,
+            start_spread: f64::INFINITY,
+            batch_size: 1,
+            order: 1,
+            has_contact: false,
+            is_chaotic: false,
+        }
+    }
+
+    /// Names of the channels in which a candidate is felt; empty where it is felt in all.
+    pub fn channels_of(&self, candidate: usize) -> &[String] {
+        self.candidate_channels.get(candidate).map_or(&[], Vec::as_slice)
+    }
+}

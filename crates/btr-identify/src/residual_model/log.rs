@@ -1,0 +1,67 @@
+//! The measurements that a model is compared with.
+
+use std::ops::Range;
+
+/// A measured channel of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredChannel {
+    /// The channel's name in the log.
+    pub name: String,
+    /// SI unit as text.
+    pub unit: String,
+    /// Standard deviation of the sensor's error, quantisation included: the noise floor, in the channel's unit.
+    pub sigma: f64,
+    /// Its samples in the log's residual.
+    pub samples: Range<usize>,
+}
+
+/// A log to learn from or to judge on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedLog {
+    /// What it is called in reports.
+    pub name: String,
+    /// Whether nothing may be fitted to it.
+    pub held_out: bool,
+    /// What was measured.
+    pub channels: Vec<MeasuredChannel>,
+    /// How many samples of all channels are there and count.
+    pub present: usize,
+}
+
+impl RecordedLog {
+    /// Length of its residual.
+    pub fn rows(&self) -> usize {
+        self.channels.last().map_or(0, |channel| channel.samples.end)
+    }
+}
+
+/// One number of the state in which a log begins that is not known for certain.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StartNumber {
+    /// Names of the channels in which it is felt; empty where it is felt in all.
+    pub channels: Vec<String>,
+    /// Standard deviation within which the number is searched, in units of [`ResidualRequest::moved`]; `None` where it is
+    /// not searched.
+    ///
+    /// [`ResidualRequest::moved`]: super::ResidualRequest::moved
+    pub search_sd: Option<f64>,
+}
+
+/// How a log begins.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LogStart {
+    /// The numbers of the start state that are not known for certain.
+    pub numbers: Vec<StartNumber>,
+    /// Samples of every channel that follow from one start state (multiple shooting); empty where the whole log follows
+    /// from one. Samples in no window do not count.
+    pub windows: Vec<Range<usize>>,
+    /// The log that determines where this one begins: an earlier part of the same recording, or the log itself.
+    pub begins_with: usize,
+}
+
+impl LogStart {
+    /// The standard deviations of the numbers that are searched.
+    pub fn search_sds(&self) -> Vec<f64> {
+        self.numbers.iter().filter_map(|number| number.search_sd).collect()
+    }
+}

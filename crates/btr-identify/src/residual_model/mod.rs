@@ -1,0 +1,51 @@
+//! The interface between identification and simulation: a model's residuals as a function of its parameters.
+//!
+//! A simulator is a family of worlds indexed by numbers. Some of them are free from the beginning (masses, gains); others
+//! belong to effects that may be missing and are *off* by default. Both are [`FitParameter`]s of one vector in normalised
+//! coordinates: 0 is the model at its current values, 1 is a typical deviation.
+//!
+//! A [`ResidualModel`] is data ([`ModelDescription`]) plus one function that simulates
+//! ([`residuals`](ResidualModel::residuals)). Residuals are in multiples of the noise floor, so that 1 is noise.
+
+mod candidate;
+mod description;
+mod log;
+mod parameter;
+mod request;
+
+pub use btr_core::world::TimeStep;
+pub use candidate::{EffectCandidate, LawTerm};
+pub use description::ModelDescription;
+pub use log::{LogStart, MeasuredChannel, RecordedLog, StartNumber};
+pub use parameter::{FitParameter, Parametrisation};
+pub use request::{Derivation, ResidualRequest};
+
+use btr_core::world::WorldError;
+
+/// Simulations compared with measurements, as a function of parameters.
+pub trait ResidualModel: Send + Sync {
+    /// Everything about the model that does not have to be simulated.
+    fn description(&self) -> ModelDescription;
+
+    /// For each request, (measured − simulated)/sigma of its log, all channels one after the other; NaN where nothing was
+    /// measured. The same request gives the same bits, whatever it is asked together with.
+    ///
+    /// A simulation that diverges, or that cannot be set up, gives an error in its place.
+    fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>>;
+
+    /// The model with a change; `None` where the change is not available or would make no difference.
+    fn derive(&self, _derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
+        None
+    }
+}
+
+impl dyn ResidualModel + '_ {
+    /// The residual of one request.
+    ///
+    /// # Errors
+    /// A simulation that diverges or cannot be set up.
+    pub fn residual(&self, request: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
+        let unanswered = || Err(WorldError::Setup { what: "the residual model did not answer".to_owned() });
+        self.residuals(&[request], step).pop().unwrap_or_else(unanswered)
+    }
+}

@@ -1,0 +1,38 @@
+//! What a residual model is asked for.
+
+use serde::{Deserialize, Serialize};
+
+/// A simulation that is put beside a log.
+#[derive(Clone, Copy, Debug)]
+pub struct ResidualRequest<'a> {
+    /// One coordinate per knob.
+    pub u: &'a [f64],
+    /// Which log.
+    pub log: usize,
+    /// By how much each number of the log's start is moved, in all windows at once, in units of what noise could hide. Empty
+    /// where it begins as it seems to.
+    pub moved: &'a [f64],
+}
+
+impl<'a> ResidualRequest<'a> {
+    /// From where the log seems to begin.
+    pub fn of(u: &'a [f64], log: usize) -> Self {
+        ResidualRequest { u, log, moved: &[] }
+    }
+}
+
+/// A change of a residual model that gives another one. Serialised; the order of the variants is part of the format.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Derivation {
+    /// Only the beginnings of logs count: a robot that tips over continues in ways that no probe around the model
+    /// predicts, but why it tips shows before it does. Not available where the whole of a log follows smoothly from its
+    /// beginning.
+    Beginnings,
+    /// What only a model can say of the logs' starts, and its noise floors, are taken from the model at these
+    /// coordinates. Not available where they do not depend on the model, or where starts are searched number by number
+    /// ([`StartNumber::search_sd`](super::StartNumber::search_sd)).
+    WithStartsAt(Vec<f64>),
+    /// The starts of some logs, and of those that begin with them, are moved: pairs of a log and the amount by which each
+    /// number of its start is moved, as in [`ResidualRequest::moved`].
+    WithInitialState(Vec<(usize, Vec<f64>)>),
+}
