@@ -1,8 +1,56 @@
-//! System identification on top of [`btr_core`]: what a log is worth ([`quality`]), where a model fails beside it
+//! System identification on top of [`btr_core`]: what a log is worth ([`quality`]), where a model differs from it
 //! ([`compare`]), the parameter values that fit ([`fit`]), and which physical effect is missing ([`diagnose`]).
 //!
-//! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in, residuals in
-//! multiples of the noise floor out. It does no I/O.
+//! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in, residuals
+//! in multiples of the noise floor out. It does no I/O.
+//!
+//! # Quick start
+//!
+//! Fit the gain of a linear model. The measured gain is 2, the model's current value is 1.5:
+//!
+//! ```
+//! use btr_core::world::WorldError;
+//! use btr_identify::fit::{Objective, fitted};
+//! use btr_identify::residual_model::{
+//!     FitParameter, MeasuredChannel, ModelDescription, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
+//!     TimeStep,
+//! };
+//!
+//! struct Linear(ModelDescription);
+//!
+//! impl ResidualModel for Linear {
+//!     fn description(&self) -> ModelDescription {
+//!         self.0.clone()
+//!     }
+//!
+//!     fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+//!         let residual = |request: &ResidualRequest| {
+//!             let gain = self.0.parameters[0].value(request.u[0]);
+//!             Ok((0..100).map(|k| 0.01 * f64::from(k)).map(|t| (2.0 * t - gain * t) / 0.001).collect())
+//!         };
+//!         requests.iter().map(residual).collect()
+//!     }
+//! }
+//!
+//! let gain = FitParameter {
+//!     name: "gain".to_owned(),
+//!     unit: "1".to_owned(),
+//!     origin: 1.5,
+//!     size: 0.5,
+//!     law: Parametrisation::Linear,
+//!     bounds: (-10.0, 10.0),
+//!     spread: 1.0,
+//!     reach: 0.05,
+//!     amplitude: false,
+//! };
+//! let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 0.001, samples: 0..100 };
+//! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present: 100 };
+//! let model = Linear(ModelDescription::new(vec![gain], vec![log]));
+//!
+//! let fit = fitted(&mut Objective::new(&model), &|_| ())?;
+//! assert!((fit.parameters[0].value - 2.0).abs() < 1e-3);
+//! # Ok::<(), WorldError>(())
+//! ```
 
 pub mod compare;
 pub mod diagnose;

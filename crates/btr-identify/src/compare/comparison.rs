@@ -40,7 +40,7 @@ pub struct ChannelError {
     pub chi: f64,
     /// Whether the error looks like noise.
     pub white: bool,
-    /// Whether the error has nothing to do with what the robot was told.
+    /// Whether the error is independent of the commands.
     pub independent: bool,
 }
 

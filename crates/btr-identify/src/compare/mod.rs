@@ -35,8 +35,8 @@ const LEAST_LIKENESS: f64 = 0.5;
 /// Standard deviations that a correlation of the residual with an input has to exceed; with a few dozen of them looked at.
 const DEPENDENT: f64 = 4.0;
 
-/// Compares logs with their simulations. `floor` tells a channel's noise floor from its name and its readings; channels for
-/// which it tells none are left out.
+/// Compares logs with their simulations. `floor` gives a channel's noise floor from its name and its readings;
+/// channels for which it gives none are left out.
 pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64]) -> Option<f64>) -> Comparison {
     let mut residuals = Vec::new();
     for (log, episode) in episodes.iter().enumerate() {
@@ -98,7 +98,7 @@ fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> Channe
     }
 }
 
-/// The lag that all logs tell, each by its certainty.
+/// The mean lag over all logs, weighted by its certainty.
 fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelResidual, &'a [f64])>) -> Option<f64> {
     let (mut weights, mut sum) = (0.0, 0.0);
     for (episode, residual, real) in channels {

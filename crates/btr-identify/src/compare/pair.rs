@@ -1,15 +1,15 @@
-//! A log beside its simulation, and the error of each of its channels.
+//! A log paired with its simulation, and the error of each of its channels.
 
 use btr_core::log::{Log, interpolate};
 
-/// A recorded log beside its simulation.
+/// A recorded log paired with its simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct LogPair<'a> {
     /// What the log is called.
     pub name: &'a str,
     /// What was measured.
     pub real: &'a Log,
-    /// What the model says instead, to the same commands.
+    /// The model's simulation of the same commands.
     pub simulated: &'a Log,
 }
 

@@ -1,4 +1,4 @@
-//! A joint in one log: how it moved, what it was told, and its residual.
+//! A joint in one log: its motion, its command, and its residual.
 
 use super::clue::Clue;
 use super::pair::{ChannelResidual, LogPair, on_clock};
@@ -23,7 +23,7 @@ pub struct JointTrack {
     pub motion: Vec<Motion>,
     /// Below this speed the joint cannot be said to move, in rad/s (m/s).
     pub still: f64,
-    /// What the joint was told; empty where the log does not say. NaN switches the torque off.
+    /// The joint's command; empty where the log has none. NaN switches the torque off.
     pub command: Vec<f64>,
     /// How hard the motor pulls: the measured torque, or else the simulated one, or else how far the command is ahead
     /// of the simulated position; nothing where there is no command either.

@@ -1,4 +1,4 @@
-//! Looks for effects in the beginnings of logs by themselves; whoever explains those goes on to the whole.
+//! Screens effects on the beginnings of logs alone; those that explain the beginnings are refitted to whole logs.
 
 use super::refit::{FOLLOWER, Rival, race};
 use super::screen::screen;
@@ -9,16 +9,16 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Derivation;
 
-/// Those of the candidates `offered` that lead in the beginnings of logs, as they fit the whole of them, and who was
-/// screened for that. Nobody where beginnings tell no more than the whole.
+/// The best of the candidates `offered` on the beginnings of logs, refitted to whole logs, and the starts that were
+/// screened for that. Empty where beginnings show no more than whole logs.
 pub(super) fn from_beginnings(
     objective: &mut Objective,
     state: &DiagnosisState,
     offered: &[usize],
 ) -> (Vec<Rival>, Vec<StartPoint>) {
     let Some(model) = objective.model.derive(&Derivation::Beginnings) else { return Default::default() };
-    // With the effects found so far; if there are none, with the parameters in doubt as they were given: the ends of logs may
-    // have led them astray.
+    // With the effects found so far; without any, with the free parameters at their given values: the ends of logs may
+    // have biased their fit.
     let origin = || vec![0.0; state.fit.u.len()];
     let u = if state.chosen.is_empty() { origin() } else { state.fit.u.clone() };
     let mut short = objective.going_on(&*model, &u);

@@ -1,4 +1,4 @@
-//! Whom to believe of those who were fitted.
+//! Accepting one of the fitted candidates.
 
 use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate};
@@ -9,8 +9,8 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{LogSet, Objective};
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
-/// ones the first of the library, so that what is the same by mechanics is always called the same. None where others
-/// fit decisively better that do not pass: then the logs to judge on contradict those to learn from.
+/// ones the first of the library, so that effects that are mechanically the same are always named alike. `None` where
+/// others fit decisively better that do not pass: then the held-out logs contradict the training logs.
 pub(super) fn judge_rivals(
     objective: &Objective,
     state: &mut DiagnosisState,

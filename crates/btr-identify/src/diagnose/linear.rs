@@ -1,4 +1,4 @@
-//! What candidates promise beside a base, in a picture drawn with straight lines: what a probe changes grows with its
+//! The linear approximation around a base in which candidates are ranked: the change that a probe makes grows with its
 //! amplitude, and what the base's parameters can do as well is projected out.
 
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 pub(super) const STRETCH: f64 = 4.0;
 /// A base that could lower its cost by a smaller share is at its optimum.
 const AT_REST: f64 = 0.01;
-/// Stiffness of what stands at a bound, relative to what the logs tell of it.
+/// Stiffness of parameters at a bound, relative to the information that the logs have about them.
 const HELD: f64 = 1e9;
 /// Points that are simulated at once; bounds the memory.
 const BATCH: usize = 48;
@@ -165,7 +165,8 @@ impl<'a> BasePoint<'a> {
         u
     }
 
-    /// What each probe changes of the residual, per unit of its amplitude; nothing where it blows up.
+    /// Change of the residual by each probe, per unit of its amplitude; `None` where it cannot be simulated: the
+    /// candidate is then not ranked by that probe.
     fn columns(&self, objective: &Objective, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
         let mut columns = Vec::with_capacity(probes.len());
         for batch in probes.chunks(BATCH) {

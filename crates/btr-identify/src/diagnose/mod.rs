@@ -1,9 +1,9 @@
 //! Which physical effect is missing.
 //!
-//! Every effect at every site is screened with finite probes while all that is in doubt may adapt, the leaders are refitted,
-//! and the best is believed only if it also explains logs that nothing was fitted to. Effects are added one by one and
-//! removed again where others make them btr_corefluous. The answer may be that nothing is missing, or that nothing known
-//! explains the error.
+//! Every effect at every site is screened with finite probes while all free parameters may adapt, the leaders are
+//! refitted, and the best is accepted only if it also explains held-out logs. Effects are added one by one and removed
+//! again where others make them superfluous. The answer may be that nothing is missing, or that nothing known explains
+//! the error.
 
 mod beginnings;
 mod judge;
@@ -29,7 +29,8 @@ use round::round;
 use state::DiagnosisState;
 use thresholds::EXPLAINED;
 
-/// Finds out which effects of the family's candidates are missing; `on_step` hears every step of the ladder as it is reached.
+/// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
+/// it is reached.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.
@@ -45,8 +46,8 @@ pub fn diagnose(
     })
 }
 
-/// Goes on with starts as the model sees them, which are looked at so often at most. Where nothing is touched, starts are
-/// believed if nothing else is left to explain: a model that lacks something sees such that make up for it.
+/// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, such starts are
+/// accepted if nothing else is left to explain: a model that lacks something prefers starts that compensate for it.
 fn go_on_looking(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -72,7 +73,7 @@ fn go_on_looking(
     go_on_looking(&mut again, question, state, on_step, restarts_left - 1)
 }
 
-/// Round after round; once something is found, with starts as the model that has it sees them.
+/// Round after round; once something is found, with starts from the model that has it.
 fn go_on(
     objective: &mut Objective,
     question: DiagnoseOptions,

@@ -7,20 +7,20 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 
-/// How many start the race, and how many are fitted with all effort whatever their rank, unless the best explains
-/// everything and they are behind it by more than this factor of the sum of squares.
+/// Number of candidates that start the race, and of those that are fitted with full effort whatever their rank, unless
+/// the best explains everything and they are behind it by more than this factor of the sum of squares.
 const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 const BEATEN: f64 = 10.0;
-/// Whoever is within this factor of the leader's sum of squares is fitted with all effort as well, up to this many.
+/// Candidates within this factor of the leader's sum of squares are fitted with full effort as well, up to this many.
 pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
-/// From where whoever was not looked at closely begins.
+/// Size from which a candidate that was not screened closely starts.
 const TYPICAL: f64 = 0.5;
-/// ... or at which sizes it is simulated, and how many of those that do best there run.
+/// ... or sizes at which it is simulated, and how many of those that do best there take part in the race.
 const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
 const CHANCES: usize = 16;
-/// The effort for whoever leads the race, and for each of the others.
+/// The effort for the leader of the race, and for each of the others.
 const LEADER: SearchBudget = SearchBudget { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
 
@@ -36,8 +36,8 @@ pub(super) struct Rival {
     pub fit: FitPoint,
 }
 
-/// The candidates that the race left, fully fitted, lowest cost first; `leader` is who was there before. The first of
-/// the starts run.
+/// The candidates that the race left, fully fitted, lowest cost first; `leader` is the best fit from before. Only the
+/// first of the starts take part.
 pub(super) fn race(
     objective: &Objective,
     bases: &[FitPoint],
@@ -47,8 +47,8 @@ pub(super) fn race(
     run(objective, bases, &starts[..starts.len().min(RUNNERS)], leader)
 }
 
-/// Everybody who was not fitted yet, from a typical size: where much is left that no leader explains, probes may have
-/// promised too little (a joint with much play does nothing that one with little does).
+/// All candidates that were not fitted yet, from a typical size: where no leader explains much of the error, probes
+/// may have promised too little (a joint with much play does nothing that one with little play does).
 pub(super) fn last_chance(objective: &Objective, base: &FitPoint, others: &[usize], leader: &FitPoint) -> Vec<Rival> {
     let mut base = base.clone();
     base.differentiate(objective);
@@ -57,7 +57,7 @@ pub(super) fn last_chance(objective: &Objective, base: &FitPoint, others: &[usiz
     run(objective, &[base], &starts, Some(leader))
 }
 
-/// The same where simulating takes long: only those run who do best at one of a few sizes.
+/// The same where simulation is slow: only the candidates that do best at one of a few sizes take part.
 pub(super) fn last_chance_of_the_best(
     objective: &Objective,
     base: &FitPoint,
@@ -106,7 +106,7 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
         if polished.len() < most {
             rival.fit.jacobian = None;
             rival.fit.solve(objective, if polished.is_empty() { LEADER } else { FOLLOWER });
-            // In contact every look takes long, and hardly anybody overtakes by it.
+            // In contact every rollout is slow, and this hardly ever changes the order.
             if !objective.description.is_chaotic || rival.fit.squares() <= best {
                 reshape(objective, &mut rival);
             }
@@ -117,8 +117,8 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
     polished
 }
 
-/// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of nothing is Coulomb's
-/// law): tries the other shapes that it could have from where it ended.
+/// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of zero is Coulomb's law):
+/// tries its other start shapes from where it ended.
 fn reshape(objective: &Objective, rival: &mut Rival) {
     let candidate = &objective.candidates()[rival.candidate];
     if candidate.starts.len() < 2 || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {

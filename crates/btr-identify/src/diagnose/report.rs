@@ -40,7 +40,7 @@ pub struct MissingEffect {
     pub effect: String,
     /// Where it sits.
     pub site: String,
-    /// `effect@site` of what these logs cannot tell from it.
+    /// `effect@site` of the effects that these logs cannot distinguish from it.
     pub alike: Vec<String>,
     /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a
     /// larger law which it stands for.
@@ -59,9 +59,9 @@ pub struct MissingEffect {
 pub struct RankedCandidate {
     /// `effect@site`.
     pub name: String,
-    /// Error on the logs to learn from, in multiples of the noise floor.
+    /// Error on the training logs, in multiples of the noise floor.
     pub train: f64,
-    /// Error on held-out logs; none without such, or where it blows up there.
+    /// Error on held-out logs; none without such, or where they cannot be simulated.
     pub held_out: Option<f64>,
     /// By how much it lowers B; negative where it is not worth its parameters.
     pub delta_bic: f64,
@@ -80,10 +80,10 @@ pub struct Diagnosis {
     pub ladder: Vec<LadderStep>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
-    /// The integrator's error in multiples of the noise floor: in the logs to learn from or in those to judge on,
-    /// whichever is larger.
+    /// The integrator's error in multiples of the noise floor, on the training or on the held-out logs, whichever is
+    /// larger.
     pub integrator_error: f64,
-    /// Doubtful parameters that ended at a bound.
+    /// Free parameters that ended at a bound.
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
     pub fit: FitPoint,

@@ -1,4 +1,5 @@
-//! A round: who of the effects that are not chosen yet explains most of what is left, and is to be believed.
+//! One round of a diagnosis: which of the effects that are not chosen yet explains most of the remaining error, and
+//! whether it is accepted.
 
 use super::beginnings::from_beginnings;
 use super::judge::judge_rivals;
@@ -36,7 +37,7 @@ pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Op
     if let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![drop_effect];
         let starts = screen(objective, &mut bases, &again);
-        // Cheap steps may leave who makes do with fewer numbers far behind: the best of them is fitted whatever they say.
+        // The cheap steps of a race may leave a simpler candidate far behind: the best of them is fitted in any case.
         let simpler = again.iter().any(|&candidate| is_simpler_kin(objective, leader.candidate, candidate));
         let others = race(objective, &bases, &starts, (!simpler).then_some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
@@ -55,8 +56,8 @@ pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Op
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }
 
-/// Where a robot may tip over, no probe tells what a fall does: if the leader leaves much, everybody is simulated; and
-/// then what the best leave may be because they sit elsewhere.
+/// Where a robot may tip over, no probe predicts a fall: if the leader leaves much, all candidates are simulated. What
+/// the best of them leave may then be because the effect is at another site.
 fn on_the_ground(
     objective: &Objective,
     state: &DiagnosisState,
@@ -80,7 +81,7 @@ fn on_the_ground(
     best_of_each(rivals.into_iter().chain(late).collect())
 }
 
-/// The parameters in doubt as they were given, as long as nothing is found: what is missing may have led them astray.
+/// The free parameters at their given values, as long as nothing is found: what is missing may have biased their fit.
 fn unbiased(objective: &Objective, state: &DiagnosisState) -> FitPoint {
     let origin = || vec![0.0; state.fit.u.len()];
     let given = state
@@ -100,7 +101,7 @@ fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
     rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > NOISE)
 }
 
-/// Those of the candidates `offered` that lead in whole logs, and who was screened for that.
+/// The best of the candidates `offered` on whole logs, and the starts that were screened for that.
 fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usize]) -> (Vec<Rival>, Vec<StartPoint>) {
     let mut bases = vec![state.fit.clone()];
     if state.chosen.is_empty() && !objective.description.free.is_empty() {
@@ -112,9 +113,10 @@ fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usiz
     (race(objective, &bases, &starts, None), starts)
 }
 
-/// Whom to look at again from where the leader has brought the parameters in doubt: its kin that was not fitted, so
-/// that nothing is called certain which its like explains as well, and its kin that makes do with fewer numbers, which
-/// may only have failed to get there; and whoever was screened, if the leader leaves something to explain.
+/// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not
+/// fitted, so that no effect is called certain that a similar one explains as well; similar ones with fewer
+/// parameters, which may only have failed to get there; and all that were screened, if the leader leaves something to
+/// explain.
 fn worth_another_look(
     objective: &Objective,
     leader: &Rival,
@@ -132,15 +134,15 @@ fn worth_another_look(
     offered.iter().copied().filter(|candidate| similar(candidate) || screened(candidate)).collect()
 }
 
-/// Whether a candidate looks like another one and makes do with fewer numbers.
+/// Whether a candidate is similar to another one and has fewer parameters.
 fn is_simpler_kin(objective: &Objective, of: usize, candidate: usize) -> bool {
     let candidates = objective.candidates();
     candidates[of].similar.contains(&candidate)
         && candidates[candidate].parameters().count() < candidates[of].parameters().count()
 }
 
-/// Where the leader's parameters stand, without its effect: from there probes see what is missing rather than what the
-/// parameters in doubt have done to make up for it.
+/// The leader's point without its effect: from there, probes see what is missing rather than how the free parameters
+/// have compensated for it. `None` where that cannot be simulated.
 fn drop_effect(objective: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
     let mut u = leader.fit.u.clone();
     objective.candidates()[leader.candidate].parameters().for_each(|parameter| u[parameter] = state.fit.u[parameter]);

@@ -1,27 +1,27 @@
-//! Which effects are worth fitting: every candidate is tried with finite probes, while all that is in doubt may adapt.
+//! Screening: every candidate is tried with finite probes, while all free parameters may adapt.
 //!
-//! Probes are finite because some effects have no slope at zero (backlash, delay, a limit). What the base's parameters can do
-//! as well is projected out, so that only what they cannot do counts for a candidate. A first glance takes the log with the
-//! largest error alone; what is promising there is probed on all of them.
+//! Probes are finite because some effects have no slope at zero (backlash, delay, a limit). What the base's parameters
+//! can do as well is projected out, so that only what they cannot do counts for a candidate. A first pass uses the log
+//! with the largest error alone; what is promising there is probed on all of them.
 
 use super::linear::{BasePoint, STRETCH};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
 use crate::residual_model::{EffectCandidate, Parametrisation};
 
-/// For the first glance, and for a closer look.
+/// Probes of the first pass, and of the second one.
 const GLANCE: ProbeSizes = ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6] };
 const LOOK: ProbeSizes = ProbeSizes { amplitudes: &[0.3, 1.5], limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0] };
-/// For whoever would go further than the largest probe of the closer look is believed: a foot that lost the ground, a
-/// joint at its stop, leave no way back along a straight line.
+/// Probes for candidates whose best amplitude lies beyond what the largest probe of the second pass is trusted for: a
+/// foot that lost the ground, or a joint at its stop, leaves no way back along a straight line.
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[] };
-/// How many candidates survive the glance at one log.
+/// How many candidates pass the first pass.
 const GLANCED: usize = 16;
 /// How many candidates are simulated where their probes promise most.
 const VERIFIED: usize = 10;
 /// How many of those that promise most go on however they fare when they are simulated.
 const PROMISED: usize = 4;
-/// How many are simulated where the glance alone saw them best: all logs together may hide what one log shows.
+/// How many of the best of the first pass are simulated in any case: all logs together may hide what one log shows.
 const STRIKING: usize = 3;
 /// Which shares of the way to a promise are simulated.
 const SHARES: [f64; 2] = [1.0, 0.3];
@@ -41,9 +41,8 @@ pub(super) fn rollouts(objective: &Objective) -> usize {
     glances.sum::<usize>() + logs * LOOK.amplitudes.len() * GLANCED.min(candidates.len())
 }
 
-/// Those of the candidates `offered` that promise most, best first, with the costs that were really simulated. Each is
-/// seen from all bases and goes on from the one where it promises most: what is in doubt may have gone astray to make
-/// up for it.
+/// The most promising of the candidates `offered`, best first, with simulated costs. Each is seen from all bases and
+/// starts from the one where it promises most: free parameters may have been biased by compensating for it.
 pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[usize]) -> Vec<StartPoint> {
     for (index, base) in bases.iter_mut().enumerate() {
         if index == 0 { base.differentiate_finely(objective) } else { base.differentiate(objective) }
@@ -119,7 +118,7 @@ fn verify(objective: &Objective, bases: &[FitPoint], promising: &[StartPoint]) -
     verified
 }
 
-/// What starts really cost; more than anything where one blows up.
+/// Simulates the cost of starts; infinite where one cannot be simulated.
 pub(super) fn simulate(objective: &Objective, bases: &[FitPoint], starts: &mut [StartPoint]) {
     let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
     for (start, residual) in starts.iter_mut().zip(objective.residuals(&points, LogSet::Learn)) {

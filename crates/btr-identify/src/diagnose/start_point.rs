@@ -45,7 +45,7 @@ pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) 
         && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
 }
 
-/// The base's free knobs and a candidate's.
+/// The base's free parameters and a candidate's.
 pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
     base.active.iter().copied().chain(candidate.parameters()).collect()
 }

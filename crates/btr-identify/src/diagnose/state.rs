@@ -9,7 +9,8 @@ use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
-/// How far numbers are moved to begin anew: amplitudes by this share, shapes by so much of their coordinate...
+/// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
+/// coordinate...
 const SHAKEN: (f64, f64) = (0.15, 0.5);
 /// ... and how often at most, while the cost falls below this share each time.
 const SHAKES: usize = 3;
@@ -52,8 +53,8 @@ impl DiagnosisState {
         self.record(objective, step, on_step);
     }
 
-    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: begins anew on
-    /// either side of where each of the latest effect's numbers ended, as long as that leads lower.
+    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: restarts the
+    /// search on either side of where each of the latest effect's parameters ended, as long as that lowers the cost.
     fn perturb(&mut self, objective: &Objective, candidate: usize) {
         for _ in 0..SHAKES {
             if objective.description.is_chaotic || !self.leaves_something(objective, &self.fit) {
@@ -105,7 +106,7 @@ impl DiagnosisState {
             fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
             fit
         });
-        // The latest one may have got used to this one: once more as if it had never been found.
+        // The latest effect may have adapted to this one: also fits it as if this one had never been found.
         let without =
             removed.into_iter().chain(self.instead(objective, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
         without.map(|mut fit| {
@@ -141,8 +142,9 @@ impl DiagnosisState {
         race(objective, &bases, &starts, None).into_iter().next()
     }
 
-    /// Names what was found first anew where one of its kin that makes do with fewer numbers explains as much, now that
-    /// others are known, and the logs to judge on do not object: it may have needed more of them to make up for those.
+    /// Replaces an earlier effect by a similar one with fewer parameters that explains as much, now that others are
+    /// known, unless the held-out logs contradict it: the earlier one may have needed its extra parameters to
+    /// compensate for the others.
     pub(super) fn simplify(&mut self, objective: &Objective) {
         let candidates = objective.candidates();
         for index in 0..self.chosen.len().saturating_sub(1) {
@@ -183,8 +185,8 @@ impl DiagnosisState {
         self.ladder.push(self.step(objective, format!("{} for {before}", own.name())));
     }
 
-    /// Takes another point without any further effect as the base, if it leads lower: what the base reaches by itself is no
-    /// merit of an effect.
+    /// Takes another point without any further effect as the base, if its cost is lower: what the base reaches by
+    /// itself is not due to an effect.
     pub(super) fn follow(&mut self, objective: &Objective, mut base: FitPoint) {
         base.solve(objective, FOLLOWER);
         if base.cost < self.fit.cost {
@@ -203,12 +205,12 @@ impl DiagnosisState {
         Some(bare)
     }
 
-    /// Whether the error on the logs to judge on is more than noise.
+    /// Whether the error on the held-out logs is more than noise.
     pub(super) fn is_judged_badly(&self, objective: &Objective) -> bool {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 
-    /// Whether nothing is left to explain where a family is seen from here.
+    /// Whether nothing is left to explain with another objective, such as one with starts from the fitted model.
     pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Ok(mut fit) = again else { return false };
@@ -218,7 +220,7 @@ impl DiagnosisState {
         !self.leaves_something(objective, &fit) && judged <= NOISE
     }
 
-    /// Goes on beside a family that is seen from here.
+    /// Continues with another objective.
     pub(super) fn look_again(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
         for fit in [&mut self.bare, &mut self.fit] {
             // A point that cannot be simulated from the new starts stays as it was.
@@ -231,7 +233,8 @@ impl DiagnosisState {
         self.record(objective, "starts as it sees them".to_owned(), on_step);
     }
 
-    /// Whether any effect could pass beside a fit: below the noise, and what the integrator may have done, there is nothing to win.
+    /// Whether any effect could be accepted on top of a fit: below the noise and the integrator's error there is
+    /// nothing to gain.
     pub(super) fn leaves_something(&self, objective: &Objective, fit: &FitPoint) -> bool {
         let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
         // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
@@ -241,7 +244,7 @@ impl DiagnosisState {
         squares > 1.0 + LEARNT_FALL / 2.0 + self.integrator.powi(2)
     }
 
-    /// Notes where the error is now.
+    /// Records the current error as a step of the ladder.
     pub(super) fn record(&mut self, objective: &Objective, step: String, on_step: &dyn Fn(&LadderStep)) {
         let judged = !objective.logs(LogSet::HeldOut).is_empty();
         self.held_out = if judged { held_out_squares(objective, &self.fit.u) } else { None };
@@ -256,7 +259,7 @@ impl DiagnosisState {
         self.renew_last_step(objective);
     }
 
-    /// The last step of the ladder says what the error is where the fit is now.
+    /// Updates the last step of the ladder to the error of the current fit.
     fn renew_last_step(&mut self, objective: &Objective) {
         self.held_out = self.held_out.and_then(|_| held_out_squares(objective, &self.fit.u));
         if let Some(step) = self.ladder.pop().map(|step| step.step) {
@@ -273,8 +276,8 @@ impl DiagnosisState {
     }
 }
 
-/// Whether the numbers that a law has beyond those of one that it contains win as much as any effect must: a difference that is
-/// certain and makes next to none is more likely one between simulators than a law.
+/// Whether the parameters that a law has beyond those of a law nested in it lower the error as much as any effect
+/// must: a certain difference with next to no effect is more likely one between simulators than a law.
 pub(super) fn earns_its_numbers(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
     if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
         return true;

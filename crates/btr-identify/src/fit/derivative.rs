@@ -1,5 +1,5 @@
-//! How the residual changes with the free knobs: finite differences, cheap ones for the way and careful ones for what is said
-//! about the end of it.
+//! Derivatives of the residual by the free parameters: finite differences, cheap ones for a search and careful ones
+//! for intervals.
 
 use super::estimate::information;
 use super::objective::{LogSet, Objective};
@@ -55,7 +55,7 @@ fn replace(jacobian: &mut DMatrix<f64>, along: &DVector<f64>, scaled: &DVector<f
     jacobian.ger(1.0, &surprise, along, 1.0);
 }
 
-/// How the residual changes with a knob, and by how much it misses a straight line as a share of its change.
+/// Derivative of the residual by a parameter, and its deviation from a straight line as a share of the change.
 struct Slope {
     column: ResidualVector,
     bend: f64,
@@ -77,7 +77,8 @@ impl Slope {
 }
 
 impl FitPoint {
-    /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that blow up are zero.
+    /// Takes the Jacobian by forward differences (backward at an upper bound). Columns that cannot be simulated are
+    /// zero.
     pub fn differentiate(&mut self, objective: &Objective) {
         let columns = columns(objective, &self.u, &self.active, &self.residual, &self.step_error);
         let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
@@ -109,7 +110,8 @@ impl FitPoint {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
-    /// Differences of second order for some knobs, of a share of their reach. Nothing where that blows up.
+    /// Differences of second order for some parameters, of a share of their reach. Zero where they cannot be
+    /// simulated.
     fn slopes(&self, objective: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
         let parameters = objective.parameters();
         let stencils: Vec<[(f64, f64); 2]> =
@@ -131,10 +133,10 @@ impl FitPoint {
         stencils.iter().zip(there.chunks(2)).map(slope).collect()
     }
 
-    /// Takes the Jacobian as far out as the logs leave the knobs in doubt: fine differences first, then along each direction of
-    /// which little is told once more, in steps of the deviation that is left of it. The errors of short steps (a servo that
-    /// sticks a sample earlier, a solver's tolerance) would otherwise pass for something that the logs tell, and intervals
-    /// would be too narrow just where they matter.
+    /// Takes the Jacobian with steps as wide as the uncertainty that the logs leave: fine differences first, then once
+    /// more along each poorly determined direction, in steps of its remaining deviation. The errors of short steps (a
+    /// servo that sticks a sample earlier, a solver's tolerance) would otherwise pass for information of the logs, and
+    /// intervals would be too narrow just where they matter.
     pub fn differentiate_widely(&mut self, objective: &Objective) {
         self.differentiate_finely(objective);
         self.look_along_the_common_factor(objective);
@@ -219,7 +221,7 @@ impl FitPoint {
         looks.into_iter().zip(there.chunks(2)).filter_map(seen).collect()
     }
 
-    /// The point that a step of the free knobs leads to, in proportion.
+    /// The point that a step of the free parameters leads to, in proportion.
     pub(super) fn point_along(&self, parameters: &[FitParameter], step: &DVector<f64>) -> Vec<f64> {
         let mut point = self.u.clone();
         let moves = self.active.iter().zip(step.iter());
@@ -257,7 +259,7 @@ fn stencil(parameter: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
     }
 }
 
-/// d residual / d coordinate of each knob, by finite differences.
+/// d residual / d coordinate of each parameter, by finite differences.
 pub fn columns(
     objective: &Objective,
     u: &[f64],

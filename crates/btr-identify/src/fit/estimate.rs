@@ -1,4 +1,4 @@
-//! What a fit says about each number: its value, how sure it is, and what nothing can be said about.
+//! Estimates: the value of each parameter, its interval, and combinations that the logs do not determine.
 
 use super::objective::{LogSet, Objective};
 use super::residual_vector::channels;
@@ -39,7 +39,7 @@ pub struct Estimate {
     pub by_bounds: bool,
 }
 
-/// Values and intervals of the free knobs of a fit, with their indices. `inflation` is by how much the residual's variance and
+/// Values and intervals of the free parameters of a fit, with their indices. `inflation` is by how much the residual's variance and
 /// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
 /// too; with contact they are at least as wide as channels differ in what they say.
 pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
@@ -65,7 +65,7 @@ pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted:
     fit.active.iter().enumerate().map(estimate).collect()
 }
 
-/// JᵀJ in units of the priors, so that what the logs tell is comparable with what is believed anyway.
+/// The information of the logs, JᵀJ in units of the priors, so that it can be compared with that of the priors.
 pub(super) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let spread = |k: usize| parameters[fit.active[k]].spread;
@@ -73,8 +73,8 @@ pub(super) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
-/// What the logs tell of the free coordinates, their variance so many times the noise's, and priors so many times as
-/// wide as they are.
+/// Precision of the free coordinates, with the residual's variance `inflation` times the noise's and priors `looser`
+/// times as wide as they are.
 fn posterior_precision(
     parameters: &[FitParameter],
     fit: &FitPoint,
@@ -129,7 +129,7 @@ fn by_step(objective: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
     Some(moved.iter().map(|by| by.abs()).collect())
 }
 
-/// A combination of numbers that the logs do not tell: its parts with their shares, largest first.
+/// A combination of parameters that the logs do not determine: its parts with their shares, largest first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NullDirection {
     /// Names and shares (the largest is 1); values that move along these shares, in typical deviations, change nothing that the
@@ -139,8 +139,8 @@ pub struct NullDirection {
     pub sentence: String,
 }
 
-/// Directions in the free knobs of a fit about which its logs say less than `NULL` of what the priors say: first the knobs
-/// that are dead by themselves, then combinations of the others, each of as few as possible.
+/// Directions of the free parameters about which the logs have less than `NULL` of the priors' information: first the
+/// parameters that are dead by themselves, then combinations of the others, each of as few as possible.
 pub fn null_directions(parameters: &[FitParameter], fit: &FitPoint) -> Vec<NullDirection> {
     let Some(information) = information(parameters, fit) else { return Vec::new() };
     let (dead, alive): (Vec<usize>, Vec<usize>) = (0..information.nrows()).partition(|&k| is_dead(information[(k, k)]));
@@ -187,7 +187,7 @@ fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
     basis
 }
 
-/// A direction, given as positions among the free knobs with their shares.
+/// A direction, given as positions among the free parameters with their shares.
 fn named(parameters: &[FitParameter], fit: &FitPoint, direction: &[(usize, f64)]) -> NullDirection {
     let largest = direction.iter().map(|(_, x)| *x).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
     let part =
@@ -200,7 +200,7 @@ fn named(parameters: &[FitParameter], fit: &FitPoint, direction: &[(usize, f64)]
     NullDirection { parts: shares, sentence }
 }
 
-/// A knob in a direction.
+/// A parameter in a direction.
 struct DirectionPart<'a> {
     parameter: &'a FitParameter,
     /// How far it moves, in typical deviations; the largest is 1.

@@ -1,4 +1,4 @@
-//! The whole way from a model as it stands to values with intervals.
+//! The complete fit: from a model at its current values to estimates with intervals.
 
 use super::estimate::{Estimate, NullDirection, estimates, null_directions};
 use super::measure::{ComparisonMeasure, NOISE, held_out_squares};
@@ -9,10 +9,10 @@ use crate::LadderStep;
 use crate::residual_model::TimeStep;
 use btr_core::world::WorldError;
 
-/// Where amplitudes that are off are started from: at off, where some effects have no slope, and beside it.
+/// Start values of amplitudes that are off: at off, where some effects have no slope, and next to it.
 const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
-/// Numbers that may be of any magnitude are multiplied with these, too, while something is left to explain: a limit that is
-/// far too low or too high has a valley of its own.
+/// Parameters of unknown magnitude are also multiplied with these while something is left to explain: a limit that is
+/// far too low or too high has a minimum of its own.
 const MAGNITUDES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
 /// What each start may spend before the best goes on.
 const TRIAL: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
@@ -27,11 +27,11 @@ pub struct FitResult {
     pub fit: FitPoint,
     /// Every free number.
     pub parameters: Vec<Estimate>,
-    /// Error on the logs to learn from, in multiples of the noise floor.
+    /// Error on the training logs, in multiples of the noise floor.
     pub train: f64,
     /// Error on held-out logs.
     pub held_out: Option<f64>,
-    /// What these logs do not tell.
+    /// Combinations that these logs do not determine.
     pub null_directions: Vec<NullDirection>,
     /// What was done, and the two errors after it.
     pub ladder: Vec<LadderStep>,
@@ -39,8 +39,8 @@ pub struct FitResult {
     pub ended: FitStop,
     /// Why there are no intervals, where there are none.
     pub withheld: Option<String>,
-    /// The integrator's own error in multiples of the noise floor: in the logs to learn from or in those to judge on,
-    /// whichever is larger.
+    /// The integrator's error in multiples of the noise floor, on the training or on the held-out logs, whichever is
+    /// larger.
     pub integrator_error: f64,
     /// The time step that it holds for.
     pub step: TimeStep,
@@ -48,7 +48,7 @@ pub struct FitResult {
     pub rollouts: usize,
 }
 
-/// The steps so far, and who hears of them.
+/// The steps so far, and the listener that is called with each.
 struct LadderRecorder<'a> {
     steps: Vec<LadderStep>,
     on_step: &'a dyn Fn(&LadderStep),
@@ -64,7 +64,7 @@ impl LadderRecorder<'_> {
         self.steps.push(step);
     }
 
-    /// The last error on held-out logs, or else on those to learn from.
+    /// The last error on held-out logs; without such, on training logs.
     fn error(&self) -> f64 {
         self.steps.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train))
     }
@@ -73,14 +73,14 @@ impl LadderRecorder<'_> {
 /// A fit, why it ended, and the integrator's error.
 type FinishedSearch = (FitPoint, FitStop, f64);
 
-/// How often a motion without contact is looked at anew, ...
+/// How often starts are searched again for a motion without contact, ...
 pub(crate) const RESTARTS: usize = 3;
 /// ... while the squares fall below this share, or to this one where that leaves something to explain.
 const LESS: f64 = 0.99;
 const MOST: f64 = 0.5;
 
-/// Fits everything that is in doubt; `on_step` is called with each step: what was done, the error on the logs to learn from and on
-/// held-out ones. Where that leaves something to explain, it goes on with starts as the fitted model sees them.
+/// Fits all free parameters; `on_step` is called with each step: what was done, and the error on training and held-out
+/// logs. Where that leaves something to explain, it continues with starts from the fitted model.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.
@@ -92,8 +92,8 @@ pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Resul
     looked(objective, done, ladder, restarts_left)
 }
 
-/// Goes on with starts as the fitted model sees them, so often at most. Where nothing is touched, that is tried in any case,
-/// and kept if it leaves less.
+/// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, that is tried in
+/// any case, and kept if it leaves less.
 fn looked(
     objective: &Objective,
     done: FinishedSearch,
@@ -122,8 +122,8 @@ fn looked(
     looked(&again, done, ladder, restarts_left - 1)
 }
 
-/// Whether starts that were seen anew are to be believed: nothing is left to explain, and less than before; or they were so
-/// wrong that most is explained now. A model that lacks something sees starts that make up for a little of it.
+/// Whether new starts are accepted: nothing is left to explain, and less than before; or the old ones were so wrong
+/// that most is explained now. A model that lacks something prefers starts that compensate for a little of it.
 fn is_better(again: &Objective, fit: &FitPoint, objective: &Objective, before: &FitPoint) -> bool {
     let squares =
         |objective: &Objective, fit: &FitPoint| (fit.squares(), held_out_squares(objective, &fit.u).unwrap_or(0.0));

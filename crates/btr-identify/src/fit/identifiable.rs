@@ -1,5 +1,5 @@
-//! What logs can tell about the numbers in doubt, before anything is fitted to them: G. H. Golub and C. F. Van Loan's singular
-//! values of the scaled Jacobian ("Matrix Computations", 1983), at the model as it stands.
+//! Identifiability: what logs can determine about the free parameters before anything is fitted. G. H. Golub and C. F.
+//! Van Loan's singular values of the scaled Jacobian ("Matrix Computations", 1983), at the model's current values.
 
 use super::estimate::{NullDirection, information, is_dead, null_directions};
 use super::objective::{LogSet, Objective};
@@ -8,39 +8,40 @@ use btr_core::world::WorldError;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-/// What the logs tell about one number in doubt.
+/// What the logs determine about one free parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
     /// Its name.
     pub name: String,
     /// SI unit as text.
     pub unit: String,
-    /// Its value in the model as it stands.
+    /// Its current value.
     pub value: f64,
     /// Root mean square change of the measured channels when it moves by one standard deviation of its prior, in noise floors.
     pub sensitivity: f64,
-    /// The share of the prior's standard deviation that these logs would leave, all other numbers being in doubt as well: 1 is
-    /// nothing learnt. For noise that is white and a model that lacks nothing.
+    /// The share of the prior's standard deviation that these logs would leave, with all other parameters free as
+    /// well: 1 means that nothing is learnt. Holds for white noise and a complete model.
     pub uncertainty_left: f64,
     /// Whether moving it changes nothing that the noise would not hide.
     pub dead: bool,
 }
 
-/// What the logs tell about all of them.
+/// What the logs determine about all free parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identifiable {
-    /// Each number in doubt.
+    /// Each free parameter.
     pub parameters: Vec<Sensitivity>,
-    /// How many independent combinations of them the logs tell.
+    /// Number of independent combinations of them that the logs determine.
     pub rank: usize,
-    /// The best told combination over the worst told one, in units of the priors; none where one is not told at all.
+    /// Condition number: the best over the worst determined combination, in units of the priors; none where a
+    /// combination is not determined at all.
     pub condition_number: Option<f64>,
-    /// Combinations that these logs do not tell.
+    /// Combinations that these logs do not determine.
     pub null_directions: Vec<NullDirection>,
 }
 
-/// What the logs to learn from tell about the numbers in doubt. `None` without free
-/// parameters, or where a parameter has no finite effect.
+/// What the training logs determine about the free parameters. `None` without free parameters, or where a parameter
+/// has no finite effect.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.

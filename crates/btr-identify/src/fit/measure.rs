@@ -40,8 +40,8 @@ impl ComparisonMeasure {
     }
 }
 
-/// A point's sum of squares on the held-out logs, without its own step error there as far as that can be told; `None` where it
-/// cannot be simulated there.
+/// Sum of squares at a point on the held-out logs, without the integrator's error as far as that is known; `None`
+/// where they cannot be simulated there.
 pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> {
     let residual = objective.residual(u, LogSet::HeldOut).ok()?;
     let as_simulated = squares(&residual);

@@ -1,4 +1,5 @@
-//! Fitting the numbers in doubt to measurements.
+//! Fitting the free parameters to measurements: an objective, a bounded search, start states, and estimates with
+//! intervals.
 
 mod derivative;
 mod estimate;

@@ -1,4 +1,4 @@
-//! Evaluating a family: many points and logs at once, counted.
+//! Evaluating a residual model: many points and logs at once, counted.
 
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::each;
@@ -18,7 +18,7 @@ pub const FINE_ENOUGH: f64 = 0.2;
 /// ... and the finest step there is, as a part of the model's own.
 pub const FINEST: u32 = 4;
 
-/// A family with its logs split, the time step that it is simulated with, and a counter of what was spent.
+/// A residual model with its logs split, the time step that it is simulated with, and a counter of rollouts.
 pub struct Objective<'a> {
     /// The residual model.
     pub model: &'a dyn ResidualModel,
@@ -34,21 +34,21 @@ pub struct Objective<'a> {
 /// Which logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LogSet {
-    /// Those to learn from.
+    /// The training logs.
     Learn,
-    /// Those to judge on.
+    /// The held-out logs.
     HeldOut,
 }
 
 impl<'a> Objective<'a> {
-    /// A bench for a family. Without held-out logs, whatever asks for them gets nothing.
+    /// The objective of a residual model. Without held-out logs, sums over these are empty.
     pub fn new(model: &'a dyn ResidualModel) -> Self {
         let description = model.description();
         let origin = vec![0.0; description.parameters.len()];
         Self::described(model, description, &origin)
     }
 
-    /// The same where what another start state does is answered by the model at a point.
+    /// The same with the response to another start state taken from the model at a point.
     pub fn at(model: &'a dyn ResidualModel, u: &[f64]) -> Self {
         Self::described(model, model.description(), u)
     }
@@ -68,14 +68,16 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// A bench for the same family as it is seen from a point: with this one's step, counting on.
+    /// An objective for a derived model, with start states around a point, this objective's time step and its count of
+    /// rollouts.
     pub(crate) fn going_on<'b>(&self, model: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
         let other = Objective::at(model, u);
         let rollouts = self.rollouts() + other.rollouts();
         Objective { step: self.step, rollouts: rollouts.into(), ..other }
     }
 
-    /// The family as the model at a point has it; see [`Derivation::WithStartsAt`]. `None` where that is no different.
+    /// The model with starts from the model at a point; see [`Derivation::WithStartsAt`]. `None` where that makes no
+    /// difference.
     pub(crate) fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         let (moved, rollouts) = nearest_starts(self.model, &self.description, u, MOVED);
         self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
@@ -85,7 +87,7 @@ impl<'a> Objective<'a> {
         })
     }
 
-    /// Takes over the count of a bench that went on from here.
+    /// Takes over the rollout count of an objective that was derived from this one.
     pub(crate) fn count(&self, other: &Objective) {
         self.rollouts.store(other.rollouts(), Ordering::Relaxed);
     }
@@ -100,9 +102,9 @@ impl<'a> Objective<'a> {
         self.step
     }
 
-    /// Halves the time step for everything from now on, if an error of its own asks for it, in the logs to learn from
-    /// or else in those to judge on, in noise floors; returns whether it did. Where motion is chaotic, the noise floors
-    /// have that error in them.
+    /// Halves the time step from now on if the integrator's error requires it, on the training or else on the held-out
+    /// logs, in noise floors; returns whether it did. Where motion is chaotic, the noise floors include that error.
+    /// This is the only place where a fit or a diagnosis changes its time step.
     pub(super) fn refine(&mut self, learn: f64, held_out: impl FnOnce(&Objective) -> f64) -> bool {
         let refinable = self.step().divides_by() < FINEST && !self.description.is_chaotic;
         let refines = refinable && (learn > FINE_ENOUGH || held_out(self) > FINE_ENOUGH);
@@ -127,7 +129,7 @@ impl<'a> Objective<'a> {
         &self.description.law_terms
     }
 
-    /// The logs of a kind, as indices in the family.
+    /// The logs of a set, as indices.
     pub fn logs(&self, logs: LogSet) -> &[usize] {
         match logs {
             LogSet::Learn => &self.learn,
@@ -183,7 +185,7 @@ impl<'a> Objective<'a> {
         self.logs(logs).iter().map(count).sum()
     }
 
-    /// The logs to learn from with the largest sums of squares, worst first, with their rows in the residual.
+    /// The training logs with the largest sums of squares, worst first, with their rows in the residual.
     pub fn worst_logs(&self, residual: &[f64], most: usize) -> Vec<(usize, Range<usize>)> {
         let mut start = 0;
         let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Trying several small changes in one simulation: where each is felt in channels of its own, their answers can be told apart.
+//! Rollouts: many at once, and several small changes in one where each is felt in channels of its own.
 
 use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use btr_core::parallel::side_by_side;

@@ -82,7 +82,7 @@ impl FitPoint {
         -(2.0 * change.dot(&DVector::from_column_slice(&self.residual)) + change.norm_squared() + priors)
     }
 
-    /// Gauss and Newton's step where knobs that it would carry over a bound go as far as the bound, the one that would go
+    /// Gauss and Newton's step where parameters that it would carry over a bound go as far as the bound, the one that would go
     /// farthest beyond first, and the others do what is best then; with those that do.
     fn bounded_step(
         &self,
@@ -107,7 +107,7 @@ impl FitPoint {
         }
     }
 
-    /// By how much a step leaves the way on which the residual changes in proportion to it, the pinned knobs aside; none
+    /// By how much a step leaves the way on which the residual changes in proportion to it, the pinned parameters aside; none
     /// where it bends too much to be followed.
     fn bend(
         &self,

@@ -47,17 +47,17 @@ const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 /// A point with what is known around it.
 #[derive(Clone, Debug)]
 pub struct FitPoint {
-    /// The knobs that are free, as indices; all others stay where they are.
+    /// The free parameters, as indices; all others keep their values.
     pub active: Vec<usize>,
-    /// One coordinate per knob of the family.
+    /// One coordinate per parameter of the model.
     pub u: Vec<f64>,
-    /// On the logs to learn from, step error included.
+    /// Residual on the training logs, step error included.
     pub residual: ResidualVector,
     /// Sum of squares of the residual and of the priors.
     pub cost: f64,
     /// What the integrator's error adds to every residual; fixed while fitting.
     pub step_error: ResidualVector,
-    /// d residual / d coordinate of each active knob, where it is known.
+    /// d residual / d coordinate of each active parameter, where it is known.
     pub jacobian: Option<DMatrix<f64>>,
     /// Whether the Jacobian was taken here by differences, and not carried over.
     pub fresh: bool,
@@ -102,10 +102,10 @@ impl FitPoint {
         }
     }
 
-    /// Takes the integrator's error into account as it is here, with a finer step where it is large in the logs to
-    /// learn from or in those to judge on; not where the error has no order (chaos, or a rotor that meets its flank a
-    /// step earlier), so that what is extrapolated from half the step makes things worse. Returns the error's root mean
-    /// square in the logs to learn from, in multiples of the noise floor.
+    /// Takes the integrator's error at this point into account, with a finer time step where it is large on the
+    /// training or held-out logs; not where the error has no order (chaos, or a rotor that meets its flank a step
+    /// earlier), so that extrapolation from half the step makes things worse. Returns the root mean square of the
+    /// error on the training logs, in multiples of the noise floor.
     pub fn renew_step_error(&mut self, objective: &mut Objective) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
@@ -128,7 +128,7 @@ impl FitPoint {
         size
     }
 
-    /// The integrator's error in the held-out logs; 0 without such, or where it blows up.
+    /// The integrator's error on the held-out logs; 0 without such, or where they cannot be simulated.
     pub(crate) fn step_error_to_judge_on(&self, objective: &Objective) -> f64 {
         let usual = objective.residual(&self.u, LogSet::HeldOut).unwrap_or_default();
         let error = objective.step_error(&self.u, &usual, LogSet::HeldOut);
@@ -140,7 +140,7 @@ impl FitPoint {
         self.residual.iter().zip(&self.step_error).map(|(r, e)| r - e).collect()
     }
 
-    /// Goes downhill as far as the effort allows.
+    /// Lowers the cost as far as the budget allows.
     pub fn solve(&mut self, objective: &Objective, effort: SearchBudget) -> FitStop {
         let (start, better, worse, hopeless) = DAMPING;
         let (mut damping, mut spent) = (start, 0);
@@ -176,7 +176,8 @@ impl FitPoint {
         FitStop::Effort
     }
 
-    /// The last bit of the way, where short differences lead no further: with slopes as wide as what is left in doubt.
+    /// The last part of a search, where short differences lead no further: with slopes as wide as the remaining
+    /// uncertainty.
     pub fn polish(&mut self, objective: &Objective) {
         self.differentiate_widely(objective);
         self.solve(objective, SearchBudget { jacobians: 0, steps: 8 });
@@ -215,8 +216,8 @@ impl FitPoint {
         Some(next)
     }
 
-    /// Gauss and Newton's step, damped, in the knobs that no bound holds back. A bound holds back whom the step would
-    /// carry over it; a gradient alone does not tell, where knobs move together.
+    /// Gauss and Newton's step, damped, in the parameters that are not held at a bound. A parameter is held where the
+    /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
         let gradient = self.gradient(parameters, jacobian);
         let mut held = vec![None; self.active.len()];

@@ -19,7 +19,7 @@ pub(super) fn of(log: &Log) -> ClockReport {
     }
 }
 
-/// A log of fewer samples tells nothing.
+/// Fewest samples of a log that is of any use.
 pub const FEWEST_SAMPLES: usize = 20;
 
 /// What is to be said about a clock.

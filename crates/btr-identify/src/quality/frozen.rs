@@ -1,4 +1,4 @@
-//! Readings that stand still bit by bit while their joint is told to move.
+//! Readings that stay constant bit by bit while the joint's command moves.
 
 use super::report::{Finding, Severity, Topic};
 use btr_core::log::{Channel, Log};

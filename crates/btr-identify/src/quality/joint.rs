@@ -1,4 +1,4 @@
-//! A joint's channels beside each other: command, position, velocity.
+//! A joint's channels compared with each other: command, position, velocity.
 
 use super::frozen::frozen;
 use super::influence::pull;
@@ -109,8 +109,8 @@ fn is_moved(command: &Channel, position: &Channel) -> bool {
     there(command) > 0.0 && there(position) >= 20.0 * noise
 }
 
-/// A joint that does the opposite of what it is told: its command pushes it away, or it follows better upside down, or sooner
-/// where that is as good.
+/// A joint that moves against its command: the command pushes it away, or the inverted motion correlates better with
+/// it, or as well at a shorter lag.
 fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, straight: Option<Lag>) -> Option<Finding> {
     if command.unit != position.unit || !is_moved(command, position) {
         return None;

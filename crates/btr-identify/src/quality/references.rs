@@ -1,4 +1,4 @@
-//! What a robot says that it was told, beside what it was asked to do.
+//! Recorded commands compared with the references that were requested.
 
 use super::report::{Finding, Severity, Topic};
 use btr_core::log::{Log, Role, hold, interpolate};

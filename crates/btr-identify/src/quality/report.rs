@@ -35,15 +35,15 @@ pub enum Topic {
     Unit,
     /// Positions that a joint cannot have.
     Limits,
-    /// A joint that is told what nothing carries out.
+    /// A joint whose command has no actuator.
     Actuator,
-    /// A sign that is not the one of its kin.
+    /// A sign that contradicts that of a related channel.
     Sign,
     /// How late a joint follows its command.
     CommandLag,
-    /// A command that tells little.
+    /// A command that excites little.
     Excitation,
-    /// A log that begins elsewhere than it should.
+    /// A log that does not begin where it should.
     Start,
 }
 
@@ -138,7 +138,7 @@ impl Quality {
         self.findings.iter().filter(|finding| finding.severity > Severity::Fine)
     }
 
-    /// Adds what somebody else found.
+    /// Adds findings from other checks.
     pub fn add(&mut self, found: impl IntoIterator<Item = Finding>) {
         self.findings.extend(found);
         self.findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

@@ -25,7 +25,7 @@ impl EffectCandidate {
         format!("{}@{}", self.effect, self.site)
     }
 
-    /// All its knobs.
+    /// All its parameters.
     pub fn parameters(&self) -> impl Iterator<Item = usize> + '_ {
         self.amplitudes.iter().chain(&self.shapes).copied()
     }
@@ -36,7 +36,7 @@ impl EffectCandidate {
 pub struct LawTerm {
     /// What it acts on at its site; the terms of a law act on the same.
     pub on: String,
-    /// Its knobs and site, as those of an effect.
+    /// Its parameters and site, as those of an effect.
     pub term: EffectCandidate,
     /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no
     /// starts: the error tells.

@@ -15,7 +15,7 @@ pub struct MeasuredChannel {
     pub samples: Range<usize>,
 }
 
-/// A log to learn from or to judge on.
+/// A training or held-out log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedLog {
     /// What it is called in reports.

@@ -3,7 +3,7 @@
 /// The most by which a number is multiplied (as a logarithm) rather than added to.
 const MULTIPLIED: f64 = 0.5;
 
-/// How a knob's coordinate becomes its value.
+/// How a parameter's coordinate becomes its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parametrisation {
     /// value = origin + size·u.

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A simulation that is put beside a log.
+/// One rollout to be compared with a log.
 #[derive(Clone, Copy, Debug)]
 pub struct ResidualRequest<'a> {
-    /// One coordinate per knob.
+    /// One coordinate per parameter.
     pub u: &'a [f64],
     /// Which log.
     pub log: usize,

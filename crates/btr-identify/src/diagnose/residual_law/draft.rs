@@ -88,7 +88,7 @@ impl<'a> LawPicture<'a> {
         self.pursue(&trials, &columns)
     }
 
-    /// Simulates features of given shapes, and notes the columns of those that do not blow up.
+    /// Simulates terms of given shapes, and keeps the columns of those that can be simulated.
     fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
         let (features, parameters) = (self.objective.law_terms(), self.objective.parameters());
         let mut points = Vec::new();

@@ -9,7 +9,7 @@ pub struct ResidualLaw {
     pub terms: Vec<usize>,
     /// The base with it.
     pub fit: FitPoint,
-    /// Whether it stands beside the effects that were found, or replaces them.
+    /// Whether it is added to the effects that were found, or replaces them.
     pub beside_effects: bool,
     /// The share of the squared error above the noise that it explains on held-out logs.
     pub explains: f64,

@@ -30,14 +30,14 @@ const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 const CLOSE: f64 = 10.0;
 /// A term stays if the sum of squares without it were larger than this many times.
 const NEEDED: f64 = 1.05;
-/// A law that explains this share of the excess needs no effects beside it...
+/// A law that explains this share of the excess error replaces all effects...
 const ENOUGH: f64 = 0.8;
 /// ... and one that explains less than this is no law.
 const LEAST: f64 = 0.3;
 
-/// The law that explains most, if any explains enough: first in place of all effects; then beside those that were
-/// found, or, where none was, from where the parameters in doubt began: they may have gone astray to make up for the
-/// law.
+/// The law that explains most, if any explains enough: first in place of all effects; then in addition to those that
+/// were found or, without any, from the given values of the free parameters, which may have been biased by
+/// compensating for the law.
 pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
     let first = law_on(objective, bare, bare);
     if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
@@ -74,7 +74,7 @@ fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f6
     Some((left, ResidualLaw { terms, fit, beside_effects: false, explains }))
 }
 
-/// The sum of squares above the noise on the logs to judge on.
+/// The sum of squares above the noise on the held-out logs; without such, on the training logs.
 fn judged(objective: &Objective, fit: &FitPoint) -> Option<f64> {
     match objective.samples(LogSet::HeldOut) {
         0 => Some(fit.squares() - objective.samples(LogSet::Learn) as f64),
@@ -114,7 +114,7 @@ fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
     places
 }
 
-/// The fit with everything that is in doubt, from where the probes point.
+/// The fit of a draft with all free parameters, starting from where the probes point.
 fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
     let (features, parameters) = (objective.law_terms(), objective.parameters());
     let mut active = base.active.clone();

@@ -1,5 +1,6 @@
-//! Where logs begin, as a model sees it. What their first readings tell is rough, above all of velocities: where they change
-//! within a few samples, no curve through them is any good. A model that knows how the robot moves tells more.
+//! Searching the start state of logs. First readings give a rough one, above all for velocities: where they change
+//! within a few samples, no curve through the samples is good enough. A model that predicts the motion gives a better
+//! one.
 
 use crate::fit::residual_vector::squares;
 use crate::fit::rollouts::each;
@@ -59,7 +60,7 @@ struct StartSearch<'a> {
 }
 
 impl StartSearch<'_> {
-    /// The best start; `None` where nobody looks for one, or the model blows up.
+    /// The best start; `None` where none is searched, or a rollout fails: the log then keeps its start.
     fn nearest(&self) -> Option<DVector<f64>> {
         let mut at = DVector::zeros(self.open.len());
         if at.is_empty() {
