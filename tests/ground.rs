@@ -149,7 +149,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     truth[parameter] = problem.parameters()[parameter].coordinate(0.8);
     let blind = error(&problem, &truth);
     let told = problem.derive(&Derivation::WithStartsAt(truth.clone())).unwrap();
-    let (seen, again) = (error(&*told, &truth), told.with_starts_at(&truth));
+    let (seen, again) = (error(&*told, &truth), told.derive(&Derivation::WithStartsAt(truth.clone())));
     assert!(blind > 1.2 && seen < 1.05 && again.is_none(), "{blind} {seen}");
 }
 
