@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import btr
+from typed import must_be_typed
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 SMALL = {"coevolve.iterations": 3, "coevolve.controllers.generations": 2, "coevolve.simulators.generations": 3}
@@ -71,6 +72,7 @@ def disengaged(tmp_path_factory: pytest.TempPathFactory) -> btr.CoevolveResult:
 
 
 def test_what_it_lacks_is_told(disengaged: btr.CoevolveResult) -> None:
+    must_be_typed(disengaged)
     assert disengaged.stop_reason == "disengaged" and disengaged.missing == ["coulomb_friction@hinge"]
     assert repr(disengaged).split("\n\n")[0].endswith("\nmissing: coulomb_friction@hinge")
     for key, value in [("stop_reason", "iterations_done"), ("diagnosis", None)]:

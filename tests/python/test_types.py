@@ -20,6 +20,43 @@ answer = btr.diagnose(model, [log, "friday.mcap"], held_out="sunday.csv")
 fitted: btr.Model = btr.fit(model, log, add=answer.names).model
 answer.report("answer.html")
 """
+# What results are, attribute by attribute.
+RESULTS = """
+from typing import Literal
+
+from typing_extensions import assert_type
+
+import btr
+from btr import documents
+
+answer = btr.diagnose("leg.toml", "monday.csv")
+assert_type(answer.verdict, Literal["effect_missing", "nothing_missing", "unexplained"])
+assert_type(answer.effects[0], documents.EffectReport)
+assert_type(answer.effects[0].site, str | list[str])
+assert_type(answer.effects[0].parameters[0].ci95, tuple[float, float] | None)
+assert_type(answer.error_ladder[-1].held_out, float | None)
+assert_type(answer.ranking[0][0].delta_bic, float)
+if answer.residual_law is not None and answer.next_experiment is not None:
+    assert_type(answer.residual_law.on, Literal["torque", "command", "reading"])
+    assert_type(answer.next_experiment.rivals[0].separation, float)
+fitted = btr.fit("leg.toml", "monday.csv")
+assert_type(fitted.stop_reason, Literal["converged", "effort", "stuck"])
+assert_type(fitted.parameters[0].at_bound, bool)
+assert_type(fitted.space[0].scale, Literal["linear", "log"])
+assert_type(fitted.doubts[0].severity, Literal["fine", "doubtful", "bad"])
+compared = btr.compare(fitted.model, "monday.csv")
+assert_type(compared.channels[0].chi, float)
+assert_type(compared.failures[0].hint, str)
+checked = btr.check(fitted.model, "monday.csv")
+assert_type(checked.logs[0].clock.rate_hz, float)
+assert_type(checked.logs[0].joints[0].command_lag, documents.CommandLag | None)
+assert_type(btr.effects().effects[0].parameters[0].typical, float)
+run = btr.coevolve("leg.toml", tell=lambda iteration: assert_type(iteration.phi, float | None))
+assert_type(run.iterations[0], btr.Iteration)
+assert_type(run.tests[0].verdict.failed, documents.Failed | None)
+assert_type(run.log_scores[0].after.rmse, float)
+assert_type(fitted.model.parameters[0].nominal, float | None)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +85,14 @@ def test_whoever_uses_it_is_told_of_wrong_types(folder: Path) -> None:
     assert run(folder, "mypy", "--strict", "user.py") == ""
     (folder / "user.py").write_text(USER + "answer.report(3)\n")
     assert 'Argument 1 to "report"' in run(folder, "mypy", "--strict", "user.py")
+
+
+def test_results_are_typed_to_their_last_attribute(folder: Path) -> None:
+    (folder / "results.py").write_text(RESULTS)
+    assert run(folder, "mypy", "--strict", "results.py") == ""
+
+
+@pytest.mark.parametrize("misspelt", ["answer.verdcit", "answer.effects[0].sites", "run.tests[0].verdict.why"])
+def test_a_misspelt_attribute_is_reported(folder: Path, misspelt: str) -> None:
+    (folder / "misspelt.py").write_text(f"{RESULTS}\nprint({misspelt})\n")
+    assert "has no attribute" in run(folder, "mypy", "--strict", "misspelt.py")

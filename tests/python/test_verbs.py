@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import btr
+from typed import must_be_typed
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 ARM = ROBOTS / "arm.toml"
@@ -35,6 +36,8 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     assert [step for step, *_ in heard] == [step["step"] for step in found.error_ladder]
     assert "missing: coulomb_friction@yaw" in repr(found) and "The model lacks coulomb_friction" in found._repr_html_()
     fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add=found.names)
+    must_be_typed(found)
+    must_be_typed(fitted)
     assert fitted.held_out < 1.1 and fitted.values["coulomb_friction.torque@yaw"] > 0.1
     assert fitted.success and fitted.nfev > 0 and list(fitted.x) == list(fitted.values.values())
     before, after = btr.compare(arm, HELD_OUT), btr.compare(fitted.model, HELD_OUT)
@@ -149,8 +152,9 @@ def test_what_logs_cannot_tell_apart_the_next_one_may() -> None:
     pendulum, log = pendulum_with('effect = "command_delay"\nsite = "hinge"\ndelay = 0.004')
     found = btr.diagnose(pendulum, log)
     assert found.names == ["command_delay@hinge"] and "motor_lag@hinge" in found.effects[0]["alike"]
-    assert found.next_experiment is not None and found.next_experiment["separation"] > 1
+    assert found.next_experiment is not None and found.next_experiment.separation > 1
     assert found.next_commands is not None and found.next_commands.keys() == ["cmd_hinge"]
+    must_be_typed(found)
     again = pickle.loads(pickle.dumps(found))
     assert again.next_commands == found.next_commands and again == found
 
@@ -161,6 +165,7 @@ def test_what_no_effect_explains_is_told_as_a_law(arm: btr.Model) -> None:
     found = btr.diagnose(arm, learn, held_out=held_out)
     law = found.residual_law
     assert found.verdict == "unexplained" and law is not None and law["site"] == "elbow" and found.next_experiment is None
+    must_be_typed(found)
     better = arm.add_law(law["law"], site=law["site"], on=law["on"])
     assert btr.fit(better, learn, held_out=held_out).held_out < 0.5 * found.error_ladder[-1]["held_out"]
 

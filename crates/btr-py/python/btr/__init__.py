@@ -13,10 +13,11 @@ in seconds. Errors are `BtrError`, with what to do about it. Everything that sim
 Python's lock; with laws that are functions (`Model.add_law`) it takes several processes to do so (`btr.executors`).
 """
 
-from btr import distance, executors, search
+from btr import distance, documents, executors, search
 from btr._btr import BtrError, Log, TestFailed, __version__
-from btr.coevolution import Iteration, coevolve
+from btr.coevolution import coevolve
 from btr.controller import Controller
+from btr.documents import Iteration
 from btr.logs import load_log
 from btr.model import Model, load_model
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
@@ -42,6 +43,7 @@ __all__ = [
     "compare",
     "diagnose",
     "distance",
+    "documents",
     "effects",
     "executors",
     "fit",

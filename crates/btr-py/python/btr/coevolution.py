@@ -12,9 +12,9 @@ from typing import Any, Union
 from btr import _btr, _warnings
 from btr._btr import BtrError, Log
 from btr._inputs import count, must_be_called
-from btr._tables import cell
 from btr.controller import Controller
-from btr.executors import ExecutorLike, hands_of
+from btr.documents import Iteration
+from btr.executors import ExecutorLike, executor_of
 from btr.logs import LogLike, is_columns, load_log
 from btr.model import Model, loaded
 from btr.results import CoevolveResult
@@ -30,16 +30,6 @@ test's beginning, and what comes after the test (the last of the references may)
 (`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for the robot must take finer steps than the
 model, or its own error is what is found. Where another model is to stand for the robot, `model.simulate` takes the controller
 itself: its `references` alone do not say where a floating robot begins."""
-
-
-class Iteration(dict[str, Any]):
-    """A closed iteration, as under `iterations` in the result; prints in a line, so that `tell=print` shows a run going on."""
-
-    def __str__(self) -> str:
-        before = "" if self["phi_predicted"] is None else f", {cell(self['phi_predicted'])} for the one before on fresh tests"
-        promised, real = self["fitness_sim"], self["fitness_real"]
-        fitness = "" if promised is None and real is None else f"; fitness {cell(promised)} promised, {cell(real)} real"
-        return f"iteration {self['i']}: {self['real_tests']} real tests; phi {cell(self['phi'])}{before}{fitness}"
 
 
 def coevolve(
@@ -95,9 +85,9 @@ def coevolve(
         _warnings.warn(sentence, caller)
 
     seed = None if seed is None else count(seed, "seed")
-    function, hands = None if reality is None else robot, hands_of(executor)
+    function, workers = None if reality is None else robot, executor_of(executor)
     try:
-        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, warned, hands)
+        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, warned, workers)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"go on with btr.coevolve(..., out={str(folder)!r}, resume=True)") from interrupt
     if document is None:

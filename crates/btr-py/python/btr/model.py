@@ -18,6 +18,7 @@ from btr._inputs import count, floats
 from btr._laws import Law, Number
 from btr._points import Points, rollouts_in, rows_of, table_of
 from btr.controller import Controller
+from btr.documents import Dimension
 from btr.logs import LogLike, given
 
 
@@ -71,17 +72,16 @@ class Model:
         return self._model.simulate(told, seed, begins)
 
     @property
-    def parameters(self) -> list[dict[str, Any]]:
-        """The numbers in doubt, S: each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or
+    def parameters(self) -> list[Dimension]:
+        """The free parameters, S: each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or
         `log`) and `nominal` value."""
-        space: list[dict[str, Any]] = json.loads(self._model.spaces[0])
-        return space
+        return [Dimension(dim) for dim in json.loads(self._model.spaces[0])]
 
     @property
     def values(self) -> dict[str, float]:
         """The nominal values of the numbers in doubt, by name; the middle of the bounds (the geometric one on a `log` scale)
         where there is none."""
-        return dict(zip((dim["name"] for dim in self.parameters), self._model.nominal[0]))
+        return dict(zip((dim.name for dim in self.parameters), self._model.nominal[0]))
 
     def at(self, values: Mapping[str, float] | ArrayLike) -> Model:
         """The model with other nominal values of the numbers in doubt: by name, as `FitResult.values` has them, or all of
@@ -97,10 +97,9 @@ class Model:
         return self._with_text(self._model.at(list(enumerate(point.tolist()))))
 
     @property
-    def controllers(self) -> list[dict[str, Any]]:
-        """The numbers of the drive that are searched, C, as `parameters` are told; empty where it is fixed."""
-        space: list[dict[str, Any]] = json.loads(self._model.spaces[1])
-        return space
+    def controllers(self) -> list[Dimension]:
+        """The searched parameters of the drive, C, in the form of `parameters`; empty for a fixed drive."""
+        return [Dimension(dim) for dim in json.loads(self._model.spaces[1])]
 
     def simulate_all(
         self,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from btr._btr import Log
+    from btr.documents import Dimension, Estimate, LadderStep
     from btr.results import CoevolveResult, CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
@@ -67,8 +68,8 @@ def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
     """The error of every channel in noise floors (`chi`), as bars on a logarithmic scale beside the noise floor."""
     channels = found.channels
     ax = ax or _figure(size=(6.4, _height(len(channels))))[0]
-    chi = [channel["chi"] for channel in channels]
-    _rows(ax, [channel["name"] for channel in channels])
+    chi = [channel.chi for channel in channels]
+    _rows(ax, [channel.name for channel in channels])
     ax.barh(range(len(chi)), chi, height=0.6, color=INK["main"])
     _errors(ax, chi)
     _notes(ax, [f"{x:.2f}" for x in chi])
@@ -82,8 +83,8 @@ def diagnose(found: DiagnoseResult, ax: Axes | None = None) -> Axes:
     return _ladder(ladder, ax or _figure(size=(6.4, _height(len(ladder))))[0])
 
 
-def _ladder(ladder: Sequence[dict[str, Any]], ax: Axes) -> Axes:
-    _rows(ax, [step["step"] for step in ladder])
+def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> Axes:
+    _rows(ax, [step.step for step in ladder])
     drawn: list[float] = []
     for key, name, ink in (("train", "learnt from", "main"), ("held_out", "held out", "second")):
         errors = [math.nan if step[key] is None else step[key] for step in ladder]
@@ -103,35 +104,35 @@ def fit(found: FitResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
 
 
 def _values(found: FitResult, ax: Axes) -> Axes:
-    dims = {dim["name"]: dim for dim in found.space}
-    _rows(ax, [parameter["name"] for parameter in found.parameters])
+    dims = {dim.name: dim for dim in found.space}
+    _rows(ax, [parameter.name for parameter in found.parameters])
     for row, parameter in enumerate(found.parameters):
-        dim, ink = dims[parameter["name"]], INK["alarm" if parameter["at_bound"] else "main"]
-        if parameter["ci95"] is not None:
-            low, high = (_share(dim, end) for end in parameter["ci95"])
+        dim, ink = dims[parameter.name], INK["alarm" if parameter.at_bound else "main"]
+        if parameter.ci95 is not None:
+            low, high = (_share(dim, end) for end in parameter.ci95)
             ax.hlines(row, low, high, color=ink, alpha=0.45, linewidth=5)
-        ax.plot(_share(dim, dim["nominal"]), row, "o", color=INK["third"], label="before")
-        label = "at its bound" if parameter["at_bound"] else "fitted, with its 95 % interval"
-        ax.plot(_share(dim, parameter["value"]), row, "o", color=ink, label=label)
-    _notes(ax, [_told(parameter) for parameter in found.parameters])
+        ax.plot(_share(dim, dim.nominal), row, "o", color=INK["third"], label="before")
+        label = "at its bound" if parameter.at_bound else "fitted, with its 95 % interval"
+        ax.plot(_share(dim, parameter.value), row, "o", color=ink, label=label)
+    _notes(ax, [_value_text(parameter) for parameter in found.parameters])
     ax.set_xlim(-0.03, 1.03)
     ax.set_xlabel("share of the way between the bounds")
     _head(ax, "Each value between its bounds")
     return ax
 
 
-def _told(parameter: dict[str, Any]) -> str:
+def _value_text(parameter: Estimate) -> str:
     """A value with its interval, which is often too narrow to be seen between the bounds."""
-    unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-    return f"{cell(parameter['value'])}{unit}: {interval(parameter)}"
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{cell(parameter.value)}{unit}: {interval(parameter)}"
 
 
-def _share(dim: dict[str, Any], value: float | None) -> float:
+def _share(dim: Dimension, value: float | None) -> float:
     """Where a value lies between its bounds, 0 to 1; NaN where there is none."""
     if value is None:
         return math.nan
-    low, high = dim["min"], dim["max"]
-    if dim["scale"] == "log":
+    low, high = dim.min, dim.max
+    if dim.scale == "log":
         return math.log(value / low) / math.log(high / low)
     return float((value - low) / (high - low))
 
@@ -155,10 +156,10 @@ def _iterations(found: CoevolveResult, ax: Axes, lines: Sequence[tuple[str, str,
     """A line per key with its name and ink over the iterations, with marks where simulations gained parameters."""
     for key, name, ink in lines:
         values = [math.nan if iteration[key] is None else iteration[key] for iteration in found.iterations]
-        ax.plot([iteration["i"] for iteration in found.iterations], values, "o-", color=INK[ink], label=name)
+        ax.plot([iteration.i for iteration in found.iterations], values, "o-", color=INK[ink], label=name)
     for grown in found.augmentations:
-        gained = f"+ {', '.join(grown['parameters'])}"
-        ax.axvline(grown["after_iteration"] + 0.5, color=INK["third"], linestyle="--", label=gained)
+        gained = f"+ {', '.join(grown.parameters)}"
+        ax.axvline(grown.after_iteration + 0.5, color=INK["third"], linestyle="--", label=gained)
     ax.xaxis.set_major_locator(needed("matplotlib.ticker", "plot").MaxNLocator(integer=True))
     ax.set_xlabel("iteration")
     ax.set_ylabel(label)

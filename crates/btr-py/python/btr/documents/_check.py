@@ -1,0 +1,100 @@
+"""Objects of the document of `check`."""
+
+from __future__ import annotations
+
+from btr.documents._common import Finding, Severity
+from btr.documents._record import Record
+
+
+class ClockReport(Record):
+    """The clock of a log."""
+
+    samples: int
+    """Number of samples."""
+    duration_s: float
+    """Time from the first sample to the last, in s."""
+    rate_hz: float
+    """Usual sample rate, in 1/s; 0 with fewer than two samples."""
+    jitter_s: float
+    """Standard deviation of the usual sample steps, in s."""
+    gaps: list[tuple[float, float]]
+    """Steps longer than three usual ones: start and length, in s."""
+    duplicates: int
+    """Number of steps shorter than a tenth of the usual one, most likely repeated samples."""
+
+
+class SensorReport(Record):
+    """Statistics of a channel of a log."""
+
+    name: str
+    """Name of the channel."""
+    unit: str
+    """SI unit."""
+    missing: float
+    """Share of the samples that are missing."""
+    min: float | None
+    """Smallest value, in `unit`; None without any value."""
+    max: float | None
+    """Largest value, in `unit`; None without any value."""
+    noise: float | None
+    """Standard deviation of the readings' errors including quantisation, in `unit`; None for commands and for too few
+    readings."""
+    quantum: float | None
+    """Quantisation step, in `unit`; None if there is none."""
+    at_ends: float
+    """Share of the samples at the smallest or the largest value."""
+
+
+class CommandLag(Record):
+    """The lag of a joint behind its command."""
+
+    lag_s: float
+    """Lag, in s; positive if the joint is later than its command."""
+    sd_s: float
+    """Standard deviation of the lag, in s, if the part that does not correlate is noise."""
+    likeness: float
+    """Correlation of position and shifted command, 0 to 1. Below one half the lag means little."""
+
+
+class CommandResponse(Record):
+    """How a joint follows its command."""
+
+    joint: str
+    """Name of the joint."""
+    command_lag: CommandLag | None
+    """The lag; None if the joint does not follow its command."""
+
+
+class CheckedLog(Record):
+    """Quality of a log."""
+
+    log: str
+    """Path of the log."""
+    verdict: Severity
+    """Severity of the worst finding."""
+    clock: ClockReport
+    """The clock."""
+    channels: list[SensorReport]
+    """The channels: commands and sensors."""
+    joints: list[CommandResponse]
+    """The response of each joint to its command."""
+    findings: list[Finding]
+    """All findings."""
+
+
+class Sensitivity(Record):
+    """What the logs determine of a free parameter."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """SI unit."""
+    value: float
+    """Its current value in the model, in `unit`."""
+    sensitivity: float
+    """Root mean square change of the measured channels for one standard deviation of the prior, in noise floors."""
+    uncertainty_left: float
+    """Share of the prior's standard deviation that the logs leave, with all other parameters free: 1 is nothing learnt.
+    Holds for white noise and a model without missing effects."""
+    dead: bool
+    """Whether the parameter has no effect that exceeds the noise."""

@@ -1,0 +1,120 @@
+"""Objects that several documents share."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from btr.documents._record import Record
+
+Severity = Literal["fine", "doubtful", "bad"]
+"""How bad a finding is: `fine` is as expected, with `doubtful` results may suffer, with `bad` they cannot be
+trusted."""
+Topic = Literal[
+    "clock",
+    "gaps",
+    "missing",
+    "dead",
+    "saturation",
+    "noise",
+    "unit",
+    "limits",
+    "actuator",
+    "sign",
+    "command_lag",
+    "excitation",
+    "start",
+]
+"""What a finding is about."""
+Verdict = Literal["effect_missing", "nothing_missing", "unexplained"]
+"""The verdict of a diagnosis: the named effects explain the error, the residual is noise, or no known effect explains
+the error."""
+FitStop = Literal["converged", "effort", "stuck"]
+"""Why a fit ended: no further improvement, its effort is spent, or no direction of improvement was found."""
+
+
+class Finding(Record):
+    """One finding about a log."""
+
+    topic: Topic
+    """What it is about."""
+    severity: Severity
+    """How bad it is."""
+    channel: str
+    """The channel or joint; empty for the clock."""
+    sentence: str
+    """The finding in one sentence."""
+
+
+class Doubt(Finding):
+    """A finding about a log that makes results doubtful."""
+
+    log: str
+    """Path of the log."""
+
+
+class LadderStep(Record):
+    """A step of the error ladder. Errors are root mean squares in multiples of the noise floor."""
+
+    step: str
+    """What was done."""
+    train: float
+    """Error on the training logs."""
+    held_out: float | None
+    """Error on the held-out logs; None without any."""
+
+
+class NoiseFloor(Record):
+    """The noise floor of a measured channel."""
+
+    channel: str
+    """Name of the channel."""
+    unit: str
+    """SI unit of the channel."""
+    sigma: float
+    """Standard deviation of the sensor's errors, in `unit`."""
+    assumed: bool
+    """Whether `sigma` is an assumption, for readings without any noise."""
+
+
+class Estimate(Record):
+    """A fitted parameter."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """SI unit."""
+    value: float
+    """Estimated value, in `unit`."""
+    ci95: tuple[float, float] | None
+    """95 % interval (low, high), in `unit`; None while the residual has structure, and for a value at a bound."""
+    at_bound: bool
+    """Whether the value is at a bound."""
+    by_bounds: bool
+    """Whether the interval follows from bounds (its own or those of others) rather than from the logs."""
+
+
+class NullDirection(Record):
+    """A combination of parameters that the logs do not determine."""
+
+    parts: list[tuple[str, float]]
+    """Names and shares, the largest share being 1. A change along these shares, in typical deviations, has no effect
+    that exceeds the noise."""
+    sentence: str
+    """The combination in one sentence."""
+
+
+class Dimension(Record):
+    """A free parameter with its bounds."""
+
+    name: str
+    """Name of the parameter, for instance `mass@upper`."""
+    unit: str
+    """SI unit; `1` for plain numbers."""
+    min: float
+    """Lower bound, in `unit`."""
+    max: float
+    """Upper bound, in `unit`."""
+    scale: Literal["linear", "log"]
+    """Scale between the bounds."""
+    nominal: float | None
+    """Value before any fit, in `unit`; None if there is none."""

@@ -1,0 +1,95 @@
+"""Objects of the document of `diagnose`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from btr.documents._common import Estimate
+from btr.documents._record import Record
+
+
+class EffectReport(Record):
+    """An effect that the model lacks."""
+
+    effect: str
+    """Name of the effect."""
+    site: str | list[str]
+    """The joint, link, `base` or `*` where the effect sits; a list of several."""
+    alike: list[str]
+    """`effect@site` of the effects that these logs cannot tell from it."""
+    probability: float
+    """Its posterior probability among all candidates of its round, the model without it included."""
+    delta_bic: float
+    """How much it lowers the information criterion."""
+    parameters: list[Estimate]
+    """Its parameters."""
+
+
+class RankedCandidate(Record):
+    """A candidate that was fitted in a round."""
+
+    name: str
+    """`effect@site`."""
+    train: float
+    """Error on the training logs, in multiples of the noise floor."""
+    held_out: float | None
+    """Error on the held-out logs; None without any, or if the simulation diverges there."""
+    delta_bic: float
+    """How much it lowers the information criterion; negative if it is not worth its parameters."""
+
+
+class StatedLow(Record):
+    """A channel with more noise than the model states."""
+
+    channel: str
+    """Name of the channel."""
+    unit: str
+    """SI unit."""
+    stated: float
+    """Standard deviation of the sensor's errors in the model, in `unit`."""
+    shown: float
+    """Standard deviation that the readings show, in `unit`."""
+
+
+class LawReport(Record):
+    """A formula for an error that no known effect explains. `law`, `site` and `on` are arguments of `Model.add_law`."""
+
+    law: str
+    """The law as a formula."""
+    site: str
+    """The joint."""
+    on: Literal["torque", "command", "reading"]
+    """What the law acts on."""
+    explains: float
+    """Share of the squared error above the noise that it explains on held-out logs."""
+    beside: list[str]
+    """`effect@site` of the effects that it was fitted together with; empty if it replaces them all."""
+    toml: str
+    """The text to paste into the model file."""
+
+
+class RivalExplanation(Record):
+    """An explanation that the logs cannot tell from the favourite."""
+
+    effect: str
+    """`effect@site`."""
+    separation: float
+    """Difference from the favourite in the next experiment, in multiples of the noise floor."""
+
+
+class NextExperiment(Record):
+    """The experiment that separates the rival explanations."""
+
+    kind: str
+    """Kind of motion."""
+    joints: list[str]
+    """The joints that move; the others hold the middle of their ranges."""
+    separation: float
+    """Difference between the favourite and the nearest rival that this experiment separates, in multiples of the noise
+    floor."""
+    separation_so_far: float
+    """The same difference in the present logs."""
+    sentence: str
+    """What to do and why."""
+    rivals: list[RivalExplanation]
+    """All rivals, separated by it or not."""

@@ -1,0 +1,95 @@
+"""Result of `diagnose`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from btr import documents as doc
+from btr import plots
+from btr._btr import Log, Page
+from btr._tables import Rows
+from btr.results._base import Reported
+from btr.results._effects import names_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class DiagnoseResult(Reported):
+    """Which effect is missing: `verdict`, `effects`, `error_ladder` and the other keys of `btr diagnose --json`."""
+
+    verdict: doc.Verdict
+    """The verdict."""
+    effects: list[doc.EffectReport]
+    """The missing effects; with the verdict `unexplained`, effects that help without explaining the error."""
+    error_ladder: list[doc.LadderStep]
+    """The error after each step, in multiples of the noise floor."""
+    ranking: list[list[doc.RankedCandidate]]
+    """All fitted candidates, round by round, the best first."""
+    noise_floor: list[doc.NoiseFloor]
+    """The noise floor of each channel."""
+    unexplained_share: float
+    """Share of the remaining squared error that is not noise."""
+    noise_stated_low: list[doc.StatedLow]
+    """If nothing explains the error and it is white: channels whose readings show more noise than the model states."""
+    residual_law: doc.LawReport | None
+    """A formula for an error that no effect explains: `law`, `site` and `on` are arguments of `Model.add_law`, for a
+    model that has the effects in `beside`. None if there is none."""
+    next_experiment: doc.NextExperiment | None
+    """The experiment that separates the effects found from their `rivals`, and by how many noise floors. None if there
+    are no rivals or no motion that separates them."""
+    integrator_error: float
+    """Error of the time integration, in multiples of the noise floor."""
+    time_step_s: float
+    """Time step of the diagnosis, in s; finer than the model's own if that is too coarse."""
+    doubts: list[doc.Doubt]
+    """Findings about the logs that make the result doubtful, as `check` reports them."""
+    not_judged: list[str]
+    """Joints without any measurement: the result does not cover them."""
+    at_bound: list[str]
+    """Free parameters that ended at a bound; the bounds may cause the remaining error."""
+    rollouts: int
+    """Number of simulated logs."""
+    seconds: float
+    """Wall time, in s."""
+
+    def __init__(self, document: dict[str, Any], page: Page, next_commands: Log | None) -> None:
+        super().__init__(document, page)
+        self.next_commands = next_commands
+        """Commands of `next_experiment` for the robot: `cmd_<joint>`, each held until the next, NaN while the joint's
+        motor is off; None without such an experiment."""
+
+    @property
+    def names(self) -> list[str]:
+        """The effects found, as `effect@site`: arguments of `add` and `fit`."""
+        return names_of(self.effects)
+
+    def _headline(self) -> str:
+        found = ", ".join(self.names)
+        if self.verdict == "effect_missing":
+            return f"missing: {found}{self._further()}"
+        if self.verdict == "nothing_missing":
+            return "nothing is missing: what remains is noise"
+        share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
+        helps = f"{found} helps and does not explain" if found else "no effect of the library helps"
+        return f"unexplained: {helps}; {share}{self._further()}"
+
+    def _further(self) -> str:
+        """What is known beyond the verdict, one line each."""
+        unsure = [effect for effect in self.effects if effect.alike]
+        alike = [f"\nthese logs cannot tell {', '.join(names_of([e]))} from {', '.join(e.alike)}" for e in unsure]
+        law, experiment = self.residual_law, self.next_experiment
+        like = f"\nthe error looks like {law.law} on the {law.on} of {law.site}" if law else ""
+        beside = f", beside {', '.join(law.beside)}" if law and law.beside else ""
+        low = ", ".join(f"{n.channel} shows {n.shown:.2g} {n.unit} of {n.stated:.2g}" for n in self.noise_stated_low)
+        noise = f"\nwhat is left is white: is [noise] stated too low? {low}" if low else ""
+        proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
+        return noise + "".join(alike) + like + beside + proposal
+
+    def _table(self) -> Rows:
+        return [{"step": s.step, "error (x noise floor)": s.train, "held out": s.held_out} for s in self.error_ladder]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draws the error ladder on training and held-out logs, in noise floors, on Matplotlib's `ax` or a new figure,
+        and returns the axes. Raises `ImportError` without Matplotlib."""
+        return plots.diagnose(self, ax)

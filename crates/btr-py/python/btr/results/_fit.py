@@ -1,0 +1,112 @@
+"""Result of `fit`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from btr import _tables, plots
+from btr import documents as doc
+from btr._btr import Page
+from btr._tables import Rows, cell, interval
+from btr.results._base import Reported
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+    from btr.model import Model
+
+
+class FitResult(Reported):
+    """The fitted parameters (`parameters`) and the fitted `model`. `space` has the free parameters before the fit."""
+
+    cost: float
+    """Sum of squares in multiples of the noise, with the priors' share."""
+    parameters: list[doc.Estimate]
+    """Every free parameter."""
+    train: float
+    """Error on the training logs, in multiples of the noise floor."""
+    held_out: float | None
+    """Error on the held-out logs, in multiples of the noise floor; None without any."""
+    null_directions: list[doc.NullDirection]
+    """Combinations of parameters that the logs do not determine."""
+    error_ladder: list[doc.LadderStep]
+    """The error after each step, in multiples of the noise floor."""
+    stop_reason: doc.FitStop
+    """Why the fit ended."""
+    withheld: str | None
+    """Why there are no intervals; None if there are."""
+    noise_floor: list[doc.NoiseFloor]
+    """The noise floor of each channel."""
+    doubts: list[doc.Doubt]
+    """Findings about the logs that make the result doubtful, as `check` reports them."""
+    not_judged: list[str]
+    """Joints without any measurement: the result does not cover them."""
+    integrator_error: float
+    """Error of the time integration, in multiples of the noise floor."""
+    time_step_s: float
+    """Time step of the fit, in s; finer than the model's own if that is too coarse."""
+    rollouts: int
+    """Number of simulated logs."""
+    seconds: float
+    """Wall time, in s."""
+
+    def __init__(self, document: dict[str, Any], page: Page, space: list[dict[str, Any]], model: Model) -> None:
+        super().__init__(document, page)
+        self.space = [doc.Dimension(dimension) for dimension in space]
+        """The free parameters before the fit, with their bounds."""
+        self.model = model
+        """The fitted model."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The fitted values by name."""
+        return {parameter.name: parameter.value for parameter in self.parameters}
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """The fitted values in order, of shape (len(parameters),), in their units. SciPy's name."""
+        return np.array([parameter.value for parameter in self.parameters])
+
+    @property
+    def nfev(self) -> int:
+        """Number of simulated logs. SciPy's name."""
+        return self.rollouts
+
+    @property
+    def success(self) -> bool:
+        """Whether the search converged; `stop_reason` says why it ended. SciPy's name."""
+        return self.stop_reason == "converged"
+
+    def _headline(self) -> str:
+        ladder = "; ".join(f"{s.step}: {cell(s.train)}, {cell(s.held_out)} held out" for s in self.error_ladder)
+        why = f"\nno intervals: {self.withheld}" if self.withheld else ""
+        bounded = any(p.by_bounds and not p.at_bound for p in self.parameters)
+        by = "\nby its bounds: that is what the bounds leave; the logs tell less" if bounded else ""
+        return f"error in noise floors: {ladder}{why}{by}"
+
+    def _table(self) -> Rows:
+        return [
+            {"parameter": p.name, "value": p.value, "unit": p.unit, "95 % interval": interval(p)} for p in self.parameters
+        ]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The parameters as a pandas frame: `parameter`, `value`, `unit`, the ends of the 95 % interval (`low`, `high`:
+        NaN without an interval), and whether the value is `at_bound` and the interval `by_bounds`. Raises `ImportError`
+        without pandas."""
+
+        def row(p: doc.Estimate) -> dict[str, Any]:
+            low, high = p.ci95 or (np.nan, np.nan)
+            known = {"parameter": p.name, "value": p.value, "unit": p.unit, "low": low, "high": high}
+            return {**known, "at_bound": p.at_bound, "by_bounds": p.by_bounds}
+
+        return _tables.frame([row(p) for p in self.parameters])
+
+    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draws each value with its 95 % interval between its bounds, and the error ladder, on a pair of Matplotlib's
+        axes or a new figure, and returns the pair. Raises `ImportError` without Matplotlib."""
+        return plots.fit(self, ax)
