@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What hands at a distance cost, and how far they carry.
+"""Cost and limits of remote workers.
 
     pip install '.[ray]'
     python benches/scaling.py ray [--rounds 5]     # one worker and two of Ray on this machine, beside threads
@@ -7,7 +7,7 @@
 
 `extrapolate` runs two generations of a population once, and keeps the answer to every batch. Then it runs them again with
 workers that give the same answers after the time that their simulations would take on a core of their own: everything is
-measured but the simulations and the network, so this is what the machine that hands out the work can do.
+measured but the simulations and the network, so this is the limit of the dispatching machine.
 """
 
 import argparse
@@ -25,22 +25,22 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 class Counted:
-    """Hands whose messages are counted; threads of this process do the work."""
+    """An executor that counts its messages; threads of this process do the work."""
 
     def __init__(self, workers: int) -> None:
         self.workers, self.lock = workers, threading.Lock()
-        self.sent, self.answered, self.parcels = [], [], {}
+        self.sent, self.answered, self.payloads = [], [], {}
 
-    def work(self, parcels: Sequence, batch: bytes) -> bytes:
-        answer = self.answer(parcels, batch)
+    def work(self, payloads: Sequence, batch: bytes) -> bytes:
+        answer = self.answer(payloads, batch)
         with self.lock:
             self.sent.append(len(batch))
             self.answered.append(len(answer))
-            self.parcels |= {parcel.key: len(parcel.content) for parcel in parcels}
+            self.payloads |= {parcel.key: len(parcel.content) for parcel in payloads}
         return answer
 
-    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
-        return executors.serve([p.key for p in parcels], batch, *[p.content for p in parcels])
+    def answer(self, payloads: Sequence, batch: bytes) -> bytes:
+        return executors.serve([p.key for p in payloads], batch, *[p.content for p in payloads])
 
 
 class Recorded(Counted):
@@ -50,8 +50,8 @@ class Recorded(Counted):
         super().__init__(workers)
         self.known: dict[bytes, bytes] = {}
 
-    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
-        answer = self.known[batch] = super().answer(parcels, batch)
+    def answer(self, payloads: Sequence, batch: bytes) -> bytes:
+        answer = self.known[batch] = super().answer(payloads, batch)
         return answer
 
 
@@ -63,7 +63,7 @@ class Replayed(Counted):
         self.known = recorded.known
         self.per_byte = candidates * seconds / sum(recorded.sent)
 
-    def answer(self, parcels: Sequence, batch: bytes) -> bytes:
+    def answer(self, payloads: Sequence, batch: bytes) -> bytes:
         time.sleep(self.per_byte * len(batch))
         return self.known[batch]
 
@@ -74,11 +74,11 @@ def seconds(run) -> float:
     return time.perf_counter() - began
 
 
-def sizes(name: str, hands: Counted) -> None:
-    batches = len(hands.sent)
-    sent, answered = sum(hands.sent) / batches, sum(hands.answered) / batches
+def sizes(name: str, executor: Counted) -> None:
+    batches = len(executor.sent)
+    sent, answered = sum(executor.sent) / batches, sum(executor.answered) / batches
     print(f"{name}: {batches} batches of {sent:.0f} bytes, answers of {answered:.0f},", end=" ")
-    print(f"{len(hands.parcels)} parcels of {sum(hands.parcels.values()) / 1e3:.0f} kB in all")
+    print(f"{len(executor.payloads)} payloads of {sum(executor.payloads.values()) / 1e3:.0f} kB in all")
 
 
 def diagnosis(executor) -> None:
@@ -97,7 +97,7 @@ def ray(rounds: int) -> None:
         counted = Counted(2)
         work(counted)
         sizes(name, counted)
-        work(two)  # every worker opens its parcels
+        work(two)  # every worker opens its payloads
         taken = {label: [] for label in ("1 thread", "2 threads", "Ray, 1 worker", "Ray, 2 workers")}
         for _ in range(rounds):
             for label, executor in zip(taken, (1, 2, one, two)):

@@ -56,7 +56,7 @@ def test_nobody_and_a_half_cannot_work(workers: float) -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match=f"workers={workers}"):
         executors.Futures(pool, workers)
     with pytest.raises(ValueError, match=f"executor={workers}"):
-        executors.hands_of(workers)
+        executors.executor_of(workers)
 
 
 def test_threads(arm: btr.Model, alone: tuple, tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def test_a_pool_of_processes(arm: btr.Model, alone: tuple, tmp_path: Path) -> No
 
 
 class Own:
-    """Hands of one's own; what `change` does to answers arrives."""
+    """A custom executor; what `change` does to answers arrives."""
 
     workers = 2
 
@@ -200,9 +200,9 @@ def cluster() -> Iterator:
 @pytest.mark.skipif(sys.platform != "linux", reason="clusters on one machine are for Linux")
 def test_ray_also_when_a_machine_is_lost(arm: btr.Model, alone: tuple, tmp_path: Path, cluster: tuple) -> None:
     machines, second = cluster
-    hands = executors.Ray()
-    assert hands.workers == 2
-    assert_the_same(arm, hands, alone, tmp_path)
+    cluster = executors.Ray()
+    assert cluster.workers == 2
+    assert_the_same(arm, cluster, alone, tmp_path)
 
     class Losing(executors.Ray):
         """Loses the second machine while batches are under way."""

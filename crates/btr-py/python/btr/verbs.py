@@ -9,7 +9,7 @@ from typing import Any, Union
 
 from btr import _btr, _warnings
 from btr._inputs import count, must_be_called
-from btr.executors import ExecutorLike, hands_of
+from btr.executors import ExecutorLike, executor_of
 from btr.logs import LogLike, Logs
 from btr.model import Model, loaded
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
@@ -72,9 +72,9 @@ def diagnose(
     multiples of the noise floor; `max_effects` is the most that are named, and `executor` is who does the work (see
     `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
     the work."""
-    model, most, hands, tell = loaded(model), count(max_effects, "max_effects"), hands_of(executor), _heard(tell)
+    model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
     given = Logs(model)
-    document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, hands)
+    document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, workers)
     return DiagnoseResult(_warned(json.loads(document)), page, commands)
 
 
@@ -96,8 +96,8 @@ def fit(
     """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
     first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs
     that tell nothing, or on which the model blows up; what `tell` raises ends the work."""
-    model, hands, tell = loaded(model), hands_of(executor), _heard(tell)
+    model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added = [add] if isinstance(add, str) else list(add or ())
     given = Logs(model)
-    document, page, space, fitted = _btr.fit(model._model, given.all(logs), given.all(held_out), added, tell, hands)
+    document, page, space, fitted = _btr.fit(model._model, given.all(logs), given.all(held_out), added, tell, workers)
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))
