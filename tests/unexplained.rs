@@ -47,7 +47,7 @@ fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
         let (robot, mut effects, setup) = model.at(&model.simulations.nominal(), episode);
         effects.extend_from_slice(hidden);
         let drive = model.scenarios[episode].replay.clone().unwrap();
-        btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(episode as u64)).unwrap()
+        btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64)).unwrap()
     };
     let logs = (0..3).map(record).collect();
     IdentificationProblem::new(Arc::new(model), logs, without).unwrap()

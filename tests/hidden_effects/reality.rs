@@ -163,7 +163,7 @@ impl Reality {
         let Some(drive) = settled.replay else { quit(&"no replay") };
         let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
         let log =
-            btr_physics::rollout::simulate(&robot, &effects, &setup, &drive, Some(noise)).unwrap_or_else(|e| quit(&e));
+            btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(noise)).unwrap_or_else(|e| quit(&e));
         let began_s = log.clock_s()[settle];
         let clock = log.clock_s()[settle..].iter().map(|t| t - began_s).collect();
         let mut cut = Log::new(clock).unwrap_or_else(|e| quit(&e));

@@ -6,7 +6,7 @@ use btr_core::space::Space;
 use btr_physics::drive::{Drive, NaoKick, NaoWalk, References};
 use btr_physics::presets::nao::{CONTROL_S, STEPS_PER_CONTROL, UNCERTAIN_MASSES, nao};
 use btr_physics::robot::Robot;
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Ball, Sensors, Setup};
 use nalgebra::Point3;
 
@@ -35,7 +35,7 @@ fn placed(mut robot: Robot, references: &References) -> Robot {
 
 fn walk(robot: Robot, changes: &[(&str, f64)], duration_s: f64) -> Log {
     let walk = NaoWalk::new(&nao(), &point(&NaoWalk::space().unwrap(), changes), duration_s).unwrap();
-    simulate(&placed(robot, walk.references()), &[], &setup(duration_s), &walk, None).unwrap()
+    simulate(RolloutRequest::new(&placed(robot, walk.references()), &walk).setup(&setup(duration_s))).unwrap()
 }
 
 /// The first time at which the torso is low or tilted by more than 45 degrees.
@@ -138,7 +138,7 @@ fn kick(changes: &[(&str, f64)]) -> Log {
         rolling_damping_per_s: 1.0,
     };
     let setup = Setup { ball: Some(ball), ..setup(4.0) };
-    simulate(&placed(nao(), kick.references()), &[], &setup, &kick, None).unwrap()
+    simulate(RolloutRequest::new(&placed(nao(), kick.references()), &kick).setup(&setup)).unwrap()
 }
 
 #[test]

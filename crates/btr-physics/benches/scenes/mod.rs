@@ -53,9 +53,8 @@ impl Scene {
     /// step and one before them.
     pub(crate) fn run_all(&self, population: usize) -> Result<Vec<Log>, WorldError> {
         let robots: Vec<Robot> = (0..population).map(|number| self.robot_of(number)).collect();
-        let candidate =
-            |robot| RolloutRequest { robot, effects: &[], setup: &self.setup, drive: &*self.drive, noise_seed: None };
-        simulate_all(&robots.iter().map(candidate).collect::<Vec<_>>()).into_iter().collect()
+        let candidate = |robot| RolloutRequest::new(robot, &*self.drive).setup(&self.setup);
+        simulate_all(robots.iter().map(candidate).collect()).into_iter().collect()
     }
 }
 

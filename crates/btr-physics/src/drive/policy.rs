@@ -272,7 +272,7 @@ mod tests {
         ) {
             let engine = if rapier { EngineName::Rapier } else { EngineName::Auto };
             let (drive, robot) = (policy(hidden, &weights), ant());
-            let log = simulate(&robot, &[], &setup(engine), &drive, None).unwrap();
+            let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup(engine))).unwrap();
             let (inputs, outputs) = (drive.plan.inputs(&robot), drive.plan.outputs(&robot));
             let mut told = vec![0.0; robot.movable().count()];
             for tick in 1..8 {
@@ -298,10 +298,10 @@ mod tests {
         fn side_by_side_each_goes_by_its_own_senses(weights in prop::collection::vec(-0.05..0.05, 7..23)) {
             let (robot, setup) = (ant(), setup(EngineName::Auto));
             let drives: Vec<Policy> = (0..5).map(|i| policy(i % 3, &weights[i..])).collect();
-            let candidate = |drive| RolloutRequest { robot: &robot, effects: &[], setup: &setup, drive, noise_seed: None };
-            let together = simulate_all(&drives.iter().map(|d| candidate(d as &dyn Drive)).collect::<Vec<_>>());
+            let candidate = |drive| RolloutRequest::new(&robot, drive).setup(&setup);
+            let together = simulate_all(drives.iter().map(|d| candidate(d as &dyn Drive)).collect());
             for (drive, log) in drives.iter().zip(together) {
-                prop_assert_eq!(log, simulate(&robot, &[], &setup, drive, None));
+                prop_assert_eq!(log, simulate(RolloutRequest::new(&robot, drive).setup(&setup)));
             }
         }
     }
@@ -310,8 +310,11 @@ mod tests {
     fn without_weights_it_is_the_drive_that_it_corrects() {
         let robot = ant();
         for hidden in [0, 2] {
-            let log = simulate(&robot, &[], &setup(EngineName::Auto), &policy(hidden, &[0.0]), None);
-            assert_eq!(log, simulate(&robot, &[], &setup(EngineName::Auto), &crate::presets::ant::tripod(), None));
+            let log = simulate(RolloutRequest::new(&robot, &policy(hidden, &[0.0])).setup(&setup(EngineName::Auto)));
+            assert_eq!(
+                log,
+                simulate(RolloutRequest::new(&robot, &crate::presets::ant::tripod()).setup(&setup(EngineName::Auto)))
+            );
         }
     }
 

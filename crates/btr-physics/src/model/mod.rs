@@ -2,6 +2,7 @@
 //! simulations that everything else searches.
 
 pub mod parameter;
+mod request;
 mod rollouts;
 pub mod task;
 
@@ -19,7 +20,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use task::Fitness;
 
-pub use rollouts::ModelPoint;
+pub use request::ModelRequest;
 
 /// One situation in which the robot is tried.
 #[derive(Clone, Debug, Default)]
@@ -158,10 +159,10 @@ impl Model {
 
     /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
-        self.in_the(&self.scenarios[scenario], s)
+        self.in_situation(&self.scenarios[scenario], s)
     }
 
-    fn in_the(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
+    fn in_situation(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
         let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
         let known = situation.settings.iter().map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {

@@ -1,16 +1,16 @@
-//! Rollouts of a model: one or many, of its own situations or of others.
+//! Rollouts of a model: one or many, in its own scenarios or in others.
 
+use super::request::ModelRequest;
 use super::task;
 use super::{Model, Scenario};
 use crate::drive::Drive;
 use crate::effects::PlacedEffect;
-use crate::engine::Dynamics;
 use crate::robot::{JointKind, Robot};
-use crate::rollout::batch;
-use crate::rollout::batch::PreparedRollout;
+use crate::rollout;
 use crate::rollout::restart;
 use crate::rollout::restart::Restart;
-use crate::setup::Setup;
+use crate::rollout::{RolloutRequest, StateHook};
+use crate::setup::{Setup, setup_error};
 use btr_core::log::Log;
 use btr_core::parallel;
 use btr_core::signal::smooth;
@@ -21,172 +21,64 @@ use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
 impl Model {
-    /// Runs one behaviour and returns what the sensors say, with noise of the model's sensors if a seed is given.
+    /// Simulates one rollout and returns its log.
     ///
     /// # Errors
-    /// A point outside its space, or a simulation that blew up.
-    pub fn simulate(&self, s: &[f64], c: &[f64], scenario: usize, noise: Option<u64>) -> Result<Log, WorldError> {
-        self.simulate_in_steps(s, c, scenario, noise, TimeStep::USUAL)
+    /// A point outside its space, an effect that fits nothing, or a simulation that blew up.
+    pub fn simulate(&self, request: ModelRequest) -> Result<Log, WorldError> {
+        self.simulate_all(vec![request]).pop().unwrap_or_else(nothing)
     }
 
-    /// The same, computed with the model's own time step or a finer one; sampled alike.
-    ///
-    /// # Errors
-    /// See [`simulate`](Self::simulate).
-    pub fn simulate_in_steps(
-        &self,
-        s: &[f64],
-        c: &[f64],
-        scenario: usize,
-        noise: Option<u64>,
-        step: TimeStep,
-    ) -> Result<Log, WorldError> {
-        self.run_once((s, c), &self.scenarios[scenario], &[], step, noise, &mut |_, _| {})
-    }
-
-    /// Runs simulation `s` of a scenario with its nominal controller and with further effects, without noise.
-    ///
-    /// # Errors
-    /// A point outside S, an effect that fits nothing, or a simulation that blew up.
-    pub fn rollout(
-        &self,
-        s: &[f64],
-        scenario: usize,
-        further: &[PlacedEffect],
-        step: TimeStep,
-    ) -> Result<Log, WorldError> {
-        self.rollout_in(s, &self.scenarios[scenario], further, step)
-    }
-
-    /// The same in a situation of its own.
-    ///
-    /// # Errors
-    /// See [`rollout`](Self::rollout).
-    pub fn rollout_in(
-        &self,
-        s: &[f64],
-        situation: &Scenario,
-        further: &[PlacedEffect],
-        step: TimeStep,
-    ) -> Result<Log, WorldError> {
-        self.run_once((s, &self.drive.space().nominal()), situation, further, step, None, &mut |_, _| {})
-    }
-
-    /// The same with a step so fine that its error is as good as none, and noisy sensors.
-    pub fn measured(
-        &self,
-        s: &[f64],
-        situation: &Scenario,
-        further: &[PlacedEffect],
-        noise: u64,
-    ) -> Result<Log, WorldError> {
-        let own = self.drive.space().nominal();
-        self.run_once(
-            (s, &own),
-            situation,
-            further,
-            TimeStep::USUAL.halved().halved().halved(),
-            Some(noise),
-            &mut |_, _| {},
-        )
-    }
-
-    /// Runs simulation `s` in a situation while `lead` may move the robot to other states; it is called after every step,
-    /// with the time in s.
-    pub fn led(
-        &self,
-        s: &[f64],
-        situation: &Scenario,
-        further: &[PlacedEffect],
-        lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
-    ) -> Result<Log, WorldError> {
-        self.run_once((s, &self.drive.space().nominal()), situation, further, TimeStep::USUAL, None, lead)
-    }
-
-    /// Several runs, in their order: what each [`rollout_in`](Self::rollout_in) would give, but faster where they are many that
-    /// last as long.
-    pub fn rollouts_in<'a>(&self, points: &[ModelPoint<'a>], step: TimeStep) -> Vec<Result<Log, WorldError>> {
-        let own = self.drive.space().nominal();
-        let job = |point: &ModelPoint<'a>| self.prepare(point.s, &own, point.situation, point.further, step);
-        self.run_ready(&points.iter().map(job).collect::<Vec<_>>())
-    }
-
-    /// What the sensors say in each of some runs, without noise, in their order; on all threads, those of one scenario side
-    /// by side where they follow each other.
-    /// `check_cancelled` is called before every few of them; what it unwinds with ends the rest.
-    pub fn simulate_all(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
-        let at_once = parallel::side_by_side(batch::at_most(), jobs.len());
-        let with_cancellation = |few| {
-            check_cancelled();
-            self.few(few)
-        };
-        jobs.par_chunks(at_once).with_max_len(1).flat_map_iter(with_cancellation).collect()
-    }
-
-    fn few(&self, jobs: &[Job]) -> Vec<Result<Log, WorldError>> {
-        let ready = |job: &Job| self.prepare(job.s, job.c, &self.scenarios[job.scenario], &[], TimeStep::USUAL);
-        self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>())
-    }
-
-    /// What each job gives with effects of its own beside those of the model, in the order of the jobs.
-    pub fn behave_with(&self, jobs: &[(Job, &[PlacedEffect])]) -> Vec<Result<Behaviour, WorldError>> {
-        let ready = |(job, further): &(Job, &[PlacedEffect])| {
-            self.prepare(job.s, job.c, &self.scenarios[job.scenario], further, TimeStep::USUAL)
-        };
-        let logs = self.run_ready(&jobs.iter().map(ready).collect::<Vec<_>>());
-        logs.into_iter().map(|log| self.judged(log?)).collect()
-    }
-
-    /// A log with its fitness.
-    fn judged(&self, log: Log) -> Result<Behaviour, WorldError> {
-        let fitness = self.fitness.of(&log)?;
-        Ok(Behaviour { log, fitness })
-    }
-
-    fn run_once(
-        &self,
-        (s, c): (&[f64], &[f64]),
-        situation: &Scenario,
-        further: &[PlacedEffect],
-        step: TimeStep,
-        noise: Option<u64>,
-        lead: &mut dyn FnMut(f64, &mut dyn Dynamics),
-    ) -> Result<Log, WorldError> {
-        let ready = self.prepare(s, c, situation, further, step)?;
-        let mut restarted = restart::lead(&ready.restarts, ready.setup.dt_s);
-        let lead = Box::new(|time_s: f64, engine: &mut dyn Dynamics| {
-            restarted(time_s, engine);
-            lead(time_s, engine);
-        });
-        let PreparedRun { robot, effects, setup, drive, .. } = &ready;
-        let mut log = crate::rollout::simulate_led(robot, effects, setup, drive.as_ref(), noise, lead)?;
-        self.smooth_needed(&mut log, situation);
-        Ok(log)
-    }
-
-    fn run_ready(&self, jobs: &[Result<PreparedRun, WorldError>]) -> Vec<Result<Log, WorldError>> {
-        let mut logs = batch::simulate_all(jobs.iter().map(PreparedRun::run).collect());
-        for (log, job) in logs.iter_mut().zip(jobs) {
-            if let (Ok(log), Ok(ready)) = (log, job) {
-                self.smooth_needed(log, ready.situation);
-            }
+    /// Simulates several rollouts on the calling thread. Each log is what [`simulate`](Self::simulate) gives for its request;
+    /// many rollouts of equal length take less time in one call.
+    pub fn simulate_all(&self, requests: Vec<ModelRequest>) -> Vec<Result<Log, WorldError>> {
+        let mut hooks = Vec::with_capacity(requests.len());
+        let mut inputs = Vec::with_capacity(requests.len());
+        for request in requests {
+            inputs.push(self.inputs(&request));
+            hooks.push(request.hook);
         }
-        logs
+        let valid = inputs.iter().zip(hooks).filter_map(|(inputs, hook)| Some(inputs.as_ref().ok()?.rollout(hook)));
+        let mut logs = rollout::simulate_all(valid.collect()).into_iter();
+        let finish = |inputs: &Result<RunInputs, WorldError>| {
+            let inputs = inputs.as_ref().map_err(Clone::clone)?;
+            let mut log = logs.next().unwrap_or_else(nothing)?;
+            self.smooth_required_torques(&mut log, inputs.situation);
+            Ok(log)
+        };
+        inputs.iter().map(finish).collect()
     }
 
-    /// All that a run needs.
-    fn prepare<'a>(
-        &self,
-        s: &[f64],
-        c: &[f64],
-        situation: &'a Scenario,
-        further: &[PlacedEffect],
-        step: TimeStep,
-    ) -> Result<PreparedRun<'a>, WorldError> {
+    /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated side by side. Calls
+    /// `check_cancelled` before every batch; a panic in it ends the rest.
+    pub fn simulate_jobs(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
+        let batch_size = parallel::side_by_side(rollout::lanes(), jobs.len());
+        let with_cancellation = |batch: &[Job]| {
+            check_cancelled();
+            self.simulate_all(batch.iter().map(|job| self.job(job)).collect())
+        };
+        jobs.par_chunks(batch_size).with_max_len(1).flat_map_iter(with_cancellation).collect()
+    }
+
+    /// The logs of several rollouts with their fitness.
+    pub fn behaviours(&self, requests: Vec<ModelRequest>) -> Vec<Result<Behaviour, WorldError>> {
+        let with_fitness = |log: Result<Log, WorldError>| {
+            let log = log?;
+            let fitness = self.fitness.of(&log)?;
+            Ok(Behaviour { log, fitness })
+        };
+        self.simulate_all(requests).into_iter().map(with_fitness).collect()
+    }
+
+    /// Everything that a rollout needs.
+    fn inputs<'a>(&self, request: &ModelRequest<'a>) -> Result<RunInputs<'a>, WorldError> {
+        let &ModelRequest { s, situation, effects: further, time_step: step, .. } = request;
+        let nominal = self.drive.space().nominal();
+        let c = request.controller.unwrap_or(&nominal);
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, mut effects, mut setup) = self.in_the(situation, s);
+        let (mut robot, mut effects, mut setup) = self.in_situation(situation, s);
         effects.extend_from_slice(further);
         if situation.replay.is_some() {
             read_back(&mut robot, &effects, situation.start.len())?;
@@ -198,11 +90,11 @@ impl Model {
         let drive = self.drive_at(c, situation)?;
         drive.place(&mut robot);
         let restarts = restart::read_back(&situation.restarts, &robot, &effects)?;
-        Ok(PreparedRun { robot, effects, setup, drive, restarts, situation })
+        Ok(RunInputs { robot, effects, setup, drive, noise_seed: request.noise_seed, restarts, situation })
     }
 
     /// The torques that measured motions need are as rough as these: smoothed, as the measured torques are.
-    fn smooth_needed(&self, log: &mut Log, situation: &Scenario) {
+    fn smooth_required_torques(&self, log: &mut Log, situation: &Scenario) {
         let Some(replay) = &situation.replay else { return };
         let joints = self.robot.movable().enumerate().filter(|(i, _)| replay.follows(*i));
         for (_, (_, link)) in joints {
@@ -220,11 +112,11 @@ impl Simulator for Model {
     }
 
     fn side_by_side(&self) -> usize {
-        batch::at_most()
+        rollout::lanes()
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
-        self.few(jobs).into_iter().map(|log| self.judged(log?)).collect()
+        self.behaviours(jobs.iter().map(|job| self.job(job)).collect())
     }
 
     fn simulations(&self) -> &Space {
@@ -240,37 +132,39 @@ impl Simulator for Model {
     }
 
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
-        self.judged(self.simulate(s, c, scenario, None)?)
+        self.run_all(&[Job { s, c, scenario }]).pop().unwrap_or_else(nothing)
     }
 }
 
-/// What a run is to be of.
-pub struct ModelPoint<'a> {
-    /// A point of S.
-    pub s: &'a [f64],
-    /// Effects beside those of the model.
-    pub further: &'a [PlacedEffect],
-    /// When and from where it runs.
-    pub situation: &'a Scenario,
-}
-
 /// A run of a model, before anything is allocated for it.
-struct PreparedRun<'a> {
+struct RunInputs<'a> {
     robot: Robot,
     effects: Vec<PlacedEffect>,
     setup: Setup,
     drive: Box<dyn Drive>,
+    noise_seed: Option<u64>,
     restarts: Vec<Restart>,
     situation: &'a Scenario,
 }
 
-impl PreparedRun<'_> {
-    /// The run itself, without noise.
-    fn run<'a>(job: &'a Result<PreparedRun, WorldError>) -> Result<PreparedRollout<'a>, WorldError> {
-        let ready = job.as_ref().map_err(Clone::clone)?;
-        let lead = Box::new(restart::lead(&ready.restarts, ready.setup.dt_s));
-        PreparedRollout::new(&ready.robot, &ready.effects, &ready.setup, ready.drive.as_ref(), None, lead)
+impl RunInputs<'_> {
+    /// The rollout itself. Restarts come before the hook.
+    fn rollout<'a>(&'a self, hook: Option<StateHook<'a>>) -> RolloutRequest<'a> {
+        let mut restarts = restart::lead(&self.restarts, self.setup.dt_s);
+        let with_hook: StateHook<'a> = match hook {
+            Some(mut hook) => Box::new(move |time_s, engine| {
+                restarts(time_s, engine);
+                hook(time_s, engine);
+            }),
+            None => Box::new(restarts),
+        };
+        let request = RolloutRequest::new(&self.robot, self.drive.as_ref()).effects(&self.effects).setup(&self.setup);
+        request.noise_seed(self.noise_seed).hook(with_hook)
     }
+}
+
+fn nothing<T>() -> Result<T, WorldError> {
+    Err(setup_error("nothing was simulated".to_owned()))
 }
 
 /// A recorded start is what the encoders said: where the joints were depends on the effects on these.

@@ -1,27 +1,20 @@
 //! Runs side by side: candidates for the same robot take their steps together, each in a lane of one engine, while
 //! commands, motors, effects and sensors are each one's own.
 
-use super::control::Control;
-use super::prepare::{check, check_linkages, check_sampling, planted, sense};
-use super::record::Recorder;
-use crate::drive::Drive;
-use crate::effects;
-use crate::effects::PlacedEffect;
+use super::prepared::PreparedRollout;
 use crate::engine::Dynamics;
 use crate::engine::articulated;
-use crate::engine::rapier::Rapier;
 use crate::robot::Robot;
-use crate::setup::{EngineName, Setup};
+use crate::setup::Setup;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use pulp::Arch;
-use std::borrow::Cow;
 
 /// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as
 /// many at a time as the machine has lanes; what comes out is the same as if each had been simulated alone.
-pub(crate) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Vec<Result<Log, WorldError>> {
+pub(super) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
-    let (most, mut group) = (at_most(), Vec::<PreparedRollout>::new());
+    let (most, mut group) = (lanes(), Vec::<PreparedRollout>::new());
     for run in runs {
         let joins = |run: &PreparedRollout| group.len() < most && group.iter().all(|first| first.is_like(run));
         match run {
@@ -37,8 +30,8 @@ pub(crate) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Ve
     logs
 }
 
-/// How many runs this machine can simulate side by side.
-pub(crate) fn at_most() -> usize {
+/// Number of SIMD lanes on this machine: how many candidates it simulates side by side.
+pub fn lanes() -> usize {
     articulated::lanes()
 }
 
@@ -54,136 +47,8 @@ fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     }
 }
 
-/// Somebody who may move a robot on the way; see [`simulate_led`].
-pub(crate) type StateHook<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
-
-/// Nobody.
-pub(crate) fn unled<'a>() -> StateHook<'a> {
-    Box::new(|_, _| {})
-}
-
-/// A run that is ready to begin.
-pub(crate) struct PreparedRollout<'a> {
-    robot: Cow<'a, Robot>,
-    effects: Vec<PlacedEffect>,
-    setup: Cow<'a, Setup>,
-    control: Control<'a>,
-    recorder: Recorder,
-    noise_seed: Option<u64>,
-    lead: StateHook<'a>,
-    samples: usize,
-    /// Steps from one sample to the next, and before the first one.
-    every: usize,
-    rests: usize,
-    failed: Option<WorldError>,
-}
-
-impl<'a> PreparedRollout<'a> {
-    /// Allocates everything that it needs.
-    ///
-    /// # Errors
-    /// See [`simulate`].
-    pub(crate) fn new(
-        robot: &'a Robot,
-        effects: &[PlacedEffect],
-        setup: &'a Setup,
-        drive: &'a dyn Drive,
-        noise_seed: Option<u64>,
-        lead: StateHook<'a>,
-    ) -> Result<Self, WorldError> {
-        let (samples, every) = setup.samples()?;
-        let effects = effects::in_force(effects)?;
-        let (robot, setup) = planted(robot, &effects, setup)?;
-        let control = Control::new(&robot, &effects, &setup, drive)?;
-        check_sampling(&robot, &setup)?;
-        check_linkages(&robot, &setup)?;
-        let recorder = Recorder::new(&robot, &setup, samples);
-        let rests = (setup.rest_s / setup.dt_s).round() as usize;
-        Ok(PreparedRollout {
-            robot,
-            effects,
-            setup,
-            control,
-            recorder,
-            noise_seed,
-            lead,
-            samples,
-            every,
-            rests,
-            failed: None,
-        })
-    }
-
-    /// The physics engine for it alone.
-    pub(crate) fn engine(&self) -> Box<dyn Dynamics> {
-        match self.setup.engine {
-            EngineName::Auto => articulated::engine(&self.robot, &self.setup),
-            EngineName::Rapier => Box::new(Rapier::new(&self.robot, &self.setup)),
-        }
-    }
-
-    /// Whether both take equally many steps of equal length in an engine that can have them side by side.
-    fn is_like(&self, other: &PreparedRollout) -> bool {
-        let steps = |run: &PreparedRollout| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
-        let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.follows();
-        steps(self) == steps(other) && own(self) && own(other)
-    }
-
-    /// How many steps it takes once it has rested.
-    fn steps(&self) -> usize {
-        (self.samples - 1) * self.every
-    }
-
-    fn prepare(&mut self, step: usize, engine: &mut dyn Dynamics) {
-        self.control.act(step as f64 * self.setup.dt_s - self.setup.dt_s, engine);
-        if (step - 1).is_multiple_of(self.every) {
-            self.recorder.told(&self.control);
-        }
-        self.recorder.before_step(engine);
-    }
-
-    fn observe(&mut self, step: usize, engine: &mut dyn Dynamics) {
-        let time_s = step as f64 * self.setup.dt_s;
-        if step > 0 {
-            self.check(engine, time_s);
-            if self.failed.is_some() {
-                return;
-            }
-        }
-        self.control.listen(time_s, engine);
-        if step == 1 {
-            self.recorder.forces(engine, &self.control);
-        }
-        if step.is_multiple_of(self.every) {
-            self.recorder.state(engine, &self.control);
-            if step > 0 {
-                self.recorder.forces(engine, &self.control);
-            }
-        }
-        (self.lead)(time_s, engine);
-    }
-
-    /// A law that gave no number is to blame for what came after it.
-    fn check(&mut self, engine: &dyn Dynamics, time_s: f64) {
-        self.failed = check(engine, time_s).err().map(|error| self.control.trouble(&self.robot).unwrap_or(error));
-    }
-
-    fn finish(mut self, engine: &mut dyn Dynamics) -> Result<Log, WorldError> {
-        // A motor that is not driven, or does not ask its sensor, hides what a law gave.
-        if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
-            return Err(error);
-        }
-        if self.control.tells() {
-            self.control.act((self.samples - 1) as f64 * self.every as f64 * self.setup.dt_s, engine);
-            self.recorder.told(&self.control);
-        }
-        let sample_s = self.setup.dt_s * self.every as f64;
-        self.recorder.finish(sample_s, self.noise_seed, |log| sense(&self.robot, &self.effects, log))
-    }
-}
-
 /// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are any.
-pub(crate) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
+pub(super) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     rest(engine, &mut runs);
     for step in 0..=runs.first().map_or(0, PreparedRollout::steps) {
         if runs.iter().all(|run| run.failed.is_some()) {
@@ -231,11 +96,11 @@ fn rest(engine: &mut dyn Dynamics, runs: &mut [PreparedRollout]) {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::drive::NaoWalk;
+    use crate::drive::{Drive, NaoWalk};
     use crate::presets::ant;
     use crate::presets::nao::nao;
     use crate::robot::Base;
-    use crate::rollout::simulate;
+    use crate::rollout::{RolloutRequest, simulate};
     use crate::setup::Ball;
     use nalgebra::{Point3, Vector3};
 
@@ -290,14 +155,14 @@ mod tests {
     }
 
     fn run((robot, setup, drive): &Scene) -> PreparedRollout<'_> {
-        PreparedRollout::new(robot, &[], setup, &**drive, None, unled()).unwrap()
+        PreparedRollout::new(RolloutRequest::new(robot, &**drive).setup(setup)).unwrap()
     }
 
     #[test]
     fn side_by_side_everyone_does_bit_by_bit_what_it_does_alone() {
         for name in ["ant", "nao", "nao with a ball", "bolted"] {
             let scenes: Vec<Scene> = (0..CANDIDATES).map(|number| candidate(name, number)).collect();
-            let log = |(robot, setup, drive): &Scene| simulate(robot, &[], setup, &**drive, None);
+            let log = |(robot, setup, drive): &Scene| simulate(RolloutRequest::new(robot, &**drive).setup(setup));
             let alone: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
             assert!(alone.iter().enumerate().all(|(i, log)| log.is_err() == (i == TORN)), "{name}");
             let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, _)| (robot, setup)).collect();
@@ -319,7 +184,7 @@ mod tests {
         let scenes: Vec<Scene> = ["ant", "ant", "nao", "bolted", "ant"].into_iter().map(scene).collect();
         let logs = simulate_all(scenes.iter().map(|scene| Ok(run(scene))).collect());
         for ((robot, setup, drive), log) in scenes.iter().zip(logs) {
-            assert_eq!(log, simulate(robot, &[], setup, &**drive, None));
+            assert_eq!(log, simulate(RolloutRequest::new(robot, &**drive).setup(setup)));
         }
     }
 }

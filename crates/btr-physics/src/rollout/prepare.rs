@@ -9,7 +9,7 @@ use btr_core::world::WorldError;
 use std::borrow::Cow;
 
 /// Servos act between two steps, never within one.
-pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+pub(super) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     for joint in robot.movable().map(|(_, link)| &link.joint) {
         let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
         if !(steps.round() >= 1.0 && (steps - steps.round()).abs() < 1e-6 * steps) {
@@ -23,7 +23,7 @@ pub(crate) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
 }
 
 /// Only the own engine knows linkages.
-pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
+pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     let followers = robot.followers();
     for (i, (_, link)) in robot.movable().enumerate() {
         let Some(mimic) = &link.joint.mimic else { continue };
@@ -40,7 +40,7 @@ pub(crate) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
 }
 
 /// Lets the effects that sit on sensors change what those say.
-pub(crate) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> Result<(), WorldError> {
+pub(super) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {
         match placed.effect.spec().site {
             SiteKind::Joint => {
@@ -56,15 +56,15 @@ pub(crate) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> R
 }
 
 /// The robot and the setup after the effects that act on them before the run.
-pub(crate) fn planted<'a>(
+pub(super) fn planted<'a>(
     robot: &'a Robot,
     effects: &[PlacedEffect],
-    setup: &'a Setup,
+    mut setup: Cow<'a, Setup>,
 ) -> Result<(Cow<'a, Robot>, Cow<'a, Setup>), WorldError> {
     if !robot.is_tree() {
         return Err(setup_error(format!("the links of `{}` are not a tree with parents first", robot.name)));
     }
-    let (mut robot, mut setup) = (Cow::Borrowed(robot), Cow::Borrowed(setup));
+    let mut robot = Cow::Borrowed(robot);
     if !robot.followers().is_empty() {
         robot.to_mut().settle_followers();
     }
@@ -84,6 +84,6 @@ pub(crate) fn planted<'a>(
     Ok((robot, setup))
 }
 
-pub(crate) fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
+pub(super) fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
     engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
 }

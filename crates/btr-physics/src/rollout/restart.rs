@@ -54,7 +54,7 @@ mod tests {
     use crate::engine::rapier::Rapier;
     use crate::presets::ant;
     use crate::robot::Base;
-    use crate::rollout::simulate_led;
+    use crate::rollout::{RolloutRequest, simulate};
     use crate::setup::{EngineName, Setup};
     use btr_core::log::Log;
 
@@ -82,7 +82,7 @@ mod tests {
             restarted(time_s, engine);
         };
         let setup = Setup { engine, ..setup(robot) };
-        let log = simulate_led(robot, &[], &setup, drive, None, Box::new(&mut lead)).unwrap();
+        let log = simulate(RolloutRequest::new(robot, drive).setup(&setup).hook(Box::new(&mut lead))).unwrap();
         (log, there.unwrap())
     }
 

@@ -7,7 +7,7 @@ use btr_physics::presets::ant;
 use btr_physics::presets::nao::nao;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot, Sampling};
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::Setup;
 use proptest::prelude::{Just, ProptestConfig, Strategy, prop_assert, prop_oneof, proptest};
 
@@ -78,7 +78,7 @@ proptest! {
         let line_of = |(stall, no_load): (f64, f64)| placed("speed_torque_limit", "*", &[stall, no_load]);
         let effects: Vec<PlacedEffect> = line.map(line_of).into_iter().collect();
         // What blows up has no log.
-        if let Ok(log) = simulate(&robot, &effects, &setup, &drive, None) {
+        if let Ok(log) = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects)) {
             let found = exceeded(&log, Limits { torque, line });
             prop_assert!(found.is_none(), "{}", found.unwrap_or_default());
         }

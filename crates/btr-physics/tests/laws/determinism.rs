@@ -4,14 +4,15 @@ use crate::scene::{ENGINES, setup};
 use btr_core::log::Log;
 use btr_physics::effects::{PlacedEffect, find};
 use btr_physics::presets::ant;
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{EngineName, Setup};
 
 fn walk(engine: EngineName, noise_seed: Option<u64>) -> Log {
     let mut walking = Setup { duration_s: 0.5, engine, ..Setup::default() };
     walking.noise.position = 1e-3;
     let rub = PlacedEffect::hinted(find("coulomb_friction").unwrap(), "*");
-    simulate(&ant::ant(), &[rub], &walking, &ant::tripod(), noise_seed).unwrap()
+    simulate(RolloutRequest::new(&ant::ant(), &ant::tripod()).setup(&walking).effects(&[rub]).noise_seed(noise_seed))
+        .unwrap()
 }
 
 #[test]
@@ -41,7 +42,7 @@ fn noise_is_seeded_and_only_on_sensors() {
 fn samples_are_thinned_without_changing_the_run() {
     let fine = setup(0.002, 0.4);
     let coarse = Setup { sample_s: Some(0.01), ..fine.clone() };
-    let log = |setup: &Setup| simulate(&ant::ant(), &[], setup, &ant::tripod(), None).unwrap();
+    let log = |setup: &Setup| simulate(RolloutRequest::new(&ant::ant(), &ant::tripod()).setup(setup)).unwrap();
     let (fine, coarse) = (log(&fine), log(&coarse));
     assert_eq!((fine.len(), coarse.len()), (201, 41));
     let every_fifth: Vec<f64> = fine.values("q_R2_knee").unwrap().iter().step_by(5).copied().collect();
@@ -51,7 +52,9 @@ fn samples_are_thinned_without_changing_the_run() {
 #[test]
 fn what_does_not_fit_is_an_error() {
     let robot = ant::ant();
-    let run = |setup: &Setup, effects: &[PlacedEffect]| simulate(&robot, effects, setup, &ant::tripod(), None);
+    let run = |setup: &Setup, effects: &[PlacedEffect]| {
+        simulate(RolloutRequest::new(&robot, &ant::tripod()).setup(setup).effects(effects))
+    };
     let odd = Setup { sample_s: Some(0.0015), ..setup(0.001, 0.1) };
     assert!(run(&odd, &[]).unwrap_err().to_string().contains("multiple"));
     let nowhere = PlacedEffect::hinted(find("armature").unwrap(), "wing");
@@ -63,9 +66,9 @@ fn blow_ups_are_reported_with_time_and_joint() {
     let mut robot =
         btr_physics::presets::pendulum::pendulum(1.0, 1.0, btr_physics::robot::Actuator::Torque { max_torque: 1e9 });
     robot.links[1].joint.name = "knee".to_owned();
-    let error = simulate(&robot, &[], &setup(0.001, 1.0), &crate::scene::hold(1e6), None).unwrap_err();
+    let error = simulate(RolloutRequest::new(&robot, &crate::scene::hold(1e6)).setup(&setup(0.001, 1.0))).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("blew up at t = 0.0") && text.contains("knee"), "{text}");
-    let nan = simulate(&robot, &[], &setup(0.001, 1.0), &crate::scene::hold(f64::INFINITY), None);
+    let nan = simulate(RolloutRequest::new(&robot, &crate::scene::hold(f64::INFINITY)).setup(&setup(0.001, 1.0)));
     assert!(nan.is_ok() || nan.unwrap_err().to_string().contains("blew up"));
 }

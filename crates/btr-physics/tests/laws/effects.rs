@@ -7,7 +7,7 @@ use btr_physics::drive::Drive;
 use btr_physics::effects::{EFFECTS, Effect, EffectSpec, PlacedEffect, SiteKind, find};
 use btr_physics::presets::ant;
 use btr_physics::robot::Robot;
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Sensors, Setup};
 use rand::RngExt;
 
@@ -40,7 +40,8 @@ fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
 }
 
 fn logged(robot: &Robot, effects: &[PlacedEffect], setup: &Setup, drive: &dyn Drive) -> Log {
-    simulate(robot, effects, setup, drive, None).unwrap_or_else(|e| panic!("{effects:?}: {e}"))
+    simulate(RolloutRequest::new(robot, drive).setup(setup).effects(effects))
+        .unwrap_or_else(|e| panic!("{effects:?}: {e}"))
 }
 
 /// Bit patterns of every channel; missing values compare equal.

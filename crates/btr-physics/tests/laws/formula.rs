@@ -9,7 +9,7 @@ use btr_physics::effects::{
 };
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -136,7 +136,9 @@ fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
 #[test]
 fn a_law_that_gives_no_number_is_to_blame() {
     let ended = |on, text: &str, params: &[(&str, f64)], duration_s| {
-        simulate(&arm(), &[law(on, text, params)], &fast(0.001, duration_s), &hold(0.2), None)
+        simulate(
+            RolloutRequest::new(&arm(), &hold(0.2)).setup(&fast(0.001, duration_s)).effects(&[law(on, text, params)]),
+        )
     };
     let cases = [
         (
@@ -179,7 +181,7 @@ proptest! {
     fn no_text_makes_it_panic(text in "(q|dq|cmd|t|sin|max|sign|abs|[-+*/^(), {}.0-9eE]|PI|é){0,12}") {
         if let Ok(effect) = formula(FormulaTarget::Torque, &text, &[]) {
             let placed = PlacedEffect { effect, site: "*".to_owned(), values: vec![] };
-            let _ = simulate(&arm(), &[placed], &fast(0.001, 0.01), &hold(0.1), None);
+            let _ = simulate(RolloutRequest::new(&arm(), &hold(0.1)).setup(&fast(0.001, 0.01)).effects(&[placed]));
         }
     }
 }

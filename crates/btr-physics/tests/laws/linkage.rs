@@ -5,7 +5,7 @@ use crate::scene::{G, Told, arm, fast, hold, placed, run, run_with};
 use btr_physics::engine::forward_dynamics;
 use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::robot::{Actuator, Base, Mimic, Robot};
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
@@ -78,7 +78,7 @@ fn linked_arms_keep_their_energy() {
 #[test]
 fn the_reference_engine_says_that_it_cannot() {
     let setup = Setup { engine: EngineName::Rapier, ..fast(0.002, 0.1) };
-    let error = simulate(&linked(Base::Fixed), &[], &setup, &hold(0.0), None).unwrap_err().to_string();
+    let error = simulate(RolloutRequest::new(&linked(Base::Fixed), &hold(0.0)).setup(&setup)).unwrap_err().to_string();
     assert!(error.contains("`c` mimics `a`, which the reference engine cannot simulate"), "{error}");
 }
 

@@ -5,7 +5,7 @@ use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::ant;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Sensors, Setup};
 
 /// The position and the motor's torque that a stiff servo settles at.
@@ -103,7 +103,9 @@ fn a_biased_imu_reads_that_much_more() {
     let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
     let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.2, sensors, ..Setup::default() };
     let bias = [0.1, -0.2, 0.3, -1.0, 2.0, 0.5];
-    let walk = |effects: &[PlacedEffect]| simulate(&ant::ant(), effects, &setup, &ant::tripod(), None).unwrap();
+    let walk = |effects: &[PlacedEffect]| {
+        simulate(RolloutRequest::new(&ant::ant(), &ant::tripod()).setup(&setup).effects(effects)).unwrap()
+    };
     let (plain, biased) = (walk(&[]), walk(&[placed("imu_bias", "base", &bias)]));
     let names = ["gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"].map(|name| format!("imu_{name}"));
     for (name, channel) in plain.channels() {

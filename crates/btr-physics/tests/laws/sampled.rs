@@ -5,7 +5,7 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, DutyLoop, Robot, Sampling};
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::Setup;
 
 const KP: f64 = 80.0;
@@ -103,6 +103,6 @@ fn effects_on_commands_and_motors_act_on_digital_servos() {
 
 #[test]
 fn instants_fall_between_steps() {
-    let result = simulate(&servo(1.5 * DT_S, 1), &[], &fast(DT_S, 0.1), &wave(), None);
+    let result = simulate(RolloutRequest::new(&servo(1.5 * DT_S, 1), &wave()).setup(&fast(DT_S, 0.1)));
     assert!(matches!(result, Err(WorldError::Setup { .. })), "{result:?}");
 }

@@ -4,7 +4,7 @@ use btr_core::log::Log;
 use btr_physics::drive::Drive;
 use btr_physics::effects::{PlacedEffect, find};
 use btr_physics::robot::{Actuator, Base, Geometry, Joint, JointKind, Link, Robot, Shape};
-use btr_physics::rollout::simulate;
+use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{EngineName, Setup};
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -51,11 +51,11 @@ pub(crate) fn fast_weightless(dt_s: f64, duration_s: f64) -> Setup {
 }
 
 pub(crate) fn run(robot: &Robot, setup: &Setup, drive: &dyn Drive) -> Log {
-    simulate(robot, &[], setup, drive, None).unwrap()
+    simulate(RolloutRequest::new(robot, drive).setup(setup)).unwrap()
 }
 
 pub(crate) fn run_with(robot: &Robot, effects: &[PlacedEffect], setup: &Setup, drive: &dyn Drive) -> Log {
-    simulate(robot, effects, setup, drive, None).unwrap()
+    simulate(RolloutRequest::new(robot, drive).setup(setup).effects(effects)).unwrap()
 }
 
 pub(crate) fn placed(name: &str, site: &str, values: &[f64]) -> PlacedEffect {

@@ -1,0 +1,132 @@
+//! One run: from what it needs to its log, step by step.
+
+use super::control::Control;
+use super::prepare::{check, check_linkages, check_sampling, planted, sense};
+use super::record::Recorder;
+use super::request::{RolloutRequest, StateHook};
+use crate::effects;
+use crate::effects::PlacedEffect;
+use crate::engine::Dynamics;
+use crate::engine::articulated;
+use crate::engine::rapier::Rapier;
+use crate::robot::Robot;
+use crate::setup::{EngineName, Setup};
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use std::borrow::Cow;
+
+/// A run that is ready to begin.
+pub(super) struct PreparedRollout<'a> {
+    pub(super) robot: Cow<'a, Robot>,
+    effects: Vec<PlacedEffect>,
+    pub(super) setup: Cow<'a, Setup>,
+    pub(super) control: Control<'a>,
+    recorder: Recorder,
+    noise_seed: Option<u64>,
+    hook: Option<StateHook<'a>>,
+    samples: usize,
+    /// Steps from one sample to the next, and before the first one.
+    every: usize,
+    pub(super) rests: usize,
+    pub(super) failed: Option<WorldError>,
+}
+
+impl<'a> PreparedRollout<'a> {
+    /// Allocates everything that it needs.
+    ///
+    /// # Errors
+    /// See [`simulate`](super::simulate).
+    pub(super) fn new(request: RolloutRequest<'a>) -> Result<Self, WorldError> {
+        let RolloutRequest { robot, drive, effects, setup, noise_seed, hook } = request;
+        let (samples, every) = setup.samples()?;
+        let effects = effects::in_force(effects)?;
+        let (robot, setup) = planted(robot, &effects, setup)?;
+        let control = Control::new(&robot, &effects, &setup, drive)?;
+        check_sampling(&robot, &setup)?;
+        check_linkages(&robot, &setup)?;
+        let recorder = Recorder::new(&robot, &setup, samples);
+        let rests = (setup.rest_s / setup.dt_s).round() as usize;
+        Ok(PreparedRollout {
+            robot,
+            effects,
+            setup,
+            control,
+            recorder,
+            noise_seed,
+            hook,
+            samples,
+            every,
+            rests,
+            failed: None,
+        })
+    }
+
+    /// The physics engine for it alone.
+    pub(super) fn engine(&self) -> Box<dyn Dynamics> {
+        match self.setup.engine {
+            EngineName::Auto => articulated::engine(&self.robot, &self.setup),
+            EngineName::Rapier => Box::new(Rapier::new(&self.robot, &self.setup)),
+        }
+    }
+
+    /// Whether both take equally many steps of equal length in an engine that can have them side by side.
+    pub(super) fn is_like(&self, other: &PreparedRollout) -> bool {
+        let steps = |run: &PreparedRollout| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
+        let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.follows();
+        steps(self) == steps(other) && own(self) && own(other)
+    }
+
+    /// How many steps it takes once it has rested.
+    pub(super) fn steps(&self) -> usize {
+        (self.samples - 1) * self.every
+    }
+
+    pub(super) fn prepare(&mut self, step: usize, engine: &mut dyn Dynamics) {
+        self.control.act(step as f64 * self.setup.dt_s - self.setup.dt_s, engine);
+        if (step - 1).is_multiple_of(self.every) {
+            self.recorder.told(&self.control);
+        }
+        self.recorder.before_step(engine);
+    }
+
+    pub(super) fn observe(&mut self, step: usize, engine: &mut dyn Dynamics) {
+        let time_s = step as f64 * self.setup.dt_s;
+        if step > 0 {
+            self.check(engine, time_s);
+            if self.failed.is_some() {
+                return;
+            }
+        }
+        self.control.listen(time_s, engine);
+        if step == 1 {
+            self.recorder.forces(engine, &self.control);
+        }
+        if step.is_multiple_of(self.every) {
+            self.recorder.state(engine, &self.control);
+            if step > 0 {
+                self.recorder.forces(engine, &self.control);
+            }
+        }
+        if let Some(hook) = &mut self.hook {
+            hook(time_s, engine);
+        }
+    }
+
+    /// A law that gave no number is to blame for what came after it.
+    pub(super) fn check(&mut self, engine: &dyn Dynamics, time_s: f64) {
+        self.failed = check(engine, time_s).err().map(|error| self.control.trouble(&self.robot).unwrap_or(error));
+    }
+
+    pub(super) fn finish(mut self, engine: &mut dyn Dynamics) -> Result<Log, WorldError> {
+        // A motor that is not driven, or does not ask its sensor, hides what a law gave.
+        if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
+            return Err(error);
+        }
+        if self.control.tells() {
+            self.control.act((self.samples - 1) as f64 * self.every as f64 * self.setup.dt_s, engine);
+            self.recorder.told(&self.control);
+        }
+        let sample_s = self.setup.dt_s * self.every as f64;
+        self.recorder.finish(sample_s, self.noise_seed, |log| sense(&self.robot, &self.effects, log))
+    }
+}
