@@ -12,6 +12,7 @@ use btr_physics::effects::{EFFECTS, PlacedEffect, find};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::presets::ant;
 use btr_physics::robot::{JointKind, Link};
+use btr_physics::rollout::{RolloutRequest, simulate};
 use std::sync::Arc;
 
 const MODEL: &str = r#"
@@ -71,7 +72,8 @@ fn found(hidden: &[PlacedEffect], stood_s: Option<f64>) -> (Verdict, Vec<String>
         setup.dt_s /= 6.0;
         setup.rest_s = stood_s.unwrap_or(0.0);
         let drive = model.scenarios[episode].replay.clone().unwrap();
-        btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64)).unwrap()
+        simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64))
+            .unwrap()
     };
     let logs = (0..2).map(record).collect();
     let names = EFFECTS.iter().map(|effect| effect.spec().name);
@@ -139,7 +141,7 @@ fn friction_tells_how_the_robot_came_to_where_its_log_begins() {
     effects.push(hidden);
     setup.rest_s = 0.5;
     let drive = model.scenarios[0].replay.clone().unwrap();
-    let log = btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
+    let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
     let read = |link: &Link| (log.values(&format!("q_{}", link.joint.name)).unwrap()[0], 0.0);
     model.scenarios[0].start = model.robot.movable().map(|(_, link)| read(link)).collect();
     let problem = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
@@ -166,7 +168,7 @@ fn where_feet_came_down_is_not_held_against_the_model() {
         link.joint.start = told[k] + by(0.02, k);
     }
     let drive = model.scenarios[0].replay.clone().unwrap();
-    let log = btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
+    let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
     // Where the joints were put down is read no better than sensors read, and feet hold on to it.
     model.scenarios[0].start = told.iter().enumerate().map(|(k, q)| (q + by(0.012, k), 0.0)).collect();
     let problem = IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap();
@@ -189,7 +191,7 @@ fn a_walk_that_grows_its_errors_is_compared_in_windows() {
         let (robot, effects, mut setup) = model.at(&model.simulations.nominal(), 0);
         setup.rest_s = 1.0;
         let drive = model.scenarios[0].replay.clone().unwrap();
-        let log = btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
+        let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(1)).unwrap();
         IdentificationProblem::new(Arc::new(model), vec![log], &[]).unwrap().is_chaotic()
     };
     assert_eq!(["auto", "rapier"].map(is_chaotic), [false, true]);

@@ -10,6 +10,7 @@ use btr_lab::verbs::{NextExperiment, next_experiment};
 use btr_physics::drive::Replay;
 use btr_physics::effects::{EFFECTS, FormulaTarget, PlacedEffect, formula};
 use btr_physics::model::{Model, Scenario};
+use btr_physics::rollout::{RolloutRequest, simulate};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -47,7 +48,8 @@ fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
         let (robot, mut effects, setup) = model.at(&model.simulations.nominal(), episode);
         effects.extend_from_slice(hidden);
         let drive = model.scenarios[episode].replay.clone().unwrap();
-        btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64)).unwrap()
+        simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64))
+            .unwrap()
     };
     let logs = (0..3).map(record).collect();
     IdentificationProblem::new(Arc::new(model), logs, without).unwrap()

@@ -12,6 +12,7 @@ use btr_physics::effects;
 use btr_physics::effects::{FormulaTarget, PlacedEffect};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::{Base, JointKind, Robot};
+use btr_physics::rollout::{RolloutRequest, simulate};
 use rand::RngExt;
 use std::path::Path;
 use std::sync::Arc;
@@ -162,8 +163,8 @@ impl Reality {
         setup.rest_s = if free { SETTLE_S } else { 0.0 };
         let Some(drive) = settled.replay else { quit(&"no replay") };
         let noise = self.seed.wrapping_mul(1009).wrapping_add(episode as u64);
-        let log =
-            btr_physics::rollout::simulate(btr_physics::rollout::RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(noise)).unwrap_or_else(|e| quit(&e));
+        let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(noise))
+            .unwrap_or_else(|e| quit(&e));
         let began_s = log.clock_s()[settle];
         let clock = log.clock_s()[settle..].iter().map(|t| t - began_s).collect();
         let mut cut = Log::new(clock).unwrap_or_else(|e| quit(&e));

@@ -42,7 +42,12 @@ fn recorded(folder: &Path) -> Vec<PathBuf> {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let write = |(seed, name): (u64, &str)| {
         let path = folder.join(name);
-        btr_io::write_log(&path, &model.simulate(&s, &c, 0, Some(seed)).unwrap(), &Meta::default()).unwrap();
+        btr_io::write_log(
+            &path,
+            &model.simulate(model.request(&s, 0).controller(&c).noise_seed(seed)).unwrap(),
+            &Meta::default(),
+        )
+        .unwrap();
         path
     };
     [(1, "one.csv"), (2, "two.csv"), (3, "three.csv")].map(write).into()
@@ -110,7 +115,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
     let logs = recorded(folder.path());
     let model = experiment::replays(&source(folder.path(), MODEL), &logs[..1], &[]).unwrap().model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let run = |step| model.simulate_in_steps(&s, &c, 0, None, step).unwrap();
+    let run = |step| model.simulate(model.request(&s, 0).controller(&c).time_step(step)).unwrap();
     let (usual, halved) = (run(TimeStep::USUAL), run(TimeStep::USUAL.halved()));
     assert_eq!(usual.len(), halved.len());
     let change = usual.values("q_hinge").unwrap().iter().zip(halved.values("q_hinge").unwrap());
@@ -121,7 +126,7 @@ fn half_the_step_gives_the_same_samples_more_exactly() {
 /// Root mean square of a torque, and of what a model's differs from it, along the measured motion.
 fn needed(folder: &Path, log: &Path, text: &str) -> (f64, f64) {
     let replays = experiment::replays(&source(folder, text), &[log.to_owned()], &[]).unwrap();
-    let simulated = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], TimeStep::USUAL).unwrap();
+    let simulated = replays.model.simulate(replays.model.request(&replays.model.simulations().nominal(), 0)).unwrap();
     let (said, measured) = (simulated.values("tau_hinge").unwrap(), replays.logs[0].values("tau_hinge").unwrap());
     let inner = 10..measured.len() - 10;
     let rms =
@@ -135,7 +140,7 @@ fn a_prescribed_joint_weighs_what_it_carries_without_its_servo() {
     let path = folder.path().join("swing.csv");
     let model = experiment::model(&source(folder.path(), MODEL)).unwrap();
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    btr_io::write_log(&path, &model.simulate(&s, &c, 0, None).unwrap(), &Meta::default()).unwrap();
+    btr_io::write_log(&path, &model.simulate(model.request(&s, 0).controller(&c)).unwrap(), &Meta::default()).unwrap();
     let prescribed = MODEL.replace("kind = \"position\"\nkp = 10.0\nkd = 0.2", "kind = \"prescribed\"");
     let (torque, error) = needed(folder.path(), &path, &prescribed);
     assert!(error < 0.1 * torque, "{error} of {torque} N·m");
@@ -169,7 +174,7 @@ fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
             true
         });
         let replays = experiment::replays(&source(folder.path(), MODEL), &[path], &[]).unwrap();
-        let log = replays.model.rollout(&replays.model.simulations().nominal(), 0, &[], TimeStep::USUAL).unwrap();
+        let log = replays.model.simulate(replays.model.request(&replays.model.simulations().nominal(), 0)).unwrap();
         log.values("q_hinge").unwrap().to_vec()
     };
     let (empty, last) = (|_: &str| String::new(), |held: &str| held.to_owned());
@@ -184,7 +189,7 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     let text = MODEL.replace("duration_s = 1.0", "duration_s = 3.0");
     let model = experiment::model(&source(folder.path(), &text)).unwrap();
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let whole = model.simulate(&s, &c, 0, Some(1)).unwrap();
+    let whole = model.simulate(model.request(&s, 0).controller(&c).noise_seed(1)).unwrap();
     let path = folder.path().join("whole.csv");
     btr_io::write_log(&path, &whole, &Meta::default()).unwrap();
     let kept = |k: usize| k == 0 || !(100..140).contains(&k) && !(150..190).contains(&k);
@@ -213,13 +218,14 @@ fn the_pieces_of_a_log_with_gaps_keep_its_time_and_what_is_known_of_it() {
     );
     let swinging = source(folder.path(), &swinging);
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let real = experiment::model(&swinging).unwrap().simulate(&s, &c, 0, Some(1)).unwrap();
+    let swinging_model = experiment::model(&swinging).unwrap();
+    let real = swinging_model.simulate(swinging_model.request(&s, 0).controller(&c).noise_seed(1)).unwrap();
     btr_io::write_log(&path, &real, &Meta::default()).unwrap();
     let rows = std::fs::read_to_string(&path).unwrap();
     let rows: Vec<&str> = rows.lines().enumerate().filter(|(k, _)| kept(*k)).map(|(_, row)| row).collect();
     std::fs::write(&gap, rows.join("\n")).unwrap();
     let replays = experiment::replays(&swinging, &[gap], &[]).unwrap();
-    let again = replays.model.rollout(&s, 1, &[], TimeStep::USUAL).unwrap();
+    let again = replays.model.simulate(replays.model.request(&s, 1)).unwrap();
     let pairs = again.values("q_hinge").unwrap().iter().zip(replays.logs[1].values("q_hinge").unwrap());
     let furthest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(furthest < 0.02, "{furthest}");

@@ -39,7 +39,9 @@ fn robots(name: &str) -> Tested<Source> {
 /// A model's own motion with noise, from `from_s` on.
 fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
     let model = model(source)?;
-    let log: Log = model.simulate(&model.simulations().nominal(), &model.controllers().nominal(), 0, Some(seed))?;
+    let log: Log = model.simulate(
+        model.request(&model.simulations().nominal(), 0).controller(&model.controllers().nominal()).noise_seed(seed),
+    )?;
     let first = log.clock_s().partition_point(|t| *t < from_s);
     let log = log.part(first..log.len()).from_zero();
     Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
@@ -159,7 +161,7 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
         }
         context.check_cancelled();
     };
-    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_all(&jobs, &check_cancelled)));
+    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_jobs(&jobs, &check_cancelled)));
     assert!(ended.is_err_and(|cause| cause.is::<Stopped>()));
     let simulated = model.rollouts.load(Ordering::Relaxed);
     assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");

@@ -135,7 +135,7 @@ impl Model {
                 None => experiment::model(&self.source).map_err(Raise::raise)?,
             };
             let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-            model.simulate(&s, &c, 0, seed).map_err(Raise::raise)
+            model.simulate(model.request(&s, 0).controller(&c).noise_seed(seed)).map_err(Raise::raise)
         })?;
         Ok(Log::made_here("simulated", simulated))
     }
@@ -162,7 +162,7 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            Ok(model.simulate_all(&jobs, &|| context.check_cancelled()))
+            Ok(model.simulate_jobs(&jobs, &|| context.check_cancelled()))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::made_here("simulated", log.ok()?)));
         Ok(logs.collect())

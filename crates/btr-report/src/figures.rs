@@ -29,7 +29,9 @@ pub fn write(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<V
     let Some((trial, real)) = run.state().best_tested().and_then(|e| Some((&e.trial, &e.behaviour()?.log))) else {
         return Ok(files);
     };
-    let simulate = |s: &[f64]| experiment.model.simulate(s, &trial.controller, trial.scenario, None);
+    let simulate = |s: &[f64]| {
+        experiment.model.simulate(experiment.model.request(s, trial.scenario).controller(&trial.controller))
+    };
     let (before, after) = (simulate(run.state().start())?, simulate(run.state().simulation())?);
     let joints = tracking(real, &before, &after);
     if !joints.is_empty() {

@@ -21,7 +21,7 @@ pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
         (None, None) => experiment::model(&source)?,
     };
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let log = model.simulate(&s, &c, 0, global.seed)?;
+    let log = model.simulate(model.request(&s, 0).controller(&c).noise_seed(global.seed))?;
     let (robot, ..) = model.at(&s, 0);
     let meta = Meta {
         model_toml: Some(source.text),

@@ -81,7 +81,7 @@ impl RunPayloads {
 /// What a model computes as it stands.
 pub(super) fn fingerprint(model: &Model) -> u64 {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let Ok(log) = model.simulate(&s, &c, 0, None) else { return 0 };
+    let Ok(log) = model.simulate(model.request(&s, 0).controller(&c)) else { return 0 };
     fingerprint_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
 }
 

@@ -18,7 +18,7 @@ use btr_core::world::WorldError;
 use btr_identify::diagnose::ResidualLaw;
 use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, MeasuredChannel, RecordedLog, TimeStep};
 use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
-use btr_physics::model::{Model, Scenario};
+use btr_physics::model::{Model, ModelRequest, Scenario};
 use btr_physics::robot::Base;
 use law_terms::TermDefinition;
 use log_parts::{LogPart, parts, whole};
@@ -240,7 +240,7 @@ impl IdentificationProblem {
     /// # Errors
     /// A simulation that blew up.
     pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: TimeStep) -> Result<Log, WorldError> {
-        self.model.rollout_in(&self.inner(u), scenario, &self.placed(u), step)
+        self.model.simulate(ModelRequest::new(&self.inner(u), scenario).effects(&self.placed(u)).time_step(step))
     }
 
     /// The values of what is in doubt at a point.

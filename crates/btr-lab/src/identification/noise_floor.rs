@@ -7,7 +7,7 @@
 use super::IdentificationProblem;
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
-use btr_core::world::WorldError;
+use btr_core::world::{TimeStep, WorldError};
 use btr_identify::fit::{Objective, squares};
 use btr_physics::sensor::SensorNoise;
 use indexmap::IndexMap;
@@ -99,7 +99,9 @@ fn of_logs(
     let record = |(scenario, recorded): (usize, &Log)| {
         // With a finer step: the integrator's own error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
-        seen(&model.measured(&values, &model.scenarios[scenario], &effects, seed)?, recorded)
+        let step = TimeStep::USUAL.halved().halved().halved();
+        let request = model.request(&values, scenario).effects(&effects).time_step(step).noise_seed(seed);
+        seen(&model.simulate(request)?, recorded)
     };
     let logs: Vec<Log> = problem.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
     let twin = problem.beside_others(Arc::new(model), logs, u)?;

@@ -11,7 +11,7 @@ use btr_identify::residual_model::{
     StartNumber, TimeStep,
 };
 use btr_physics::effects::PlacedEffect;
-use btr_physics::model::{ModelPoint, Scenario};
+use btr_physics::model::{ModelRequest, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
 
@@ -41,9 +41,11 @@ impl ResidualModel for IdentificationProblem {
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
         let point = |of: &ResidualRequest| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
         let points: Vec<(Vec<f64>, Vec<PlacedEffect>, Cow<Scenario>)> = requests.iter().map(point).collect();
-        let points: Vec<ModelPoint> =
-            points.iter().map(|(s, further, situation)| ModelPoint { s, further, situation }).collect();
-        let simulated = self.model.rollouts_in(&points, step);
+        let points: Vec<ModelRequest> = points
+            .iter()
+            .map(|(s, effects, situation)| ModelRequest::new(s, situation).effects(effects).time_step(step))
+            .collect();
+        let simulated = self.model.simulate_all(points);
         requests.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
     }
 

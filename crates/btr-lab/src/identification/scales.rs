@@ -2,7 +2,6 @@
 //! is not a finger's.
 
 use btr_core::log::Log;
-use btr_core::world::TimeStep;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::carried_inertia;
 use btr_physics::model::Model;
@@ -38,8 +37,7 @@ impl RobotScales {
     /// Simulates the logs once, with the model as it stands, and looks what the motors do.
     pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
         let nominal = model.simulations().nominal();
-        let simulated =
-            (0..model.learn.min(recorded.len())).map(|log| model.rollout(&nominal, log, &[], TimeStep::USUAL));
+        let simulated = (0..model.learn.min(recorded.len())).map(|log| model.simulate(model.request(&nominal, log)));
         RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
     }
 

@@ -56,7 +56,8 @@ impl TwinReality {
         }
         let noise = btr_core::random::derive(self.seed, &[trial.number as u64]);
         let TwinStage { model, parameters, .. } = self.in_test(trial.number);
-        match model.simulate(parameters, &trial.controller, trial.scenario, Some(noise)) {
+        match model.simulate(model.request(parameters, trial.scenario).controller(&trial.controller).noise_seed(noise))
+        {
             Ok(log) => {
                 self.store.ask(trial, &log)?;
                 self.store.keep(trial, &log, &Meta::default())

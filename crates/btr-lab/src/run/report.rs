@@ -223,7 +223,9 @@ fn state_match(experiment: &Experiment, state: &Coevolution) -> Result<IndexMap<
     let Some((trial, real)) = state.best_tested().and_then(|e| Some((&e.trial, e.behaviour()?))) else {
         return Ok(IndexMap::new());
     };
-    let simulated = experiment.model.simulate(state.simulation(), &trial.controller, trial.scenario, None)?;
+    let simulated = experiment
+        .model
+        .simulate(experiment.model.request(state.simulation(), trial.scenario).controller(&trial.controller))?;
     let mut squares: IndexMap<String, (f64, usize)> = IndexMap::new();
     for (name, channel) in real.log.channels().filter(|(name, c)| c.role == Role::Truth || name.starts_with("q_")) {
         let Some(other) = simulated.channel(name) else { continue };
@@ -238,7 +240,9 @@ fn log_scores(experiment: &Experiment, state: &Coevolution) -> Result<Vec<LogSco
     let model = &experiment.model;
     let mut scores = Vec::new();
     for (k, (scenario, real)) in model.scenarios.iter().zip(&experiment.recorded).enumerate() {
-        let simulate = |s: &[f64]| model.simulate(s, &[], k, None)?.resample(real.clock_s()).map_err(WorldError::from);
+        let simulate = |s: &[f64]| {
+            model.simulate(model.request(s, k).controller(&[]))?.resample(real.clock_s()).map_err(WorldError::from)
+        };
         let (before, after) = (simulate(state.start())?, simulate(state.simulation())?);
         let measured = real.channels().filter(|(name, c)| c.role == Role::Measured && name.starts_with("q_"));
         for (name, channel) in measured {

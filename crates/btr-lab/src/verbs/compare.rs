@@ -42,7 +42,7 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |step: TimeStep| -> Result<Vec<Log>, WorldError> {
         let logs = (0..replays.logs.len()).into_par_iter();
-        logs.map(|k| model.simulate_in_steps(&s, &c, k, None, step)).collect()
+        logs.map(|k| model.simulate(model.request(&s, k).controller(&c).time_step(step))).collect()
     };
     let beyond = 1.0 + 1.0 / (2.0f64.powi(model.order()) - 1.0);
     let (mut step, mut simulated) = (TimeStep::USUAL, simulate(TimeStep::USUAL)?);

@@ -356,7 +356,7 @@ impl Builder<'_> {
         let Some(channels) = distance.channels() else { return Ok(()) };
         let nominal = (model.simulations.nominal(), model.drive.space().nominal());
         // A model that blows up here says so in the run, where failures are counted.
-        let Ok(log) = model.simulate(&nominal.0, &nominal.1, 0, None) else { return Ok(()) };
+        let Ok(log) = model.simulate(model.request(&nominal.0, 0).controller(&nominal.1)) else { return Ok(()) };
         let known: Vec<&str> = log.channels().filter(|(_, c)| c.role != Role::Truth).map(|(name, _)| name).collect();
         for log in std::iter::once(&log).chain(recorded) {
             if let Some(wrong) = channels.unmatched(log).first() {

@@ -143,7 +143,7 @@ fn is_orderly(model: &Model, situation: &Scenario) -> Result<bool, WorldError> {
     let run = |change: f64| {
         let mut other = model.in_situations(vec![situation.clone()]);
         other.setup.gravity_m_s2 *= 1.0 + change;
-        other.rollout(&other.simulations.nominal(), 0, &[], TimeStep::USUAL)
+        other.simulate(other.request(&other.simulations.nominal(), 0))
     };
     let usual = run(0.0)?;
     if leans_rad(model, &usual)? > UPRIGHT_RAD {

@@ -10,7 +10,7 @@ use btr_core::signal::smooth::{Motion, smooth};
 use btr_core::world::WorldError;
 use btr_physics::effects::PlacedEffect;
 use btr_physics::engine::{Dynamics, RobotState};
-use btr_physics::model::{Model, Scenario};
+use btr_physics::model::{Model, ModelRequest, Scenario};
 use btr_physics::rollout::restart::Restart;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::ops::Range;
@@ -146,7 +146,7 @@ fn observe(
             restarts.push(Restart { time_s, state });
         }
     };
-    model.led(s, situation, effects, &mut lead)?;
+    model.simulate(ModelRequest::new(s, situation).effects(effects).hook(Box::new(&mut lead)))?;
     Ok(restarts)
 }
 

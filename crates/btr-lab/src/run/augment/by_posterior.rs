@@ -168,8 +168,9 @@ fn chosen(run: &Coevolution) -> Vec<&Entry> {
 /// What is large and what is small for this robot in what it was asked to do.
 fn scales(model: &Model, learn: &[&Entry]) -> Result<RobotScales, WorldError> {
     let nominal = model.simulations().nominal();
-    let simulated =
-        learn.iter().map(|test| model.simulate(&nominal, &test.trial.controller, test.trial.scenario, None));
+    let simulated = learn
+        .iter()
+        .map(|test| model.simulate(model.request(&nominal, test.trial.scenario).controller(&test.trial.controller)));
     RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
 

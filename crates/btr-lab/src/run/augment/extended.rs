@@ -96,10 +96,11 @@ impl Simulator for Extended<'_> {
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         let parted: Vec<(&[f64], Vec<PlacedEffect>)> = jobs.iter().map(|job| self.parted(job.s)).collect();
-        let pairs = jobs.iter().zip(&parted);
-        let with: Vec<(Job, &[PlacedEffect])> =
-            pairs.map(|(job, (s, placed))| (Job { s, ..*job }, placed.as_slice())).collect();
-        self.model.behave_with(&with)
+        let requests = jobs
+            .iter()
+            .zip(&parted)
+            .map(|(job, (s, effects))| self.model.request(s, job.scenario).controller(job.c).effects(effects));
+        self.model.behaviours(requests.collect())
     }
 }
 
