@@ -50,6 +50,7 @@ pub struct Ball {
 /// The physics engines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum EngineName {
     /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and friction.
     #[default]

@@ -2,6 +2,7 @@
 
 pub(crate) mod articulated;
 pub(crate) mod assemble;
+#[cfg(feature = "rapier")]
 pub mod rapier;
 
 pub use articulated::forward_dynamics;

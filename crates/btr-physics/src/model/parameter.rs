@@ -60,6 +60,7 @@ const QUANTITIES: [(&str, Quantity); 11] = [
 
 /// What is wrong with a parameter's name.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ParameterError {
     /// No quantity, effect or effect's parameter of that name.
     #[error("`{name}` is not a parameter{}", did_you_mean(near))]

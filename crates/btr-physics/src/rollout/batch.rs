@@ -43,7 +43,15 @@ fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     let arch = articulated::widths().into_iter().rfind(fits).filter(|_| runs.len() > 1);
     match arch.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
         Some(mut engine) => together(engine.as_mut(), runs),
-        None => runs.into_iter().flat_map(|run| together(run.engine().as_mut(), vec![run])).collect(),
+        None => runs.into_iter().flat_map(alone).collect(),
+    }
+}
+
+/// A single run on its own engine.
+fn alone(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
+    match run.engine() {
+        Ok(mut engine) => together(engine.as_mut(), vec![run]),
+        Err(error) => vec![Err(error)],
     }
 }
 

@@ -8,6 +8,7 @@ use crate::effects;
 use crate::effects::PlacedEffect;
 use crate::engine::Dynamics;
 use crate::engine::articulated;
+#[cfg(feature = "rapier")]
 use crate::engine::rapier::Rapier;
 use crate::robot::Robot;
 use crate::setup::{EngineName, Setup};
@@ -62,10 +63,18 @@ impl<'a> PreparedRollout<'a> {
     }
 
     /// The physics engine for it alone.
-    pub(super) fn engine(&self) -> Box<dyn Dynamics> {
+    ///
+    /// # Errors
+    /// An engine that this build does not have.
+    pub(super) fn engine(&self) -> Result<Box<dyn Dynamics>, WorldError> {
         match self.setup.engine {
-            EngineName::Auto => articulated::engine(&self.robot, &self.setup),
-            EngineName::Rapier => Box::new(Rapier::new(&self.robot, &self.setup)),
+            EngineName::Auto => Ok(articulated::engine(&self.robot, &self.setup)),
+            #[cfg(feature = "rapier")]
+            EngineName::Rapier => Ok(Box::new(Rapier::new(&self.robot, &self.setup))),
+            #[cfg(not(feature = "rapier"))]
+            EngineName::Rapier => Err(crate::setup::setup_error(
+                "this build has no engine \"rapier\": btr-physics was compiled without its feature `rapier`".to_owned(),
+            )),
         }
     }
 

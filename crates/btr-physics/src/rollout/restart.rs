@@ -46,7 +46,7 @@ pub(crate) fn lead(restarts: &[Restart], dt_s: f64) -> impl FnMut(f64, &mut dyn 
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "rapier"))]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;

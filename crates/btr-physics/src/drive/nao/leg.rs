@@ -5,6 +5,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector2, Vector3};
 
 /// What a leg has to look like for [`Leg`], and does not.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LegError {
     /// A link that is not there.
     #[error("the robot has no link `{link}`")]

@@ -16,6 +16,7 @@ const PLAN_S: f64 = CONTROL_S / STEPS_PER_CONTROL as f64;
 
 /// Why there is no motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MotionError {
     /// The robot has other legs.
     #[error(transparent)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// Why a URDF gives no robot.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum UrdfError {
     /// The file could not be read.
     #[error("{}: {source}", path.display())]
@@ -97,6 +98,7 @@ pub enum UrdfError {
 
 /// What was left out of a robot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum UrdfWarning {
     /// A mesh.
     #[error("link `{link}`: the mesh `{file}` is left out; only primitives touch things")]
