@@ -1,36 +1,37 @@
-//! A file is written whole or not at all.
+//! Atomic writes: a file is written whole or not at all.
 
+use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
-/// Writes a file through a temporary one in the same folder: synced to disk, then renamed. Whoever reads `path` sees the
-/// old content or the new one; a crash, a full disk or an error of `write` leaves the old one.
+/// Writes a file through a temporary one in the same folder, which is synced to disk and then renamed. Readers of `path`
+/// see the old content or the new one; a crash, a full disk or an error of `write` leaves the old one.
 ///
 /// # Errors
-/// What the operating system or `write` reports; a `path` that is no regular file (a device, a folder).
-pub fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+/// Errors of the operating system and of `write`; a `path` that is not a regular file (a device, a folder).
+pub fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> io::Result<()> {
     let target = target(path)?;
-    let (temporary, file) = create_beside(&target)?;
-    let written = fill(file, write).and_then(|()| fs::rename(&temporary, &target));
-    if written.is_err() {
-        // The first error is the one to tell; a leftover is only untidy.
-        let _ = fs::remove_file(&temporary);
-        return written;
-    }
+    let temporary = create_beside(&target)?;
+    let mut writer = BufWriter::new(temporary.as_file());
+    write(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    temporary.as_file().sync_all()?;
+    temporary.persist(&target).map_err(|e| e.error)?;
     sync_folder(&target)
 }
 
-/// Whether a file could be written there, as [`write_whole`] does it: a new one is made in the folder and taken away again.
+/// Checks that [`write_whole`] could write the file: creates a temporary one in the folder and removes it.
 ///
 /// # Errors
 /// See [`write_whole`].
 pub fn can_write(path: &Path) -> io::Result<()> {
-    let (temporary, _) = create_beside(&target(path)?)?;
-    fs::remove_file(temporary)
+    create_beside(&target(path)?)?.close()
 }
 
-/// The file to be replaced: through a link, the one behind it and not the link.
+/// The file to replace. Links are followed, so that a link stays a link.
 fn target(path: &Path) -> io::Result<PathBuf> {
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
@@ -39,35 +40,24 @@ fn target(path: &Path) -> io::Result<PathBuf> {
     Ok(target)
 }
 
-fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
-    let mut writer = BufWriter::new(file);
-    write(&mut writer)?;
-    writer.flush()?;
-    writer.get_ref().sync_all()
-}
-
-/// A new file beside `target`; the process's number and a count keep concurrent writers apart.
-fn create_beside(target: &Path) -> io::Result<(PathBuf, File)> {
+/// A temporary file in the target's folder, removed when dropped. Opened here rather than by `tempfile`, whose files are
+/// readable by their owner alone: the result gets the mode of the umask.
+fn create_beside(target: &Path) -> io::Result<NamedTempFile> {
     let name = target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    let mut count = 0_u32;
-    loop {
-        let mut temporary = std::ffi::OsString::from(".");
-        temporary.push(name);
-        temporary.push(format!(".{}-{count}.tmp", std::process::id()));
-        let temporary = target.with_file_name(temporary);
-        match OpenOptions::new().write(true).create_new(true).open(&temporary) {
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists && count < 1000 => count += 1,
-            Err(e) => return Err(e),
-            Ok(file) => return Ok((temporary, file)),
-        }
-    }
+    let prefix = [OsStr::new("."), name, OsStr::new(".")].join(OsStr::new(""));
+    let create = |path: &Path| OpenOptions::new().write(true).create_new(true).open(path);
+    tempfile::Builder::new().prefix(&prefix).suffix(".tmp").make_in(folder(target), create)
 }
 
-/// The rename itself survives a power cut only when the folder is on disk too.
+/// The folder of a file; `.` for a bare name.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Syncs the folder: without that, the rename may not survive a power cut.
 #[cfg(unix)]
 fn sync_folder(target: &Path) -> io::Result<()> {
-    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder)?.sync_all()
+    File::open(folder(target))?.sync_all()
 }
 
 #[cfg(not(unix))]
@@ -112,12 +102,24 @@ mod tests {
     }
 
     #[test]
-    fn asking_whether_a_file_could_be_written_leaves_all_as_it_was() {
+    fn checking_whether_a_file_can_be_written_leaves_no_trace() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         can_write(&path).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         assert!(can_write(&folder.path().join("no/log.csv")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn files_have_the_mode_of_the_umask() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (usual, whole) = (folder.path().join("usual"), folder.path().join("whole"));
+        fs::write(&usual, "x").unwrap();
+        write_whole(&whole, |w| w.write_all(b"x")).unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&whole), mode(&usual));
     }
 
     #[cfg(unix)]

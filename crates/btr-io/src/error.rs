@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// Why a log could not be read or written. `Display` says what and where, [`IoError::help`] what to do about it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum IoError {
     /// The operating system refused.
     #[error("{}: {source}", path.display())]
@@ -19,6 +20,16 @@ pub enum IoError {
     Format {
         /// The file.
         path: PathBuf,
+    },
+    /// A format that this build leaves out.
+    #[error("{}: this build of btr-io does not include {format}", path.display())]
+    Disabled {
+        /// The file.
+        path: PathBuf,
+        /// The format.
+        format: &'static str,
+        /// The Cargo feature that includes it.
+        feature: &'static str,
     },
     /// A rosbag2 in SQLite.
     #[error("{}: a SQLite bag; btr reads bags in MCAP", path.display())]
@@ -182,6 +193,9 @@ impl IoError {
                  a .toml is run by `btr coevolve` or `btr simulate`"
                     .into()
             }
+            IoError::Disabled { feature, .. } => {
+                format!("build btr-io with its feature `{feature}`, which is on by default")
+            }
             IoError::Db3 { path } => {
                 let bag = bag_of(path).display();
                 format!("convert it: rosbags-convert --src {bag} --dst out --dst-storage mcap; or read it in Python: btr.load_log")
@@ -255,6 +269,7 @@ impl Warning {
 
 /// What a reader noticed and could live with.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Warning {
     /// A column that holds something else than numbers and that nobody asked for.
     #[error("column `{column}` is left out: line {line} holds `{text}`")]

@@ -1,12 +1,42 @@
-//! Logs and files: CSV for people, MCAP for robots and their viewers; other people's bags and data sets are read.
+//! Logs and files: CSV, MCAP, ROS 2 bags and LeRobot data sets. Files are written whole or not at all.
+//!
+//! [`read_log`] and [`write_log`] choose the format by the name of the file. A [`Mapping`] translates foreign channel names
+//! into btr's: `cmd_<joint>` for commands, `q_`, `dq_` and `tau_` for measured positions, velocities and torques, in SI units.
+//!
+//! ```
+//! use btr_core::log::{Log, Role};
+//! use btr_io::{Mapping, Meta, read_log, write_log};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut log = Log::new(vec![0.0, 0.01, 0.02])?;
+//! log.insert("cmd_knee", "rad", Role::Command, vec![0.0, 0.1, 0.2])?;
+//! log.insert("q_knee", "rad", Role::Measured, vec![0.0, 0.04, 0.13])?;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("walk.csv");
+//! write_log(&path, &log, &Meta::default())?;
+//!
+//! let (read, warnings) = read_log(&path, &Mapping::default())?;
+//! assert_eq!(read, log);
+//! assert!(warnings.is_empty());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Features, both on by default: `mcap` (MCAP files and ROS 2 bags) and `parquet` (LeRobot data sets). Without a feature,
+//! its formats end in [`IoError::Disabled`].
 
 mod atomic;
 mod bag;
 mod csv;
+mod data_set;
 mod error;
+#[cfg(feature = "parquet")]
 mod lerobot;
 mod mapping;
+#[cfg(feature = "mcap")]
 mod mcap;
+mod meta;
 mod names;
 mod renamed;
 mod series;
@@ -16,18 +46,20 @@ mod tests;
 pub use crate::atomic::{can_write, write_whole};
 pub use error::{IoError, Warning};
 pub use mapping::{ForeignName, Mapping, Topics};
-pub use mcap::{Meta, Recording};
+#[cfg(feature = "mcap")]
+pub use mcap::Recording;
+pub use meta::Meta;
 pub use renamed::renamed;
 
 use btr_core::log::Log;
 use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 /// The formats, by the end of the file's name.
 enum Format {
     Csv,
     CsvGz,
+    #[cfg(feature = "mcap")]
     Mcap,
 }
 
@@ -37,20 +69,28 @@ fn format(path: &Path) -> Result<Format, IoError> {
     match () {
         () if ends(".csv") => Ok(Format::Csv),
         () if ends(".csv.gz") => Ok(Format::CsvGz),
+        #[cfg(not(feature = "mcap"))]
+        () if ends(".mcap") => Err(IoError::Disabled { path: path.to_owned(), format: "MCAP", feature: "mcap" }),
+        #[cfg(feature = "mcap")]
         () if ends(".mcap") => Ok(Format::Mcap),
         () if ends(".db3") => Err(IoError::Db3 { path: path.to_owned() }),
         () => Err(IoError::Format { path: path.to_owned() }),
     }
 }
 
-/// Reads a log: a `.csv`, `.csv.gz` or `.mcap`, the folder of a ROS 2 bag, or an episode of a LeRobot data set (`FOLDER#3`, or
-/// the folder alone where there is but one). Channels come under btr's names; the mapping says which foreign names mean them.
+/// Reads a log: a `.csv`, `.csv.gz` or `.mcap`, the folder of a ROS 2 bag, or an episode of a LeRobot data set (`FOLDER#3`,
+/// or the folder alone if it has a single episode). Channels get btr's names; the mapping translates foreign ones.
 ///
 /// # Errors
 /// [`IoError`], with the place in the file and a remedy.
 pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
+    #[cfg(feature = "parquet")]
     if let Some(episode) = lerobot::Episode::at(path)? {
         return episode.read(mapping);
+    }
+    #[cfg(not(feature = "parquet"))]
+    if data_set::place(path).is_some() {
+        return Err(IoError::Disabled { path: path.to_owned(), format: "LeRobot data sets", feature: "parquet" });
     }
     let path = &bag::file(path)?;
     let format = format(path)?;
@@ -58,11 +98,12 @@ pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), I
     match format {
         Format::Csv => csv::read(path, file, mapping),
         Format::CsvGz => csv::read(path, flate2::read::MultiGzDecoder::new(file), mapping),
-        Format::Mcap => mcap::read(path, BufReader::new(file), mapping),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => mcap::read(path, std::io::BufReader::new(file), mapping),
     }
 }
 
-/// The same for logs that are compared with simulations: their first sample is at time zero.
+/// Reads a log that is compared with simulations: as [`read_log`], with the first sample at time zero.
 ///
 /// # Errors
 /// See [`read_log`].
@@ -70,18 +111,19 @@ pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
 }
 
-/// Which of these columns is the time, as in a CSV, and how many seconds its unit has.
+/// The time column among these columns, as in a CSV file, and the seconds per unit of its values.
 pub fn time_of<'a>(columns: &'a [String], mapping: &Mapping) -> Option<(&'a str, f64)> {
     let mut names = mapping.time.as_deref().into_iter().chain(csv::TIME);
     let found = names.find_map(|name| columns.iter().find(|column| *column == name))?;
     Some((found, names::seconds_per_unit(found)))
 }
 
-/// A log of columns in memory, with what was noticed. Their names mean what a CSV's headers mean: `q_knee_deg` is the knee's
-/// position in degrees, and the mapping says which foreign names mean btr's.
+/// A log of columns in memory, with warnings. Names mean what CSV headers mean: `q_knee_deg` is the knee's position in
+/// degrees, and the mapping translates foreign names.
 ///
 /// # Errors
-/// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two of one meaning.
+/// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two columns of the same
+/// meaning.
 pub fn log_of(
     name: &Path,
     clock_s: Vec<f64>,
@@ -96,12 +138,12 @@ pub fn log_of(
     series::assemble(name, clock_s, columns.into_iter().map(series).collect(), mapping)
 }
 
-/// How a column has to be called to mean this channel; `None` where no name can.
+/// The column name that means this channel; `None` where no name does.
 pub fn column_of(channel: &str) -> Option<String> {
     names::header(channel)
 }
 
-/// Whether a log could be written there.
+/// Checks that a log could be written to the path.
 ///
 /// # Errors
 /// [`IoError::File`], or an unknown extension.
@@ -114,6 +156,7 @@ pub fn can_write_log(path: &Path) -> Result<(), IoError> {
 ///
 /// # Errors
 /// [`IoError::File`], an unknown extension, or a channel name that CSV cannot carry.
+#[cfg_attr(not(feature = "mcap"), allow(unused_variables, reason = "CSV holds no description"))]
 pub fn write_log(path: &Path, log: &Log, meta: &Meta) -> Result<(), IoError> {
     let written = match format(path)? {
         Format::Csv => {
@@ -128,6 +171,7 @@ pub fn write_log(path: &Path, log: &Log, meta: &Meta) -> Result<(), IoError> {
                 gz.finish().map(|_| ())
             })
         }
+        #[cfg(feature = "mcap")]
         Format::Mcap => atomic::write_whole(path, |out| mcap::write(log, meta, out)),
     };
     written.map_err(|source| IoError::File { path: path.to_owned(), source })

@@ -16,8 +16,9 @@ pub(crate) struct NamedSeries {
     pub(crate) values: Vec<f64>,
 }
 
+#[cfg(any(feature = "mcap", feature = "parquet"))]
 impl Mapping {
-    /// A series under what its name means: by the mapping, or as one of btr's names.
+    /// A series with the meaning of its name: from the mapping, or as one of btr's names.
     pub(crate) fn series(&self, source: String, values: Vec<f64>) -> NamedSeries {
         let meaning = self.meaning(&source).unwrap_or_else(|| Meaning::of(source.clone()));
         NamedSeries { source, meaning, values }

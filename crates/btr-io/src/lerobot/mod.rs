@@ -8,6 +8,7 @@
 mod names;
 mod table;
 
+use super::data_set::place;
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
 use super::series::assemble;
@@ -113,16 +114,6 @@ impl Episode {
         }
         Ok(files)
     }
-}
-
-/// The folder of the data set that a path names, and what stands behind its `#`.
-fn place(path: &Path) -> Option<(PathBuf, Option<String>)> {
-    let is_set = |folder: &Path| folder.join("meta/info.json").is_file();
-    if is_set(path) {
-        return Some((path.to_owned(), None));
-    }
-    let (folder, episode) = path.to_str()?.rsplit_once('#')?;
-    is_set(Path::new(folder)).then(|| (PathBuf::from(folder), Some(episode.to_owned())))
 }
 
 /// What is in a folder, by name.

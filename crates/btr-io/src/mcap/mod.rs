@@ -15,5 +15,4 @@ mod write;
 
 pub(crate) use read::read;
 pub use recording::Recording;
-pub use write::Meta;
 pub(crate) use write::write;

@@ -3,25 +3,13 @@
 use super::own;
 use super::ros::{Imu, JointState, Ros, Text, TfMessage, encode};
 use super::views::{BaseView, ImuView, Joints};
+use crate::meta::Meta;
 use btr_core::log::Log;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
-
-/// What goes into an MCAP file beside the log.
-#[derive(Clone, Debug, Default)]
-pub struct Meta {
-    /// The robot for viewers, as URDF: `/robot_description`.
-    pub urdf: Option<String>,
-    /// The root link's name, the child frame of `/tf`; `base_link` when absent.
-    pub base_link: Option<String>,
-    /// The model that the log belongs to, as TOML: the attachment `model.toml`.
-    pub model_toml: Option<String>,
-    /// Seeds, hashes and the like: the metadata record `btr`, which also gets btr's `version`.
-    pub notes: BTreeMap<String, String>,
-}
 
 /// Time between two poses of the base in `/tf`: viewers draw about 30 frames a second.
 const TF_PERIOD_S: f64 = 1.0 / 30.0;

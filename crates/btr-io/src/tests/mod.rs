@@ -2,8 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod broken_csv;
+#[cfg(feature = "mcap")]
 mod foreign_mcap;
+#[cfg(feature = "mcap")]
 mod own_mcap;
+#[cfg(all(feature = "mcap", feature = "parquet"))]
 mod real_data;
 
 use super::*;
@@ -19,6 +22,9 @@ fn value() -> impl Strategy<Value = f64> {
         1 => Just(f64::NAN),
     ]
 }
+
+/// Names of files in every format that can be written.
+const FILES: &str = if cfg!(feature = "mcap") { "log[.](csv|csv[.]gz|mcap)" } else { "log[.]csv([.]gz)?" };
 
 const UNITS: [(&str, &str, Role); 8] = [
     ("cmd_", "rad", Role::Command),
@@ -74,14 +80,14 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn what_is_written_is_read_back_bit_by_bit(log in any_log(), name in "log[.](csv|csv[.]gz|mcap)") {
+    fn what_is_written_is_read_back_bit_by_bit(log in any_log(), name in FILES) {
         let (read, warnings) = round_trip(&log, &name);
         assert_same(&read, &log);
         prop_assert_eq!(warnings, vec![]);
     }
 
     #[test]
-    fn equal_logs_give_equal_bytes(log in any_log(), name in "log[.](csv|csv[.]gz|mcap)") {
+    fn equal_logs_give_equal_bytes(log in any_log(), name in FILES) {
         let folder = tempfile::tempdir().unwrap();
         let bytes = || {
             let path = folder.path().join(&name);
@@ -102,4 +108,12 @@ fn unknown_extensions_and_bags_are_named_with_a_remedy() {
     assert!(error.help().starts_with("convert it: rosbags-convert --src runs/bag --dst out --dst-storage mcap;"));
     let error = read_log(Path::new("nowhere/walk.csv"), &Mapping::default()).unwrap_err();
     assert!(error.to_string().starts_with("nowhere/walk.csv: No such file"), "{error}");
+}
+
+#[cfg(not(feature = "mcap"))]
+#[test]
+fn a_format_that_was_left_out_is_named_with_its_feature() {
+    let error = read_log(Path::new("walk.mcap"), &Mapping::default()).unwrap_err();
+    assert_eq!(error.to_string(), "walk.mcap: this build of btr-io does not include MCAP");
+    assert!(error.help().contains("`mcap`"));
 }
