@@ -1,4 +1,4 @@
-//! The command line as it is typed.
+//! The command line's arguments.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
@@ -6,19 +6,19 @@ use clap_complete::Shell;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// What people come for.
-const JOURNEYS: &str = "A model and logs of the robot: where is it wrong, what is missing, does the error fall?
+/// Examples of the main workflows, below the help.
+const WORKFLOWS: &str = "Diagnose and fit a model against logs of the robot:
   btr check    robots/arm.toml robots/arm/learn_*.csv
   btr compare  robots/arm.toml robots/arm/learn_*.csv --report where.html
   btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv
   btr fit      robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv \\
                --add coulomb_friction@yaw -o fitted.toml
 
-A controller to be found, and a simulation with it:
+Evolve a controller and its simulation:
   btr coevolve robots/nao.toml --out runs/nao";
 
-/// How logs are given to a verb that learns from some and judges on others.
-macro_rules! beside_usage {
+/// Usage of a verb with training logs and held-out logs.
+macro_rules! held_out_usage {
     ($verb:literal) => {
         concat!("btr ", $verb, " [OPTIONS] <MODEL> <LOG>... [--held-out <LOG>...]")
     };
@@ -26,10 +26,9 @@ macro_rules! beside_usage {
 
 /// Evolve robot controllers and their simulator against each other.
 ///
-/// Controllers are found in simulation, a few are tried in reality, and what they really did is used to find a better
-/// simulation, again and again.
+/// Repeats three steps: find controllers in simulation, test a few in reality, and fit the simulation to what they did.
 #[derive(Parser)]
-#[command(name = "btr", version, after_help = JOURNEYS)]
+#[command(name = "btr", version, after_help = WORKFLOWS)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) global: Global,
@@ -38,13 +37,13 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// What was typed; a mistake is told as clap tells it, with what clap cannot know.
+    /// Parses the arguments. Errors are clap's, with a tip where clap cannot give one.
     pub(crate) fn of(typed: Vec<OsString>) -> Result<Self, Error> {
         let with_held_out = typed.iter().any(|argument| argument == "--held-out");
         Args::try_parse_from(typed).map_err(|mut error| {
             let tip = match error.kind() {
                 ErrorKind::MissingRequiredArgument if with_held_out => {
-                    Some("put the logs before --held-out, which takes whatever follows".to_owned())
+                    Some("put the logs before --held-out, which takes all arguments that follow".to_owned())
                 }
                 ErrorKind::InvalidSubcommand => Some(format!("verbs: {}", verbs().join(", "))),
                 _ => None,
@@ -69,19 +68,19 @@ pub(crate) struct Global {
     /// Print one JSON document on stdout instead of tables
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// Say nothing but the result
+    /// Print nothing but the result
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
-    /// Say more: every generation, every warning
+    /// Print more: every generation, all warnings, all failures
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
-    /// Threads to use; all cores unless given. The result is the same for any number
+    /// Number of threads [default: all cores]. Results do not depend on it
     #[arg(short = 'j', long, global = true, env = "BTR_THREADS", value_name = "N")]
     pub(crate) threads: Option<usize>,
-    /// Seed of every random number; wins over the file's
+    /// Random seed; overrides the file's
     #[arg(long, global = true, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Change a value of the file: dotted key, TOML value
+    /// Override a value of the file: dotted key, TOML value
     #[arg(long = "set", global = true, value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,
 }
@@ -94,41 +93,41 @@ pub(crate) enum Verb {
         btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume"
     )]
     Coevolve(CoevolveArgs),
-    /// Run a model: replay a log's commands, or its own drive
+    /// Simulate a model: replay a log's commands, or run the model's own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(SimulateArgs),
-    /// Judge logs before anything is fitted to them: clock, sensors, lags, and which numbers in doubt they can tell
+    /// Check the quality of logs: clock, sensors, lags, and which free parameters they identify
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
-        Exit code 1 where something in a log is bad: nothing that uses it can be trusted.")]
+        Exit code 1 if a log has a bad finding: results based on it cannot be trusted.")]
     Check(CheckArgs),
-    /// Tell where a model fails: per channel, per joint and regime of motion
+    /// Show where a model fails: per channel, per joint and regime of motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
         btr compare leg.toml logs/*.csv --report where.html --max-chi 1.5")]
     Compare(CompareArgs),
-    /// Find out which physical effect the model lacks
+    /// Find the physical effect that the model lacks
     #[command(
-        override_usage = beside_usage!("diagnose"),
+        override_usage = held_out_usage!("diagnose"),
         after_help = "Examples:\n  btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n  \
         btr diagnose arm.toml monday.mcap --report why.html\n\n\
-        Without --held-out the last three tenths of each log are held out."
+        Without --held-out, the last 30 % of each log are held out."
     )]
     Diagnose(DiagnoseArgs),
-    /// Write an effect into a model, free to fit
+    /// Add an effect to a model, with free parameters
     #[command(after_help = "Example:\n  btr add arm.toml coulomb_friction@elbow -o arm2.toml")]
     Add(AddArgs),
-    /// Fit what is in doubt to logs, and see the error fall
+    /// Fit the free parameters of a model to logs
     #[command(
-        override_usage = beside_usage!("fit"),
+        override_usage = held_out_usage!("fit"),
         after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
     )]
     Fit(FitArgs),
-    /// List the physical effects, or tell all about one
+    /// List the physical effects, or describe one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
     Effects {
-        /// The effect
+        /// Name of an effect
         name: Option<String>,
     },
-    /// Tell what a log holds; without a log, what btr knows: drives, distances, searches, fitness terms
+    /// Describe a log; without a log, list the drives, distances, searches and fitness terms
     #[command(after_help = "Example:\n  btr info walk.mcap")]
     Info {
         /// A log (MCAP or CSV)
@@ -139,13 +138,13 @@ pub(crate) enum Verb {
     Convert {
         /// The log to read
         from: PathBuf,
-        /// The log to write; its ending chooses the format
+        /// The log to write; its extension chooses the format
         to: PathBuf,
     },
     /// Print the JSON schema of model and experiment files
     #[command(after_help = "Example:\n  btr schema > btr.schema.json")]
     Schema,
-    /// Print a shell's completions
+    /// Print completions for a shell
     #[command(after_help = "Example:\n  btr completions bash > /etc/bash_completion.d/btr")]
     Completions {
         /// The shell
@@ -160,13 +159,13 @@ pub(crate) enum Verb {
 pub(crate) struct CoevolveArgs {
     /// The experiment (TOML)
     pub(crate) experiment: PathBuf,
-    /// Folder of the run; runs/NAME unless given
+    /// Folder of the run [default: runs/NAME]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Go on with the run in that folder
+    /// Resume the run in that folder
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Check the experiment, say what it would do, and stop
+    /// Check the experiment and print its plan without running it
     #[arg(long)]
     pub(crate) dry_run: bool,
 }
@@ -181,10 +180,10 @@ pub(crate) struct SimulateArgs {
     /// A file with a [drive] section to use instead of the model's own
     #[arg(long)]
     pub(crate) drive: Option<PathBuf>,
-    /// Where to write what the sensors say; .mcap or .csv
+    /// Where to write the simulated log; .mcap or .csv
     #[arg(short, long, value_name = "LOG")]
     pub(crate) output: PathBuf,
-    /// Write over a log that is there
+    /// Overwrite an existing log
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
@@ -205,10 +204,10 @@ pub(crate) struct CompareArgs {
     /// Recorded logs (MCAP or CSV)
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
-    /// Write plots of everything into one HTML file
+    /// Write all plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
-    /// End with exit code 1 when a channel's error is above so many noise floors
+    /// Exit with 1 if a channel's error exceeds X noise floors
     #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub(crate) max_chi: Option<f64>,
 }
@@ -217,19 +216,19 @@ pub(crate) struct CompareArgs {
 pub(crate) struct LogArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
-    /// The logs to learn from (MCAP or CSV)
+    /// Training logs (MCAP or CSV)
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
-    /// Logs to judge on, which nothing is fitted to; after MODEL and LOG, as it takes whatever follows
+    /// Held-out logs, which nothing is fitted to; give it after MODEL and LOG, as it takes all arguments that follow
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
-    /// Write what was found and plots of it into one HTML file
+    /// Write the result and its plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
 }
 
 impl LogArgs {
-    /// Every log that is read.
+    /// All logs, training and held-out.
     pub(crate) fn all_logs(&self) -> impl Iterator<Item = PathBuf> {
         self.logs.iter().chain(&self.held_out).cloned()
     }
@@ -239,13 +238,13 @@ impl LogArgs {
 pub(crate) struct DiagnoseArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
-    /// The most effects to name
+    /// Maximum number of effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
-    /// Where to write the commands of the experiment that would tell apart what these logs cannot; .csv or .mcap
+    /// Where to write the commands of the next experiment, which separates effects that these logs cannot; .csv or .mcap
     #[arg(long, value_name = "LOG")]
     pub(crate) next: Option<PathBuf>,
-    /// Exit with 1 unless this is the verdict: effect_missing, nothing_missing or unexplained
+    /// Exit with 1 unless the verdict is this one: effect_missing, nothing_missing or unexplained
     #[arg(long, value_name = "VERDICT")]
     pub(crate) expect: Option<String>,
 }
@@ -254,7 +253,7 @@ pub(crate) struct DiagnoseArgs {
 pub(crate) struct AddArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
-    /// What to add; without a site it sits everywhere it can
+    /// Effects to add; without a site, at every possible site
     #[arg(required = true, value_name = "EFFECT[@SITE]")]
     pub(crate) effects: Vec<String>,
     /// Where to write the model
@@ -266,7 +265,7 @@ pub(crate) struct AddArgs {
 pub(crate) struct FitArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
-    /// An effect to add first
+    /// Effect to add before fitting
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,
     /// Where to write the fitted model

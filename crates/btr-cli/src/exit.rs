@@ -1,4 +1,4 @@
-//! Exit codes, and how a failure is told.
+//! Exit codes and the output of failures.
 
 use btr_lab::failure::Failure;
 
@@ -8,10 +8,10 @@ pub(crate) const DONE: u8 = 0;
 pub(crate) const MISSED: u8 = 1;
 /// Exit code of a run that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
-/// Exit code of everything that cannot be done.
+/// Exit code of an invocation that cannot be carried out.
 pub(crate) const REFUSED: u8 = 2;
 
-/// Says it on stderr, or as a JSON document on stdout.
+/// Prints a failure on stderr, or as a JSON document on stdout.
 pub(crate) fn report(failure: &Failure, json: bool) -> u8 {
     if json {
         let error = serde_json::json!({ "code": failure.code, "message": failure.message, "help": failure.help });

@@ -1,4 +1,4 @@
-//! The command line of btr, for the program and for the command that comes with the Python package.
+//! The command line of btr, shared by the program and by the command of the Python package.
 
 mod args;
 mod cmd;
@@ -10,14 +10,14 @@ use args::{Args, Verb};
 use btr_lab::failure::Failure;
 use std::ffi::OsString;
 
-/// Does what an invocation asks, its first argument being the program's name, and gives back the exit code: 0 done, 1
-/// done but the goal was missed, 2 not possible as asked, 130 interrupted.
+/// Runs an invocation, whose first argument is the program's name. Returns the exit code: 0 done, 1 done but the goal was
+/// missed, 2 not possible, 130 interrupted.
 pub fn run(arguments: Vec<OsString>) -> u8 {
     end_quietly_on_a_closed_pipe();
     let args = match Args::of(arguments) {
         Ok(args) => args,
         Err(error) => {
-            // Help and a version go to stdout, mistakes to stderr; where neither can be written, nobody reads.
+            // Help and version go to stdout, mistakes to stderr. A failure to write them is ignored.
             let _ = error.print();
             return u8::try_from(error.exit_code()).unwrap_or(REFUSED);
         }
@@ -25,7 +25,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
     answer(&args).unwrap_or_else(|failure| exit::report(&failure, args.global.json))
 }
 
-/// `btr info LOG | head -1`: a reader that has enough is no error, but `println!` panics on it.
+/// Exits with 0 where the reader closes the pipe (`btr info LOG | head -1`): `println!` would panic.
 fn end_quietly_on_a_closed_pipe() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {

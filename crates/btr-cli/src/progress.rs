@@ -1,4 +1,4 @@
-//! What a run is doing, live on stderr: one moving line on a terminal, one line per iteration elsewhere.
+//! Live progress of a run on stderr: a status line on a terminal, and one line per iteration.
 
 use crate::args::Global;
 use btr_core::coevolve::{Coevolution, Generation, Iteration, Method, Plan, Side};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// How often the moving line is drawn.
+/// Redraw period of the status line.
 const TICK: Duration = Duration::from_millis(200);
 
 /// The live display of a run.
@@ -19,9 +19,9 @@ pub(crate) struct Progress {
     bar: ProgressBar,
     verbose: bool,
     quiet: bool,
-    /// Whether controllers are judged at all.
-    judged: bool,
-    /// Work done when this process began: a resumed run has a head start that says nothing about speed.
+    /// Whether the model has a fitness.
+    has_fitness: bool,
+    /// Share of the work done when this process began, excluded from the speed of a resumed run.
     from: f64,
     began: Instant,
 }
@@ -31,7 +31,7 @@ impl Progress {
         let live = std::io::stderr().is_terminal() && !global.quiet;
         let target = if live { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target);
-        let (began, judged) = (Instant::now(), !model.fitness.weights().is_empty());
+        let (began, has_fitness) = (Instant::now(), !model.fitness.weights().is_empty());
         let speed = move |_: &ProgressState, line: &mut dyn Write| {
             let rollouts = model.rollouts.load(Ordering::Relaxed) as f64;
             let _ = write!(line, "{:.0} evaluations/s", rollouts / began.elapsed().as_secs_f64().max(1e-9));
@@ -42,15 +42,15 @@ impl Progress {
         if live {
             bar.enable_steady_tick(TICK);
         }
-        Progress { bar, verbose: global.verbose, quiet: global.quiet, judged, from: done(state), began }
+        Progress { bar, verbose: global.verbose, quiet: global.quiet, has_fitness, from: done(state), began }
     }
 
-    /// After a generation or a real test.
+    /// Updates the status line, after a generation or a real test.
     pub(crate) fn update(&self, state: &Coevolution) {
         self.bar.set_message(self.line(state));
     }
 
-    /// After a generation; said aloud with `-v` only.
+    /// Prints a generation with `-v`.
     pub(crate) fn generation(&self, g: &Generation) {
         if self.verbose {
             let side = if g.side == Side::Controllers { "controllers, fitness" } else { "simulators, phi" };
@@ -64,16 +64,17 @@ impl Progress {
         }
     }
 
-    /// After an iteration.
+    /// Prints an iteration.
     pub(crate) fn iteration(&self, it: &Iteration, of: usize) {
         let half = |name: &str| {
             let [low, high] = it.posterior.as_ref()?.parameters.get(name)?.ci95?;
             Some(format!("±{}", number((high - low) / 2.0)))
         };
-        let said = |(name, x): (&String, &f64)| format!("{name}={}{}", number(*x), half(name).unwrap_or_default());
-        let parameters: Vec<String> = it.parameters.iter().map(said).collect();
+        let assignment =
+            |(name, x): (&String, &f64)| format!("{name}={}{}", number(*x), half(name).unwrap_or_default());
+        let parameters: Vec<String> = it.parameters.iter().map(assignment).collect();
         let (promised, real) = (maybe(it.fitness_sim), maybe(it.fitness_real));
-        let fitness = if self.judged {
+        let fitness = if self.has_fitness {
             format!("fitness {promised} in simulation, {real} in reality · ")
         } else {
             String::new()
@@ -85,14 +86,14 @@ impl Progress {
         }
     }
 
-    /// A line that stays.
+    /// Prints a line above the status line.
     pub(crate) fn say(&self, line: &str) {
         if !self.quiet {
             self.bar.suspend(|| eprintln!("{line}"));
         }
     }
 
-    /// Takes the moving line away.
+    /// Removes the status line.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -117,7 +118,7 @@ impl Progress {
         line
     }
 
-    /// Time left if the rest goes as fast as what this process did so far.
+    /// Estimated time left, at the speed of this process so far.
     fn eta(&self, state: &Coevolution) -> String {
         let share = (done(state) - self.from) / (1.0 - self.from);
         if share <= 0.0 {
@@ -128,12 +129,12 @@ impl Progress {
     }
 }
 
-/// The share of the plan's iterations that is done, counting half an iteration for the generations of each search.
+/// Share of the plan's iterations that are done; the generations of each search count for half an iteration.
 fn done(state: &Coevolution) -> f64 {
     let plan = state.plan();
     let closed = state.history().iterations.len();
-    let mine = state.history().generations.iter().filter(|g| g.iteration > closed);
-    let within: f64 = mine.map(|g| 0.5 / generations(plan, g.side).max(1) as f64).sum();
+    let current = state.history().generations.iter().filter(|g| g.iteration > closed);
+    let within: f64 = current.map(|g| 0.5 / generations(plan, g.side).max(1) as f64).sum();
     ((closed as f64 + within) / plan.iterations as f64).min(1.0)
 }
 

@@ -1,9 +1,9 @@
-//! ROS 2 bags: folders of a `metadata.yaml` and what was recorded.
+//! ROS 2 bags: folders with a `metadata.yaml` and the recorded files.
 
 use super::error::IoError;
 use std::path::{Path, PathBuf};
 
-/// The file of a bag, where `path` is a bag's folder; else `path` itself.
+/// The MCAP file of a bag if `path` is a bag's folder, else `path` itself.
 ///
 /// # Errors
 /// [`IoError::Db3`] and [`IoError::SplitBag`], for bags that are not one MCAP file.

@@ -1,5 +1,5 @@
-//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. What a missing
-//! command means is not decided here.
+//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. The meaning of a
+//! missing command is decided by the simulation.
 //!
 //! Limitations: commas between cells, points in numbers, UTF-8. Headers are written without units, so a channel whose
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
@@ -13,13 +13,13 @@ use csv::StringRecord;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-/// Names of the time column that need no mapping.
+/// Names of the time column that are recognised without a mapping.
 pub(super) const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
 
-/// Reads a log. `path` is only for messages.
+/// Reads a log. `path` is used in messages only.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let broken = |e: csv::Error| IoError::Csv { path: path.to_owned(), what: e.to_string() };
-    // Cells are trimmed where that is needed: csv would make a new record of every row.
+    // Cells are trimmed on demand: trimming in csv would allocate a record per row.
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).flexible(true).from_reader(bytes);
     let mut table = CsvColumns::new(path, reader.headers().map_err(broken)?, mapping)?;
     let expected = table.columns.len();
@@ -34,7 +34,7 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
             return Err(IoError::Cells { path: path.to_owned(), line, expected, got });
         }
         if got < expected {
-            // A logger that was killed leaves half a line, which is fine; anything after it is not.
+            // A killed logger leaves an incomplete last line, which is accepted; anything after it is an error.
             short = Some((line, got));
         } else {
             table.push(line, &row)?;
@@ -43,7 +43,7 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
     table.into_log(mapping, short.map(|(line, _)| Warning::LastLineCut { line }))
 }
 
-/// The columns as they fill up.
+/// The columns read so far.
 struct CsvColumns<'a> {
     path: &'a Path,
     time: usize,
@@ -55,10 +55,10 @@ struct CsvColumns<'a> {
 struct CsvColumn {
     source: String,
     meaning: Meaning,
-    /// Whether somebody relies on it: mapped, or one of btr's names.
-    wanted: bool,
+    /// Whether the column is needed: mapped, or one of btr's names.
+    required: bool,
     values: Vec<f64>,
-    /// Line and text of the first cell that is no number.
+    /// Line and text of the first cell that is not a number.
     text: Option<(u64, String)>,
 }
 
@@ -66,10 +66,10 @@ impl CsvColumn {
     fn new(source: &str, mapping: &Mapping) -> Self {
         let mapped = mapping.meaning(source);
         let switch = mapping.torque_on.as_ref().is_some_and(|s| s == source);
-        let wanted = mapped.is_some() || switch;
+        let mapped_name = mapped.is_some() || switch;
         let meaning = mapped.unwrap_or_else(|| Meaning::of_header(source));
-        let wanted = wanted || meaning.role != Role::Truth;
-        CsvColumn { source: source.to_owned(), meaning, wanted, values: Vec::new(), text: None }
+        let required = mapped_name || meaning.role != Role::Truth;
+        CsvColumn { source: source.to_owned(), meaning, required, values: Vec::new(), text: None }
     }
 }
 
@@ -100,7 +100,7 @@ impl<'a> CsvColumns<'a> {
             }
             match number(text) {
                 Some(value) => column.values.push(value),
-                None if column.wanted => return Err(not_a_number(self.path, line, &column.source, text)),
+                None if column.required => return Err(not_a_number(self.path, line, &column.source, text)),
                 None => column.text = Some((line, text.trim().to_owned())),
             }
         }
@@ -141,7 +141,7 @@ impl<'a> CsvColumns<'a> {
     }
 }
 
-/// What separates the cells of a header that knows no commas.
+/// The separator of a header without commas.
 fn separator(header: &StringRecord) -> Option<&'static str> {
     let only = header.get(0).filter(|_| header.len() == 1)?;
     [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|(sign, _)| only.contains(*sign)).map(|(_, what)| what)
@@ -164,7 +164,7 @@ fn not_a_number(path: &Path, line: u64, column: &str, text: &str) -> IoError {
 pub(crate) fn headers(path: &Path, log: &Log) -> Result<Vec<String>, IoError> {
     let unwritable = |name: &str| IoError::Unwritable { path: path.to_owned(), channel: name.to_owned() };
     let names = log.channels().map(|(name, _)| {
-        // The reader trims its cells, and takes the first column of these names for the time.
+        // The reader trims its cells, and takes the first column with one of these names as the time.
         let readable = name.trim() == name && !TIME.contains(&name);
         header(name).filter(|_| readable).ok_or_else(|| unwritable(name))
     });

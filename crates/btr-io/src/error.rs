@@ -1,21 +1,21 @@
-//! What can go wrong between a log and a file, with the place and a remedy.
+//! Errors and warnings of reading and writing logs, each with its place in the file and a remedy.
 
 use btr_core::log::LogError;
 use std::path::PathBuf;
 
-/// Why a log could not be read or written. `Display` says what and where, [`IoError::help`] what to do about it.
+/// Why a log could not be read or written. `Display` gives the place and the cause, [`IoError::help`] the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {
-    /// The operating system refused.
+    /// An error of the operating system.
     #[error("{}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// An extension that stands for no known format.
+    /// An unknown file extension.
     #[error("{}: not a log btr knows", path.display())]
     Format {
         /// The file.
@@ -45,55 +45,55 @@ pub enum IoError {
         /// How many there are.
         files: usize,
     },
-    /// A data set of which no episode, or none that is there, was named.
-    #[error("{}: {} of this data set of {episodes}", path.display(), asked(wanted.as_deref()))]
+    /// A data set without a named episode, or with one that does not exist.
+    #[error("{}: {} of this data set of {episodes}", path.display(), episode_text(wanted.as_deref()))]
     Episode {
         /// The data set's folder.
         path: PathBuf,
-        /// The episode that was asked for.
+        /// The requested episode.
         wanted: Option<String>,
         /// How many there are.
         episodes: usize,
     },
-    /// A LeRobot data set that is not as the format says.
+    /// A malformed LeRobot data set.
     #[error("{}: {what}", path.display())]
     DataSet {
         /// The file in it.
         path: PathBuf,
-        /// What is wrong with that.
+        /// The problem.
         what: String,
     },
-    /// Nothing in the file at all.
+    /// An empty file.
     #[error("{}: the file is empty", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// A header and no rows.
+    /// A header without rows.
     #[error("{}: a header and no samples", path.display())]
     NoSamples {
         /// The file.
         path: PathBuf,
     },
-    /// No column for the time.
+    /// No time column.
     #[error("{}:1: no time column `{wanted}` among {}", path.display(), list(columns))]
     NoTime {
         /// The file.
         path: PathBuf,
-        /// The name that was looked for.
+        /// The expected name.
         wanted: String,
-        /// The names that are there.
+        /// The names in the file.
         columns: Vec<String>,
     },
-    /// Cells that are separated by something else than commas.
+    /// Cells that are not separated by commas.
     #[error("{}:1: {what} between the cells, not commas", path.display())]
     Separator {
         /// The file.
         path: PathBuf,
-        /// What is there.
+        /// The separator found.
         what: &'static str,
     },
-    /// Time that stands still or runs backwards.
+    /// A clock that does not increase.
     #[error("{}:{line}: time does not increase: {before_s} s, then {after_s} s", path.display())]
     Clock {
         /// The file.
@@ -105,7 +105,7 @@ pub enum IoError {
         /// Its own time.
         after_s: f64,
     },
-    /// A cell that holds no number.
+    /// A cell that is not a number.
     #[error("{}:{line}: column `{column}`: `{text}` is not a number", path.display())]
     NotANumber {
         /// The file.
@@ -114,7 +114,7 @@ pub enum IoError {
         line: u64,
         /// The column's name.
         column: String,
-        /// What stands there.
+        /// The text of the cell.
         text: String,
     },
     /// A row with more or fewer cells than the header.
@@ -129,15 +129,15 @@ pub enum IoError {
         /// Cells of the row.
         got: usize,
     },
-    /// Bytes that are no text, or broken quoting.
+    /// Invalid UTF-8, or broken quoting.
     #[error("{}: {what}", path.display())]
     Csv {
         /// The file.
         path: PathBuf,
-        /// What the CSV reader said, with its line.
+        /// The CSV reader's message, with the line.
         what: String,
     },
-    /// Two sources for one channel.
+    /// Two sources of one channel.
     #[error("{}: `{first}` and `{second}` both mean the channel `{channel}`", path.display())]
     Twice {
         /// The file.
@@ -149,13 +149,13 @@ pub enum IoError {
         /// The other.
         second: String,
     },
-    /// A file that does not begin as an MCAP file does.
+    /// A file without the magic bytes of MCAP.
     #[error("{}: not an MCAP file", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
     },
-    /// No joint states to build a log on.
+    /// A recording without joint states.
     #[error("{}: no joint states on `{wanted}`; topics: {}", path.display(), list(topics))]
     NoStates {
         /// The file.
@@ -173,18 +173,18 @@ pub enum IoError {
         /// The channel.
         channel: String,
     },
-    /// Samples that make no log.
+    /// Samples that do not form a log.
     #[error("{}: {source}", path.display())]
     Log {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         source: LogError,
     },
 }
 
 impl IoError {
-    /// What the user can do about it.
+    /// What the user can do about the error.
     pub fn help(&self) -> String {
         match self {
             IoError::File { .. } => "check the path and the permissions".into(),
@@ -213,7 +213,7 @@ impl IoError {
                     .into()
             }
             IoError::Empty { .. } | IoError::NoSamples { .. } => {
-                "the recording never started; record again, or leave this file out".into()
+                "the file holds no samples; record again, or leave it out".into()
             }
             IoError::NoTime { .. } => "name the time column in the model's [channels] table: time = \"...\"".into(),
             IoError::Separator { .. } => "save it with commas between the cells, and points in the numbers".into(),
@@ -237,7 +237,7 @@ impl IoError {
     }
 }
 
-/// The bag is the folder around the database; `rosbags-convert` wants that.
+/// The bag's folder, which `rosbags-convert` expects: the parent of the database file.
 fn bag_of(path: &std::path::Path) -> &std::path::Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -245,11 +245,11 @@ fn bag_of(path: &std::path::Path) -> &std::path::Path {
     }
 }
 
-fn asked(episode: Option<&str>) -> String {
+fn episode_text(episode: Option<&str>) -> String {
     episode.map_or("which episode".into(), |episode| format!("no episode `{episode}`"))
 }
 
-/// `a`, `b` and so on, shortened where nobody would read on.
+/// Names in backticks, separated by commas, at most 12 of them.
 fn list(names: &[String]) -> String {
     const SHOWN: usize = 12;
     if names.is_empty() {
@@ -261,49 +261,49 @@ fn list(names: &[String]) -> String {
 }
 
 impl Warning {
-    /// Whether the end of the log is missing.
+    /// Whether the log is incomplete: its end is missing.
     pub fn is_half(&self) -> bool {
         matches!(self, Warning::LastLineCut { .. } | Warning::Truncated { .. })
     }
 }
 
-/// What a reader noticed and could live with.
+/// A problem that a reader could work around.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Warning {
-    /// A column that holds something else than numbers and that nobody asked for.
+    /// A column that is not numeric and not mapped.
     #[error("column `{column}` is left out: line {line} holds `{text}`")]
     ColumnIgnored {
         /// The column.
         column: String,
-        /// First line that is no number.
+        /// First line whose cell is not a number.
         line: u64,
-        /// What stands there.
+        /// The text of the cell.
         text: String,
     },
-    /// The mapping names something that the file does not have.
+    /// A name in the mapping that is missing in the file.
     #[error("the mapping names `{theirs}` for `{ours}`, which the log does not have")]
     MappingUnused {
         /// The name in btr.
         ours: String,
-        /// The name looked for.
+        /// The expected foreign name.
         theirs: String,
     },
-    /// The last line was cut while it was written.
+    /// An incomplete last line.
     #[error("line {line} is cut short and left out")]
     LastLineCut {
         /// The line.
         line: u64,
     },
-    /// A file that breaks off.
+    /// A truncated file.
     #[error("the file breaks off ({why}); {messages} messages before that are kept")]
     Truncated {
         /// Messages that could be read.
         messages: usize,
-        /// What the reader said.
+        /// The reader's message.
         why: String,
     },
-    /// A topic nobody can read here.
+    /// A topic that cannot be read.
     #[error("topic `{topic}` is left out: {why}")]
     TopicSkipped {
         /// The topic.
@@ -311,17 +311,17 @@ pub enum Warning {
         /// Why.
         why: String,
     },
-    /// Messages that are not what their schema says.
+    /// Messages that do not match their schema.
     #[error("topic `{topic}`: {count} messages could not be decoded ({why})")]
     Undecodable {
         /// The topic.
         topic: String,
         /// How many.
         count: usize,
-        /// What was wrong with the first.
+        /// The problem of the first one.
         why: String,
     },
-    /// Samples with a time that the same channel already has.
+    /// Samples with a duplicate time stamp in their channel.
     #[error("`{channel}`: {count} samples with a time that was there already are left out")]
     Repeated {
         /// The channel.
@@ -329,7 +329,7 @@ pub enum Warning {
         /// How many.
         count: usize,
     },
-    /// Times so large that seconds could not hold them to the nanosecond.
+    /// Times too large for nanosecond resolution in seconds (f64).
     #[error("the clock starts at {start_ns} ns after its epoch and was shifted to 0")]
     ClockShifted {
         /// The original time of t = 0.

@@ -1,4 +1,4 @@
-//! What a model file says of the names of other people's logs.
+//! The `[channels]` table of a model file: names and units of foreign logs.
 
 use super::names::{Meaning, suffix};
 use indexmap::IndexMap;
@@ -81,7 +81,7 @@ fn is_default(topics: &Topics) -> bool {
 }
 
 impl Mapping {
-    /// What the mapping says a foreign name is; `None` when it says nothing.
+    /// The meaning of a foreign name; `None` when the mapping does not know it.
     pub(crate) fn meaning(&self, theirs: &str) -> Option<Meaning> {
         let exact = self.channels.iter().find(|(_, t)| t.name() == theirs).map(|(ours, t)| (ours.clone(), t));
         let by_pattern = || self.channels.iter().find_map(|(ours, t)| Some((fill(t.name(), ours, theirs)?, t)));
@@ -94,7 +94,7 @@ impl Mapping {
         })
     }
 
-    /// What a log has to call one of btr's channels, and the key that says so.
+    /// The foreign name of one of btr's channels, and the key of the mapping that defines it.
     pub fn theirs(&self, ours: &str) -> Option<(&str, String)> {
         let exact = self.channels.get_key_value(ours).map(|(key, t)| (key.as_str(), t.name().to_owned()));
         let by_pattern = |(key, theirs): (&'_ String, &ForeignName)| fill(key, theirs.name(), ours);
@@ -109,7 +109,7 @@ impl Mapping {
     }
 }
 
-/// When `theirs` fits the pattern `from`, the pattern `to` with the same joint.
+/// The pattern `to` with the joint of `theirs`, if that matches the pattern `from`.
 fn fill(from: &str, to: &str, theirs: &str) -> Option<String> {
     let (head, tail) = from.split_once("{joint}")?;
     let joint = theirs.strip_prefix(head)?.strip_suffix(tail)?;
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_factor_says_what_the_name_does_not() {
+    fn a_factor_overrides_the_unit_of_the_name() {
         let text = r#"channels = { "q_{joint}" = { column = "{joint}_deg", factor = -2.0 }, cmd_hip = "hip_goal" }"#;
         let mapping: Mapping = toml::from_str(text).unwrap();
         let meaning = mapping.meaning("hip_deg").unwrap();

@@ -1,25 +1,24 @@
-//! What channels are called: btr's own names, and the units that hide in them.
+//! Channel names: btr's own names, and units at their ends.
 
 use btr_core::log::Role;
 use std::borrow::Cow;
 
-/// What a name stands for.
+/// The meaning of a name: channel, unit, role and factor.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Meaning {
     /// btr's name.
     pub(crate) name: String,
     /// SI unit.
     pub(crate) unit: Cow<'static, str>,
-    /// Command, sensor or outside knowledge.
+    /// Command, measurement or external truth.
     pub(crate) role: Role,
-    /// Times this, a value is in `unit`.
+    /// Factor from the value's unit to `unit`.
     pub(crate) factor: f64,
 }
 
 pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// How headers end, which unit that is, and the factor to it. Longer endings first, and
-/// for each unit the SI one.
+/// Suffixes of headers, their SI units, and the factors to them. Longer suffixes first, and for each unit the SI one first.
 const SUFFIXES: [(&str, &str, f64); 9] = [
     ("_rad_s", "rad/s", 1.0),
     ("_deg_s", "rad/s", DEGREE),
@@ -37,13 +36,13 @@ const FAMILIES: [(&str, &[&str]); 4] =
     [("cmd_", &["rad", "m", "N·m", "V"]), ("q_", &["rad", "m"]), ("dq_", &["rad/s", "m/s"]), ("tau_", &["N·m", "N"])];
 
 impl Meaning {
-    /// btr's own name, with the unit and the role that its beginning tells.
+    /// One of btr's own names, with unit and role by its prefix.
     pub(crate) fn of(name: String) -> Self {
         let (unit, role) = (usual_unit(&name), role(&name));
         Meaning { name, unit: unit.into(), role, factor: 1.0 }
     }
 
-    /// What a CSV header means without a mapping: `q_cmd_` is `cmd_`, and a unit may stand at the end.
+    /// The meaning of a CSV header without a mapping: `q_cmd_` is `cmd_`, and a unit may follow.
     pub(crate) fn of_header(header: &str) -> Self {
         let name = match header.strip_prefix("q_cmd_") {
             Some(joint) => format!("cmd_{joint}"),
@@ -61,18 +60,18 @@ impl Meaning {
     }
 }
 
-/// The header under which a channel is read back from CSV as what it is; `None` when there is none.
+/// The header under which a channel reads back from CSV unchanged; `None` when there is none.
 pub(crate) fn header(name: &str) -> Option<String> {
     if Meaning::of_header(name).name == name {
         return Some(name.to_owned());
     }
-    // A joint called `arm_m` needs its unit spelt out, or `_m` would be taken for one.
+    // A joint called `arm_m` needs an explicit unit, or `_m` would be read as one.
     let ending = SUFFIXES.iter().find(|(_, unit, _)| *unit == usual_unit(name))?;
     let header = format!("{name}{}", ending.0);
     (Meaning::of_header(&header).name == name).then_some(header)
 }
 
-/// Splits a unit off the end of a name, whatever its case.
+/// Splits a unit off the end of a name, ignoring case.
 pub(super) fn suffix(name: &str) -> Option<(&str, &'static str, f64)> {
     SUFFIXES.iter().find_map(|&(ending, unit, factor)| {
         let at = name.len().checked_sub(ending.len())?;
@@ -81,7 +80,7 @@ pub(super) fn suffix(name: &str) -> Option<(&str, &'static str, f64)> {
     })
 }
 
-/// Whether a foreign name that became this one was one of btr's own already: `q_q_knee`.
+/// Whether a name has two of btr's prefixes (`q_q_knee`): its foreign name was one of btr's own.
 pub(super) fn is_doubled(name: &str) -> bool {
     let joint_of = |name: &'_ str| FAMILIES.iter().find_map(|(prefix, _)| name.strip_prefix(prefix).map(str::len));
     joint_of(name).is_some_and(|joint| joint_of(&name[name.len() - joint..]).is_some())
@@ -108,7 +107,7 @@ fn role(name: &str) -> Role {
     }
 }
 
-/// The SI unit of a name when nothing else is said: angles for joints, and by what follows the prefix for bodies
+/// The SI unit of a name without an explicit one: angles for joints, and by what follows the prefix for bodies
 /// (`imu_acc_x` is an acceleration, `imu_gyro_x` and `base_wx` are rates of turn, `base_vx` a velocity, `base_qw` a number).
 fn usual_unit(name: &str) -> &'static str {
     if let Some((_, units)) = FAMILIES.iter().find(|(prefix, _)| name.starts_with(prefix)) {

@@ -1,4 +1,4 @@
-//! Logs that are in memory already, under the names of a model's `[channels]`.
+//! Renames the channels of logs in memory by a model's `[channels]`.
 
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
@@ -7,11 +7,11 @@ use super::series::{NamedSeries, assemble};
 use btr_core::log::{Channel, Log, Role};
 use std::path::Path;
 
-/// The log with the channels under btr's names that the mapping knows. Channels that have these already stay as they are: to do
-/// it twice is to do it once.
+/// Renames foreign channels to btr's names by the mapping. Channels with btr's names are unchanged, so renaming is
+/// idempotent.
 ///
 /// # Errors
-/// [`IoError::Twice`] for two foreign names of one meaning.
+/// [`IoError::Twice`] for two foreign names of one channel.
 pub fn renamed(name: &Path, log: Log, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let meanings: Vec<Option<Meaning>> = log.channels().map(|(theirs, _)| foreign(theirs, &log, mapping)).collect();
     let commands = log.channels().filter(|(_, channel)| channel.role == Role::Command);
@@ -27,18 +27,18 @@ pub fn renamed(name: &Path, log: Log, mapping: &Mapping) -> Result<(Log, Vec<War
         values: channel.values.clone(),
     });
     let (renamed, mut warnings) = assemble(name, log.clock_s().to_vec(), series.collect(), mapping)?;
-    // What has its name from somewhere else is not missing.
+    // A channel that already had its name is not missing.
     warnings
         .retain(|warning| !matches!(warning, Warning::MappingUnused { ours, .. } if renamed.channel(ours).is_some()));
     Ok((renamed, warnings))
 }
 
-/// What a channel means that does not have btr's name yet.
+/// The meaning of a channel with a foreign name; `None` for one of btr's names.
 fn foreign(theirs: &str, log: &Log, mapping: &Mapping) -> Option<Meaning> {
     let meaning = mapping.meaning(theirs)?;
-    let is_there = log.channel(&meaning.name).is_some();
+    let exists = log.channel(&meaning.name).is_some();
     let is_ours = is_doubled(&meaning.name) && Meaning::of(theirs.to_owned()).role != Role::Truth;
-    (!is_there && !is_ours).then_some(meaning)
+    (!exists && !is_ours).then_some(meaning)
 }
 
 fn as_it_is(name: &str, channel: &Channel) -> Meaning {
@@ -59,21 +59,21 @@ mod tests {
         renamed(Path::new("log"), log, &toml::from_str(mapping).unwrap()).unwrap().0
     }
 
-    fn told(log: &Log) -> Vec<(&str, f64)> {
+    fn first_values(log: &Log) -> Vec<(&str, f64)> {
         log.channels().map(|(name, channel)| (name, channel.values[0])).collect()
     }
 
     #[test]
-    fn foreign_names_become_btrs_once() {
+    fn foreign_names_become_btrs_and_renaming_is_idempotent() {
         let mapping = r#"channels = { q_hip = "hip_deg", "cmd_{joint}" = { column = "{joint}_goal", factor = 2.0 } }"#;
         let once = under(mapping, log(&[("hip_deg", 180.0), ("hip_goal", 3.0), ("load", 4.0)]));
-        assert_eq!(told(&once), [("q_hip", std::f64::consts::PI), ("cmd_hip", 6.0), ("load", 4.0)]);
+        assert_eq!(first_values(&once), [("q_hip", std::f64::consts::PI), ("cmd_hip", 6.0), ("load", 4.0)]);
         assert_eq!(once.channel("q_hip").unwrap().unit, "rad");
         assert_eq!(under(mapping, once.clone()), once);
     }
 
     #[test]
-    fn what_has_btrs_names_stays_as_it_is() {
+    fn btrs_names_are_unchanged() {
         let mine = log(&[("cmd_hip", 1.0), ("q_hip", 2.0), ("q_knee", 3.0)]);
         for mapping in [
             r#"channels = { "q_{joint}" = { column = "q_{joint}", factor = 0.5 } }"#,
@@ -86,13 +86,13 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_is_heeded_and_gone() {
+    fn a_switch_is_applied_and_removed() {
         let off = under(r#"torque_on = "on_{joint}""#, log(&[("cmd_hip", 1.0), ("q_hip", 2.0), ("on_hip", 0.0)]));
         assert!(off.channel("cmd_hip").unwrap().values[0].is_nan() && off.channel("on_hip").is_none());
     }
 
     #[test]
-    fn what_is_named_in_vain_is_told_where_others_are_found() {
+    fn missing_names_are_warned_of_where_others_are_found() {
         let mapping: Mapping =
             toml::from_str(r#"channels = { q_hip = "hip", q_knee = "knee", q_toe = "toe" }"#).unwrap();
         let (_, warnings) = renamed(Path::new("log"), log(&[("hip", 1.0), ("q_knee", 1.0)]), &mapping).unwrap();

@@ -1,4 +1,4 @@
-//! From the series of a file to a log: names, units, torque-off spells.
+//! Assembles the series of a file into a log: names, units and torque-off intervals.
 
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
@@ -10,7 +10,7 @@ use std::path::Path;
 pub(crate) struct NamedSeries {
     /// The file's name.
     pub(crate) source: String,
-    /// What it stands for.
+    /// Its channel, unit and role.
     pub(crate) meaning: Meaning,
     /// In the file's unit, one per tick.
     pub(crate) values: Vec<f64>,
@@ -25,7 +25,7 @@ impl Mapping {
     }
 }
 
-/// Puts series that share a clock into a log.
+/// Builds a log from series with a common clock.
 pub(crate) fn assemble(
     path: &Path,
     clock_s: Vec<f64>,
@@ -62,7 +62,7 @@ fn switches(mapping: &Mapping, series: &[NamedSeries]) -> Vec<(usize, usize)> {
     commands.filter_map(|(i, s)| switch_of(&s.meaning.name).map(|switch| (i, switch))).collect()
 }
 
-/// Nothing is driven unless the switch says so.
+/// Sets commands to NaN where the switch is not on.
 fn switch_off(command: &mut [f64], on: &[f64]) {
     for (value, on) in command.iter_mut().zip(on) {
         let driven = *on > 0.5;
@@ -86,18 +86,18 @@ fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
     Ok(())
 }
 
-/// Names of the mapping that the log does not have. A log in btr's own names (say, a simulated one) owes nobody a
-/// foreign name, so a mapping of which nothing is found is no mistake.
+/// Names of the mapping that are missing in the log. A log in btr's own names (a simulated one) has no foreign names, so a
+/// mapping without any match gives no warnings.
 fn unused(mapping: &Mapping, series: &[NamedSeries]) -> Vec<Warning> {
     let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
     let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));
-    let mut wanted: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();
-    wanted.extend(switch.map(|name| ("torque_on", name.as_str())));
+    let mut expected: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();
+    expected.extend(switch.map(|name| ("torque_on", name.as_str())));
     let has = |theirs: &str| series.iter().any(|s| s.source == theirs);
     let foreign = series.iter().any(|s| mapping.meaning(&s.source).is_some());
     if !foreign {
         return Vec::new();
     }
-    let missing = wanted.into_iter().filter(|(_, theirs)| !has(theirs));
+    let missing = expected.into_iter().filter(|(_, theirs)| !has(theirs));
     missing.map(|(ours, theirs)| Warning::MappingUnused { ours: ours.to_owned(), theirs: theirs.to_owned() }).collect()
 }

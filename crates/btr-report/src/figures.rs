@@ -1,4 +1,4 @@
-//! Files that people look at: the paper's figures 3 and 5 of this run, and its logs for robot viewers.
+//! Output files of a run: the paper's figures 3 and 5 as SVG, and logs as MCAP for robot viewers.
 
 use crate::plot::paper::{Figure3, GenerationTrace, Individual, Parameter, Tracking, figure3, figure5};
 use btr_core::coevolve;
@@ -14,13 +14,13 @@ use btr_lab::run::report::RunReport;
 use btr_physics::robot::urdf;
 use std::path::PathBuf;
 
-/// How many joints figure 5 shows; the paper shows three.
+/// Number of joints in figure 5, as in the paper.
 const JOINTS: usize = 3;
 
-/// Writes figures and logs into the run's folder, and gives back their paths.
+/// Writes figures and logs into the run's folder. Returns their paths.
 ///
 /// # Errors
-/// A disk that refuses; a simulation that blows up.
+/// A file that cannot be written; a simulation that diverges.
 pub fn write(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     if report.generations.iter().any(|g| g.side == Side::Simulators) {
@@ -97,7 +97,7 @@ fn individuals(generation: usize, g: &coevolve::Generation) -> impl Iterator<Ite
     scored.filter_map(move |(values, phi)| Some(Individual { generation, phi: (*phi)?, values: values.clone() }))
 }
 
-/// The joints whose simulation changed most, in the order of the log.
+/// The [`JOINTS`] joints whose simulation changed most, in the order of the log.
 fn tracking(real: &Log, before: &Log, after: &Log) -> Vec<Tracking> {
     let names = real.channels().filter_map(|(name, _)| name.strip_prefix("q_"));
     let mut joints: Vec<(f64, usize, Tracking)> = names

@@ -1,15 +1,15 @@
-//! The question that an answer belongs to: a model and its logs.
+//! The model and the logs that a report is about.
 
 use btr_lab::verbs::VerbInput;
 use std::path::PathBuf;
 
-/// What a page is about: a question to `diagnose` or `fit`.
+/// The input of `diagnose` or `fit` that a report is about.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
-    /// The model beside the logs.
+    /// The model and the logs as they were read.
     pub input: &'a VerbInput,
-    /// The logs to learn from: files, or what they are called.
+    /// The training logs: files, or names.
     pub logs: &'a [PathBuf],
-    /// The logs to judge on.
+    /// The held-out logs: files, or names.
     pub held_out: &'a [PathBuf],
 }

@@ -1,4 +1,6 @@
-//! Plain tables for the terminal: columns as wide as they need, numbers to the right.
+//! Plain tables for the terminal: columns as wide as their widest cell, numbers right-aligned.
+//!
+//! Written by hand: table crates pad the last column and need more configuration than these few lines.
 
 /// Rows of text under a header.
 pub struct Table {
@@ -17,17 +19,17 @@ impl Table {
         self.rows.push(cells);
     }
 
-    /// Whether it has no rows.
+    /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The table as text, one line per row.
+    /// The table as text, one line per row: the first column left-aligned, the others right-aligned.
     pub fn render(&self) -> String {
         self.lines(|k| k == 0)
     }
 
-    /// The same with every column to the left: for text without numbers.
+    /// The table as text with every column left-aligned, for cells without numbers.
     pub fn render_left(&self) -> String {
         self.lines(|_| true)
     }
@@ -51,7 +53,7 @@ fn line(row: &[String], widths: &[usize], left: &impl Fn(usize) -> bool) -> Stri
     cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
 }
 
-/// Four significant digits, without an exponent where that is readable.
+/// A number with four significant digits, without an exponent between 1e-4 and 1e6; `-` where it is not finite.
 pub fn number(x: f64) -> String {
     match x.abs() {
         _ if !x.is_finite() => "-".to_owned(),
@@ -61,7 +63,7 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// The same, or a dash where there is none.
+/// A number as [`number`] writes it, or a dash where there is none.
 pub fn maybe(x: Option<f64>) -> String {
     x.map_or_else(|| "-".to_owned(), number)
 }

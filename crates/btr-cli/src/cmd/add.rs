@@ -1,4 +1,4 @@
-//! `btr add`: an effect written into a model, free to fit.
+//! `btr add`: adds an effect to a model, with free parameters.
 
 use super::common;
 use crate::args::{AddArgs, Global};
@@ -11,7 +11,7 @@ use btr_lab::verbs::{AddError, Addition, add};
 
 pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.model, global)?;
-    // A model may grow in its place: nothing in it is lost.
+    // The output may be the model itself: nothing in it is lost.
     guard(OutputKind::Model.at(Some(&args.output)), named_files(&source))?;
     let model = experiment::model(&source)?;
     let additions =
@@ -23,7 +23,7 @@ pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     if global.json {
         println!("{}", serde_json::json!({ "ok": true, "model": args.output, "added": args.effects }));
     } else if !global.quiet {
-        println!("{}: {} added, free to fit", args.output.display(), args.effects.join(", "));
+        println!("{}: {} added, with free parameters", args.output.display(), args.effects.join(", "));
         println!("next: btr fit {} LOG... -o fitted.toml", args.output.display());
     }
     Ok(DONE)

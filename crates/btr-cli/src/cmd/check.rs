@@ -1,4 +1,4 @@
-//! `btr check`: what the logs are worth before anything is fitted to them, and what they tell about the numbers in doubt.
+//! `btr check`: the quality of logs, and which free parameters they identify.
 
 use super::common;
 use crate::args::{CheckArgs, Global};
@@ -41,26 +41,26 @@ fn text(CheckedLog { log, quality }: &CheckedLog, verbose: bool) -> String {
     lines.join("\n")
 }
 
-/// What can be told about the numbers in doubt.
-fn identifiability(told: &IdentifiabilityReport) -> String {
-    if let Some(why) = &told.not_judged {
-        return format!("what these logs tell about the numbers in doubt cannot be said: {why}");
+/// The identifiability of the free parameters.
+fn identifiability(report: &IdentifiabilityReport) -> String {
+    if let Some(why) = &report.not_judged {
+        return format!("identifiability cannot be judged: {why}");
     }
-    let mut table = Table::new(&["in doubt", "value", "unit", "sensitivity", "uncertainty left %"]);
-    for p in &told.parameters {
+    let mut table = Table::new(&["parameter", "value", "unit", "sensitivity", "uncertainty left %"]);
+    for p in &report.parameters {
         let left = format!("{:.1}", 100.0 * p.uncertainty_left);
         table.row(vec![p.name.clone(), number(p.value), p.unit.clone(), number(p.sensitivity), left]);
     }
     let mut lines = vec![table.render()];
-    lines.push("sensitivity: noise floors per standard deviation of what is believed".to_owned());
-    let (rank, of) = (told.rank, told.parameters.len());
-    let condition = told.condition_number.map_or("infinite".to_owned(), number);
+    lines.push("sensitivity: noise floors per standard deviation of the prior".to_owned());
+    let (rank, of) = (report.rank, report.parameters.len());
+    let condition = report.condition_number.map_or("infinite".to_owned(), number);
     lines.push(format!("rank {rank} of {of}, condition number {condition}"));
     if rank < of {
         lines.push(
-            "a rank below full is no defect of the logs: what they cannot tell stays as it is believed".to_owned(),
+            "a rank below full is not a defect of the logs: the prior decides what they do not identify".to_owned(),
         );
     }
-    lines.extend(told.null_directions.iter().map(|direction| direction.sentence.clone()));
+    lines.extend(report.null_directions.iter().map(|direction| direction.sentence.clone()));
     lines.join("\n")
 }

@@ -19,14 +19,14 @@ pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
     Ok(source)
 }
 
-/// Reads the logs and tells on stderr what is odd about them, before anything is made of them.
+/// Reads the logs and prints warnings and findings about them on stderr.
 pub(crate) fn replays(
     source: &Source,
-    learn: &[PathBuf],
+    training: &[PathBuf],
     held_out: &[PathBuf],
     global: &Global,
 ) -> Result<(Replays, Vec<Doubt>), Failure> {
-    let replays = experiment::replays(source, learn, held_out)?;
+    let replays = experiment::replays(source, training, held_out)?;
     let doubts = verbs::doubts(&replays);
     if !global.quiet {
         replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -35,7 +35,7 @@ pub(crate) fn replays(
     Ok((replays, doubts))
 }
 
-/// Tells a step on stderr as it is reached.
+/// Prints a ladder step on stderr.
 pub(crate) fn tell(step: &LadderStep, global: &Global) {
     if !global.quiet {
         let held_out = step.held_out.map_or(String::new(), |x| format!(", {} held out", number(x)));
@@ -43,7 +43,7 @@ pub(crate) fn tell(step: &LadderStep, global: &Global) {
     }
 }
 
-/// The ladder as a table.
+/// The error ladder as a table.
 pub(crate) fn table(ladder: &[LadderStep]) -> Table {
     let mut table = Table::new(&["step", "error (x noise floor)", "held out"]);
     for step in ladder {
@@ -64,7 +64,7 @@ pub(crate) fn write_report(path: &Path, page: &str) -> Result<(), Failure> {
     btr_report::html::write(path, page).map_err(|error| btr_lab::output::unwritable(&error))
 }
 
-/// Says where a file is now, beside the result.
+/// Prints the path of a written file below the result.
 pub(crate) fn announce(path: Option<&Path>, what: &str, global: &Global) {
     if let Some(path) = path.filter(|_| !global.quiet && !global.json) {
         println!("\n{}: {what}", path.display());

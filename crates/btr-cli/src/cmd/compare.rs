@@ -1,4 +1,4 @@
-//! `btr compare`: where a model fails.
+//! `btr compare`: shows where a model fails.
 
 use super::common;
 use super::common::{announce, write_report};
@@ -12,9 +12,9 @@ use btr_report::html;
 use btr_report::table::Table;
 use btr_report::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 
-/// A channel that errs by more noise floors is not only noise.
+/// Error in noise floors above which a channel's residual is more than noise.
 const LOUD: f64 = 2.0;
-/// Failures in the terminal; `-v` and `--json` have all.
+/// Number of failures in the terminal; `-v` and `--json` show all.
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
@@ -43,10 +43,10 @@ fn text(outcome: &CompareReport, most: usize) -> String {
     let mut channels = Table::new(&CHANNEL_HEADER);
     channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
     let failures = outcome.comparison.failures();
-    // Regimes are told apart by positions; a torque can be wrong where no position is.
+    // Regimes are classified by positions; a torque can be wrong where no position is.
     let loud = outcome.comparison.worst().filter(|channel| channel.chi > LOUD).map(|channel| {
         format!(
-            "No joint's position fails in any regime, but {} errs by {:.1} noise floors.",
+            "No joint's position fails in any regime, but the error of {} is {:.1} noise floors.",
             channel.name, channel.chi
         )
     });
@@ -59,7 +59,7 @@ fn text(outcome: &CompareReport, most: usize) -> String {
     lines.push(String::new());
     match failures.len() {
         0 if loud.is_some() => lines.extend(loud),
-        0 => lines.push("No joint fails in any regime: what is left is noise.".to_owned()),
+        0 => lines.push("No joint fails in any regime: the residual is noise.".to_owned()),
         n if n > most => lines.push(format!("Where it fails ({most} of {n}; -v shows all)")),
         _ => lines.push("Where it fails".to_owned()),
     }

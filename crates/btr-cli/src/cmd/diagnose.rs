@@ -1,4 +1,4 @@
-//! `btr diagnose`: which physical effect is missing, in words and numbers.
+//! `btr diagnose`: finds the missing physical effect.
 
 use super::common;
 use super::common::{announce, write_report};
@@ -27,17 +27,17 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let tell = |ladder_step: &_| common::tell(ladder_step, global);
     let (report, diagnosis) = verbs::diagnose(&input, &input.problem, question, &tell)
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
-    let asked = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
+    let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
     if let Some(path) = &args.logs_args.report {
-        write_report(path, &html::diagnose(&asked, &report, &diagnosis.fit.u))?;
+        write_report(path, &html::diagnose(&subject, &report, &diagnosis.fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
-        show(&report, args, &asked);
+        show(&report, args, &subject);
     }
     announce(args.logs_args.report.as_deref(), "the report", global);
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
@@ -63,7 +63,7 @@ fn word_of(verdict: Verdict) -> String {
     serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
 }
 
-fn show(report: &DiagnoseReport, args: &DiagnoseArgs, asked: &Subject) {
+fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     println!("\n{}\n", common::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
@@ -97,7 +97,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, asked: &Subject) {
         println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
     }
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
-    if let Some(command) = fit_command(report, asked) {
+    if let Some(command) = fit_command(report, subject) {
         println!("\nnext: {command}");
     }
 }

@@ -1,4 +1,4 @@
-//! `btr effects`: the library, as the registry knows it.
+//! `btr effects`: lists the library of physical effects.
 
 use crate::args::Global;
 use crate::exit::DONE;
@@ -28,7 +28,7 @@ fn list(specs: &[&EffectSpec]) {
     println!("{}\n\n{help}", table.render_left());
 }
 
-/// Names and units, each unit once for neighbours that share it.
+/// Parameter names and units; neighbours with the same unit share it.
 fn params(spec: &EffectSpec) -> String {
     if spec.params.is_empty() {
         return "its own".to_owned();
@@ -62,7 +62,7 @@ fn tell(spec: &EffectSpec) {
     }
 }
 
-/// How its site is written.
+/// The sites of an effect and how they are written.
 fn on(spec: &EffectSpec) -> &'static str {
     match spec.site {
         SiteKind::Joint => "on joints: site = \"knee\", \"L*,R*\", \"*\"",
@@ -73,7 +73,7 @@ fn on(spec: &EffectSpec) -> &'static str {
     }
 }
 
-/// Off values are infinite for limits and NaN where the model's own value stands.
+/// An off value: infinite for limits, NaN where the model's own value applies.
 fn shown(x: f64) -> String {
     match x {
         x if x.is_nan() => "own".to_owned(),

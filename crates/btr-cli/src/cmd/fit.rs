@@ -1,4 +1,4 @@
-//! `btr fit`: the error falls, live; then what is known of each number.
+//! `btr fit`: fits the free parameters of a model and prints their estimates.
 
 use super::common;
 use super::common::{announce, write_report, write_text};
@@ -32,8 +32,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         write_text(output, &text)?;
     }
     if let Some(path) = &args.logs_args.report {
-        let asked = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
-        write_report(path, &html::fit(&asked, &report, &fit.u))?;
+        let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
+        write_report(path, &html::fit(&subject, &report, &fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
@@ -54,7 +54,7 @@ fn show(report: &FitReport) {
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
-        println!("\nby its bounds: that is what the bounds leave; the logs tell less");
+        println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }
     if let Some(why) = &report.withheld {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");

@@ -1,4 +1,4 @@
-//! `btr info`: what a log holds, or what btr knows.
+//! `btr info`: describes a log, or lists what btr provides.
 
 use crate::args::Global;
 use crate::exit::DONE;

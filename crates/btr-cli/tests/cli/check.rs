@@ -64,7 +64,7 @@ fn what_is_only_a_scale_is_named_and_what_does_nothing_is_dead() {
     assert!(parameter(&document, "max_torque@hinge")["uncertainty_left"].as_f64().unwrap() > 0.99);
     let told = lab.ok("check scale.toml bare.csv");
     assert!(told.contains("rank 2 of 4") && told.contains(sentences[1]), "{told}");
-    assert!(told.contains("a rank below full is no defect of the logs"), "{told}");
+    assert!(told.contains("a rank below full is not a defect of the logs"), "{told}");
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn units_and_signs_that_do_not_fit_are_told_and_end_with_1() {
     scaled(&lab, "degrees.csv", &[CMD_HIP, CMD_KNEE, Q_HIP, Q_KNEE], 1f64.to_degrees());
     says(&lab, "degrees.csv", 1, "bad: q_hip reaches");
     let told = lab.ok("fit leg.toml degrees.csv");
-    assert!(told.contains("do not believe this: something in the logs is bad"), "{told}");
+    assert!(told.contains("do not rely on this result: the logs have a bad finding"), "{told}");
     // From where it moves, it would have to be torn back.
     lab.edit("degrees.csv", "late.csv", |k, _| k == 0 || k > 90);
     let complaint = lab.complaint("compare leg.toml late.csv");

@@ -60,7 +60,7 @@ fn diagnose_says_what_is_missing_and_shows_why() {
     shows(
         &html,
         &[
-            "The model lacks coulomb_friction on hinge: with it, the error on logs that nothing was fitted to falls from",
+            "The model lacks coulomb_friction on hinge: with it, the error on the held-out logs falls from",
             "coulomb_friction.torque@hinge<",
             "Law: -torque",
             "The error, step by step<",
@@ -82,7 +82,7 @@ fn diagnose_says_what_is_missing_and_shows_why() {
 #[test]
 fn diagnose_says_that_nothing_is_missing() {
     let html = report(&lab(NONE), "diagnose", "");
-    shows(&html, &["Nothing is missing: the error on logs that nothing was fitted to is", "No effect was fitted"]);
+    shows(&html, &["Nothing is missing: the error on the held-out logs is", "No effect was fitted"]);
 }
 
 #[test]

@@ -139,7 +139,7 @@ fn ctrl_c_ends_with_130_and_says_how_to_go_on() {
     let output = child.wait_with_output().unwrap();
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{stderr}");
-    assert!(stderr.contains("go on with: btr coevolve small.toml --out run --resume"), "{stderr}");
+    assert!(stderr.contains("resume with: btr coevolve small.toml --out run --resume"), "{stderr}");
 }
 
 #[test]

@@ -2,8 +2,7 @@
 //! file per episode (format v2) or several episodes in a file (v3). Source: huggingface/lerobot,
 //! `src/lerobot/datasets`.
 //!
-//! Nothing in a data set says in which unit its joints are. Numbers are taken as they are; the `[channels]` of a model
-//! say more.
+//! Data sets do not specify the units of joints. Values are read unchanged; a model's `[channels]` can scale them.
 
 mod names;
 mod table;
@@ -23,19 +22,19 @@ use table::FrameTable;
 
 /// One episode of a data set.
 pub(crate) struct Episode {
-    /// As it was named, for reports.
+    /// The given path, for messages.
     path: PathBuf,
     folder: PathBuf,
     info: Info,
     index: usize,
 }
 
-/// What `meta/info.json` tells.
+/// The content of `meta/info.json`.
 #[derive(Deserialize)]
 struct Info {
     codebase_version: String,
     total_episodes: usize,
-    /// Files in a folder; format v2 alone.
+    /// Files per folder; format v2 only.
     #[serde(default = "usual_chunk")]
     chunks_size: usize,
     /// A pattern in Python's format language.
@@ -54,19 +53,19 @@ fn usual_chunk() -> usize {
 }
 
 impl Episode {
-    /// The episode that a path names: `FOLDER#3`, or the folder of a data set of one. `None` where there is no data set.
+    /// The episode at a path: `FOLDER#3`, or the folder of a data set with one episode. `None` where there is no data set.
     ///
     /// # Errors
-    /// A data set of several of which none, or one that is not there, was named; one that cannot be understood.
+    /// A missing or unknown episode number; a malformed data set.
     pub(crate) fn at(path: &Path) -> Result<Option<Self>, IoError> {
-        let Some((folder, wanted)) = place(path) else { return Ok(None) };
+        let Some((folder, requested)) = place(path) else { return Ok(None) };
         let info = Info::read(&folder.join("meta/info.json"))?;
         let episodes = info.total_episodes;
-        let index = match &wanted {
+        let index = match &requested {
             Some(text) => text.parse().ok(),
             None => (episodes == 1).then_some(0),
         };
-        let unknown = || IoError::Episode { path: folder.clone(), wanted, episodes };
+        let unknown = || IoError::Episode { path: folder.clone(), wanted: requested, episodes };
         let index = index.filter(|index| *index < episodes).ok_or_else(unknown)?;
         Ok(Some(Episode { path: path.to_owned(), folder, info, index }))
     }
@@ -74,8 +73,8 @@ impl Episode {
     /// The episode as a log: `action` as `cmd_<joint>`, `observation.state` as `q_<joint>`, on the clock `timestamp`.
     pub(crate) fn read(&self, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
         let known: Vec<&str> = COLUMNS.into_iter().filter(|column| self.info.features.contains_key(*column)).collect();
-        let wanted = [&["timestamp"], known.as_slice()].concat();
-        let mut columns = self.columns(&wanted)?.into_iter();
+        let requested = [&["timestamp"], known.as_slice()].concat();
+        let mut columns = self.columns(&requested)?.into_iter();
         let clock_s = columns.next().and_then(|mut column| column.pop()).unwrap_or_default();
         let mut series = Vec::new();
         for (column, values) in known.into_iter().zip(columns) {
@@ -86,10 +85,10 @@ impl Episode {
     }
 
     /// The columns of some names, each as a series per number that a frame has.
-    fn columns(&self, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>, IoError> {
+    fn columns(&self, requested: &[&str]) -> Result<Vec<Vec<Vec<f64>>>, IoError> {
         let files = self.files()?;
         for file in &files {
-            if let Some(columns) = FrameTable::open(file)?.episode(self.index, wanted)? {
+            if let Some(columns) = FrameTable::open(file)?.episode(self.index, requested)? {
                 return Ok(columns);
             }
         }
@@ -98,8 +97,8 @@ impl Episode {
         Err(IoError::DataSet { path, what })
     }
 
-    /// Where the episode's frames may be. Format v3 tells of the file in `meta/episodes` as well, but not always truly;
-    /// its files' own statistics never err.
+    /// Files that may hold the episode's frames. Format v3 also names the file in `meta/episodes`, but not always correctly;
+    /// the statistics in the files are reliable.
     fn files(&self) -> Result<Vec<PathBuf>, IoError> {
         if self.info.codebase_version.starts_with("v2.") {
             return Ok(vec![self.folder.join(self.info.data_file(self.index))]);
@@ -116,7 +115,7 @@ impl Episode {
     }
 }
 
-/// What is in a folder, by name.
+/// The entries of a folder, sorted by name.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
     let unread = |source| IoError::File { path: folder.to_owned(), source };
     let mut entries: Vec<PathBuf> = Vec::new();
@@ -147,10 +146,10 @@ impl Info {
     }
 }
 
-/// No file's name has a wider number.
+/// Maximum width of a number in a file name.
 const WIDEST: usize = 32;
 
-/// A pattern with a number for each `{key}` and `{key:06d}`.
+/// Replaces `{key}` and `{key:06d}` in a pattern by a number.
 fn filled(pattern: &str, key: &str, number: usize) -> String {
     let opening = format!("{{{key}");
     let mut parts = pattern.split(&opening);

@@ -1,17 +1,17 @@
-//! What the numbers of a frame are called.
+//! Channel names of the values of a frame.
 
 use serde_json::Value;
 
-/// The columns that are read.
+/// Columns that are read.
 pub(super) const COLUMNS: [&str; 4] = ["action", "observation.state", "observation.velocity", "observation.effort"];
 
-/// How names end that say more than the joint, in the state, and what they are then.
+/// Suffixes of names in the state, and the prefixes that they stand for.
 const ENDINGS: [(&str, &str); 3] = [(".pos", "q_"), (".vel", "dq_"), (".torque", "tau_")];
 
-/// btr's names for the numbers of a column: by the joints that `names` tells, or by count where it does not tell of each.
+/// btr's names of the values of a column: by the joints in `names`, or by index if `names` does not name each.
 pub(super) fn channels(column: &str, names: &Value, width: usize) -> Vec<String> {
-    let told = flat(names);
-    let joints = if told.len() == width { told } else { (0..width).map(|k| k.to_string()).collect() };
+    let named = flat(names);
+    let joints = if named.len() == width { named } else { (0..width).map(|k| k.to_string()).collect() };
     joints.iter().map(|joint| channel(column, joint)).collect()
 }
 
@@ -22,14 +22,14 @@ fn channel(column: &str, name: &str) -> String {
         "observation.velocity" => format!("dq_{joint}"),
         "observation.effort" => format!("tau_{joint}"),
         _ => {
-            let told = ENDINGS.iter().find_map(|(ending, prefix)| Some((prefix, name.strip_suffix(ending)?)));
-            told.map_or_else(|| format!("q_{name}"), |(prefix, joint)| format!("{prefix}{joint}"))
+            let split = ENDINGS.iter().find_map(|(ending, prefix)| Some((prefix, name.strip_suffix(ending)?)));
+            split.map_or_else(|| format!("q_{name}"), |(prefix, joint)| format!("{prefix}{joint}"))
         }
     }
 }
 
-/// The names in their order: of a list, of lists under keys as older recordings have them (`{"motors": [...]}`), or of
-/// keys with their places (`{"x": 0, "y": 1}`).
+/// The names in order: from a list, from lists under keys as in older recordings (`{"motors": [...]}`), or from keys with
+/// their indices (`{"x": 0, "y": 1}`).
 fn flat(names: &Value) -> Vec<String> {
     match names {
         Value::String(name) => vec![name.clone()],
@@ -50,14 +50,14 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn names_are_told_in_many_ways() {
+    fn names_are_read_in_every_form() {
         assert_eq!(channels("action", &json!(["pan.pos", "lift.pos"]), 2), ["cmd_pan", "cmd_lift"]);
         assert_eq!(channels("observation.state", &json!({ "motors": ["pan", "lift"] }), 2), ["q_pan", "q_lift"]);
         assert_eq!(channels("observation.state", &json!({ "b": 0, "a": 1 }), 2), ["q_b", "q_a"]);
         let state = json!(["pan.pos", "pan.vel", "pan.torque"]);
         assert_eq!(channels("observation.state", &state, 3), ["q_pan", "dq_pan", "tau_pan"]);
         assert_eq!(channels("observation.velocity", &json!(["pan.pos"]), 1), ["dq_pan"]);
-        // One name for all of it, or none at all, names no joint.
+        // A single name for several values, or none, names no joint.
         assert_eq!(channels("observation.state", &json!(["state"]), 2), ["q_0", "q_1"]);
         assert_eq!(channels("action", &Value::Null, 1), ["cmd_0"]);
     }

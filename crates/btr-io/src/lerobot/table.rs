@@ -1,4 +1,4 @@
-//! The frames of an episode in a Parquet file, as numbers.
+//! Reads the frames of an episode from a Parquet file.
 
 use crate::error::IoError;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -10,7 +10,7 @@ use parquet::schema::types::ColumnDescPtr;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// The column that says to which episode a frame belongs.
+/// The column with the episode of a frame.
 const EPISODE: &str = "episode_index";
 
 /// A file of frames.
@@ -21,31 +21,31 @@ pub(super) struct FrameTable {
 
 impl FrameTable {
     /// # Errors
-    /// A file that is not there, or that is no Parquet file.
+    /// A missing file, or one that is not Parquet.
     pub(super) fn open(path: &Path) -> Result<Self, IoError> {
         let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
         let reader = SerializedFileReader::new(file).map_err(|e| odd(path, e.to_string()))?;
         Ok(FrameTable { path: path.to_owned(), reader })
     }
 
-    /// The columns of some names in an episode, each as a series per number that a frame has; `None` where the file has
-    /// no frame of it.
+    /// The named columns of an episode, each as one series per value of a frame (columns x values x frames); `None` if the file
+    /// holds no frame of the episode.
     ///
     /// # Errors
-    /// Columns that are not there, are no numbers, or have not the same count of them in each frame.
+    /// Columns that are missing, are not numeric, or differ in their number of values between frames.
     pub(super) fn episode(&self, episode: usize, names: &[&str]) -> Result<Option<Vec<Vec<Vec<f64>>>>, IoError> {
-        let mine = self.column(EPISODE)?;
-        let wanted = names.iter().map(|name| self.column(name)).collect::<Result<Vec<usize>, _>>()?;
+        let episode_column = self.column(EPISODE)?;
+        let columns = names.iter().map(|name| self.column(name)).collect::<Result<Vec<usize>, _>>()?;
         let mut found: Vec<Vec<Vec<f64>>> = vec![Vec::new(); names.len()];
         for index in 0..self.reader.num_row_groups() {
             let group = self.reader.get_row_group(index).map_err(|e| self.odd(e.to_string()))?;
-            if !may_hold(&*group, mine, episode) {
+            if !may_hold(&*group, episode_column, episode) {
                 continue;
             }
-            let owners = self.numbers(&*group, mine)?.values;
+            let owners = self.numbers(&*group, episode_column)?.values;
             let is_mine = |owner: f64| (owner - episode as f64).abs() < 0.5;
             let frames: Vec<usize> = (0..owners.len()).filter(|&frame| is_mine(owners[frame])).collect();
-            for (series, &column) in found.iter_mut().zip(&wanted).filter(|_| !frames.is_empty()) {
+            for (series, &column) in found.iter_mut().zip(&columns).filter(|_| !frames.is_empty()) {
                 let numbers = self.numbers(&*group, column)?;
                 series.resize(series.len().max(numbers.width), Vec::new());
                 for (k, one) in series.iter_mut().enumerate().take(numbers.width) {
@@ -56,14 +56,14 @@ impl FrameTable {
         Ok(found.iter().any(|series| !series.is_empty()).then_some(found))
     }
 
-    /// Where a column is among those that the file has.
+    /// Index of a column.
     fn column(&self, name: &str) -> Result<usize, IoError> {
         let columns = self.reader.metadata().file_metadata().schema_descr().columns();
         let named = |column: &ColumnDescPtr| column.path().parts().first().is_some_and(|first| first == name);
         columns.iter().position(named).ok_or_else(|| self.odd(format!("no column `{name}`")))
     }
 
-    /// All numbers of a column in a group of frames.
+    /// All values of a column in a row group.
     fn numbers(&self, group: &dyn RowGroupReader, column: usize) -> Result<Numbers, IoError> {
         let frames = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
         let name = || group.metadata().column(column).column_path().parts()[0].clone();
@@ -89,7 +89,7 @@ fn odd(path: &Path, what: String) -> IoError {
     IoError::DataSet { path: path.to_owned(), what }
 }
 
-/// Whether a group of frames may have some of an episode, as far as its statistics tell.
+/// Whether a row group may hold frames of an episode, by its statistics.
 fn may_hold(group: &dyn RowGroupReader, column: usize, episode: usize) -> bool {
     match group.metadata().column(column).statistics() {
         Some(Statistics::Int64(range)) => {
@@ -101,33 +101,37 @@ fn may_hold(group: &dyn RowGroupReader, column: usize, episode: usize) -> bool {
     }
 }
 
-/// So many numbers for each frame, frame after frame; NaN where one is missing.
+/// `width` values per frame, frame after frame; NaN where one is missing.
 struct Numbers {
     values: Vec<f64>,
     width: usize,
 }
 
-/// The numbers of a column; `None` where frames differ in how many they have.
+/// The values of a column; `None` where frames differ in their number of values.
 fn numbers<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     group: &dyn RowGroupReader,
     column: usize,
     number: impl Fn(T::T) -> f64,
 ) -> Result<Option<Numbers>, ParquetError> {
-    let (mut there, mut again, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut definition_levels, mut repetition_levels, mut values) = (Vec::new(), Vec::new(), Vec::new());
     let frames = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-    reader.read_records(frames, Some(&mut there), Some(&mut again), &mut values)?;
+    reader.read_records(frames, Some(&mut definition_levels), Some(&mut repetition_levels), &mut values)?;
     let mut values = values.into_iter().map(number);
     let full = group.metadata().column(column).column_descr().max_def_level();
     let values: Vec<f64> = match full {
         0 => values.collect(),
-        _ => there
+        _ => definition_levels
             .iter()
             .map(|level| if *level == full { values.next().unwrap_or(f64::NAN) } else { f64::NAN })
             .collect(),
     };
-    // The level of repetition is 0 where a frame begins.
-    let width = again.iter().skip(1).position(|level| *level == 0).map_or(again.len().max(1), |last| last + 1);
-    let even = again.iter().enumerate().all(|(k, level)| (*level == 0) == (k % width == 0));
+    // The repetition level is 0 at the first value of a frame.
+    let width = repetition_levels
+        .iter()
+        .skip(1)
+        .position(|level| *level == 0)
+        .map_or(repetition_levels.len().max(1), |last| last + 1);
+    let even = repetition_levels.iter().enumerate().all(|(k, level)| (*level == 0) == (k % width == 0));
     Ok(even.then_some(Numbers { values, width }))
 }

@@ -1,4 +1,4 @@
-//! Samples of several topics on the joint states' clock: commands held, the rest interpolated.
+//! Resamples several topics on the joint states' clock: commands are held, the rest is interpolated.
 
 use super::other::{Names, Sample, TopicKind};
 use crate::error::Warning;
@@ -11,16 +11,16 @@ pub(crate) struct Merged {
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// How a channel gets onto the clock.
+/// How a channel is resampled on the clock.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Onto {
-    /// It is there already; NaN at ticks of other joints.
+    /// Not resampled; NaN at ticks of other joints.
     Exactly,
     /// The last value before the tick, as servos hold it.
     Held,
-    /// A line between its neighbours, and the last value after the last, as trajectories are followed.
+    /// Linear interpolation, and the last value after the end, as trajectories are followed.
     Planned,
-    /// A line between its neighbours.
+    /// Linear interpolation.
     Between,
 }
 
@@ -29,9 +29,9 @@ struct MergedTrack {
     points: Vec<(u64, f64)>,
 }
 
-/// Merges samples in the order in which they were recorded; `None` when there are no joint states among them.
+/// Merges samples in the order in which they were recorded; `None` without joint states.
 pub(crate) fn merge(samples: Vec<(TopicKind, Sample)>, names: &Names) -> Option<Merged> {
-    // Stamps are when things happened, but only if everybody stamps; two clocks must not be mixed.
+    // Header stamps are preferred, but only if all messages have them: two clocks must not be mixed.
     let stamped = samples.iter().all(|(_, s)| s.stamp_ns > 0);
     let time = |s: &Sample| if stamped { s.stamp_ns } else { s.log_ns };
     let mut clock: Vec<u64> = samples.iter().filter(|(k, s)| is_state(*k, s, names)).map(|(_, s)| time(s)).collect();
@@ -62,7 +62,7 @@ pub(crate) fn merge(samples: Vec<(TopicKind, Sample)>, names: &Names) -> Option<
     Some(Merged { clock_s, series, warnings })
 }
 
-/// Whether a sample says where joints are.
+/// Whether a sample holds joint positions.
 fn is_state(kind: TopicKind, sample: &Sample, names: &Names) -> bool {
     let position = |(number, _): &(usize, f64)| names.of(*number).starts_with("q_");
     kind == TopicKind::States || (kind == TopicKind::Array && sample.values.iter().any(position))
@@ -102,7 +102,7 @@ impl MergedTrack {
             Onto::Between | Onto::Planned => interpolate(&x, &y, clock_s),
             Onto::Exactly | Onto::Held => hold(&x, &y, clock_s),
         };
-        // Nobody knows a channel before it began; a sensor that fell silent says nothing, a command stays.
+        // A channel is unknown before its first sample. After its last one, a sensor is missing and a command is held.
         let mut known = x.iter().peekable();
         for (value, &t) in values.iter_mut().zip(clock_s) {
             while known.next_if(|k| **k < t).is_some() {}

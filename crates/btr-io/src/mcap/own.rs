@@ -5,13 +5,13 @@ use btr_core::log::{Log, LogError, Role};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Where it is, and of which type.
+/// Topic and type of the log.
 pub(crate) const TOPIC: &str = "/btr/channels";
 pub(crate) const TYPE: &str = "btr/msg/Channels";
-/// Under which key of the MCAP channel's metadata names, units and roles stand, as JSON.
+/// Key of the MCAP channel's metadata with names, units and roles as JSON.
 const KEY: &str = "channels";
 
-/// What the values after the time are, in their order.
+/// Description of a value after the time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Column {
     name: String,
@@ -34,7 +34,7 @@ pub(crate) fn definition(log: &Log) -> String {
     let mut taken = vec!["time_s".to_owned()];
     for (name, channel) in log.channels() {
         let field = field(name, &taken);
-        // Comments end with the line, so a name with a line break in it must not get there.
+        // A comment ends with its line, so line breaks in names are removed.
         let comment: String = format!("{name} [{}]", channel.unit).chars().filter(|c| !c.is_control()).collect();
         definition += &format!("float64 {field}  # {comment}\n");
         taken.push(field);
@@ -42,7 +42,7 @@ pub(crate) fn definition(log: &Log) -> String {
     definition
 }
 
-/// A field name that ROS allows (small letters, digits, single underscores, a letter first) and that is still free.
+/// A field name that ROS allows (small letters, digits, single underscores, a letter first) and that is not taken yet.
 fn field(name: &str, taken: &[String]) -> String {
     let mut field = String::new();
     for c in name.chars() {
@@ -70,7 +70,7 @@ pub(crate) fn encode(time_s: f64, values: impl Iterator<Item = f64>, message: &m
     }
 }
 
-/// The log as its rows come in.
+/// A log under construction, row by row.
 pub(crate) struct LogRows {
     columns: Vec<Column>,
     clock_s: Vec<f64>,
@@ -78,7 +78,7 @@ pub(crate) struct LogRows {
 }
 
 impl LogRows {
-    /// No rows yet; the text says what is wrong with the metadata.
+    /// No rows yet. The error text describes invalid metadata.
     pub(crate) fn new(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let json = metadata.get(KEY).ok_or("its metadata does not name the channels")?;
         let columns: Vec<Column> = serde_json::from_str(json).map_err(|e| e.to_string())?;
@@ -86,7 +86,7 @@ impl LogRows {
         Ok(LogRows { columns, clock_s: Vec::new(), values })
     }
 
-    /// Takes in a message.
+    /// Adds a message.
     pub(crate) fn push(&mut self, message: &[u8]) -> Result<(), String> {
         let (kind, body) = message.split_at_checked(4).ok_or("shorter than a CDR header")?;
         let (numbers, rest) = body.as_chunks::<8>();
@@ -101,7 +101,7 @@ impl LogRows {
         Ok(())
     }
 
-    /// Whether no message came.
+    /// Whether there are no messages.
     pub(crate) fn is_empty(&self) -> bool {
         self.clock_s.is_empty()
     }
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_are_names_that_ros_allows() {
+    fn fields_are_valid_ros_names() {
         let mut log = Log::new(vec![]).unwrap();
         for name in ["q_LHip", "q_lhip", "q_a-/.b_", "time_s", "9", "é"] {
             log.insert(name, "rad", Role::Measured, vec![]).unwrap();

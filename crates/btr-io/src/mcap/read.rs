@@ -1,4 +1,4 @@
-//! MCAP to a log: from `/btr/channels` where there is one, else from the standard topics.
+//! Reads MCAP: from `/btr/channels` if present, else from the standard topics.
 
 use super::recording::Recording;
 use crate::error::{IoError, Warning};
@@ -9,11 +9,11 @@ use mcap::sans_io::LinearReaderOptions;
 use std::io::Read;
 use std::path::Path;
 
-/// A record that claims to be longer is damaged (in bytes): without a limit, one flipped bit in a length takes all
+/// Maximum length of a record, in bytes. A longer one is damaged: without a limit, one flipped bit in a length exhausts
 /// memory.
 const LONGEST_RECORD: usize = 1 << 28;
 
-/// Reads a log. `path` is only for messages.
+/// Reads a log. `path` is used in messages only.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let bytes = after_magic(path, bytes)?;
     let options = LinearReaderOptions::default().with_skip_start_magic(true).with_record_length_limit(LONGEST_RECORD);
@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
     recording.into_log(path)
 }
 
-/// What follows the eight bytes with which every MCAP file begins.
+/// The bytes after the eight magic bytes of MCAP.
 fn after_magic<R: Read>(path: &Path, mut bytes: R) -> Result<R, IoError> {
     let mut magic = Vec::new();
     let start = bytes.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut magic);

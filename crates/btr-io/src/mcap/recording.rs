@@ -1,4 +1,4 @@
-//! A recording of ROS 2 messages on their way to a log.
+//! Collects ROS 2 messages and converts them to a log.
 
 use super::other::{Names, Sample, TopicKind, kind, samples};
 use super::{merge, own};
@@ -21,11 +21,11 @@ struct McapTopic {
     plan: TopicPlan,
 }
 
-/// A recording as its messages come in, one after the other.
+/// A recording under construction: topics and messages are added one after the other.
 pub struct Recording<'a> {
     mapping: &'a Mapping,
     topics: BTreeMap<u16, McapTopic>,
-    /// Topics with their types, for the message when nothing useful is found.
+    /// Topics with their types, for the error when there are no joint states.
     types: BTreeMap<String, String>,
     own: Option<own::LogRows>,
     samples: Vec<(TopicKind, Sample)>,
@@ -37,7 +37,7 @@ pub struct Recording<'a> {
 }
 
 impl<'a> Recording<'a> {
-    /// Nothing recorded yet; the mapping says which topics count and what their names mean.
+    /// An empty recording; the mapping selects topics and translates names.
     pub fn new(mapping: &'a Mapping) -> Self {
         Recording {
             mapping,
@@ -52,8 +52,8 @@ impl<'a> Recording<'a> {
         }
     }
 
-    /// Tells of a topic, with its type (`sensor_msgs/msg/JointState`), its messages' encoding (`cdr`, `json`) and what else the
-    /// recorder says; one that is known already stays as it is.
+    /// Adds a topic with its type (`sensor_msgs/msg/JointState`), its messages' encoding (`cdr`, `json`) and its metadata. A known
+    /// id is ignored.
     pub fn topic(&mut self, id: u16, name: &str, schema: &str, encoding: &str, metadata: &BTreeMap<String, String>) {
         if self.topics.contains_key(&id) {
             return;
@@ -81,13 +81,13 @@ impl<'a> Recording<'a> {
         Ok(kind.map_or(TopicPlan::Skip, |kind| TopicPlan::Read { kind, json: encoding == "json" }))
     }
 
-    /// Takes in a message of a topic, recorded at `log_ns`.
+    /// Adds a message of a topic, recorded at `log_ns`.
     pub fn take(&mut self, id: u16, log_ns: u64, data: &[u8]) {
         self.messages += 1;
         let Some(topic) = self.topics.get(&id) else { return };
         let taken = match (&topic.plan, &mut self.own) {
             (TopicPlan::Own, Some(rows)) => rows.push(data),
-            // The log itself is there: nobody will ask for its views.
+            // The log itself is present, so its views are not needed.
             (TopicPlan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
             (&TopicPlan::Read { kind, json }, _) => {
                 let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
@@ -102,15 +102,15 @@ impl<'a> Recording<'a> {
         }
     }
 
-    /// Tells that nothing more can be read.
+    /// Records that the rest of the file cannot be read.
     pub(crate) fn breaks_off(&mut self, why: String) {
         self.warnings.push(Warning::Truncated { messages: self.messages, why });
     }
 
-    /// The log of all messages. `path` is only for messages.
+    /// The log of all messages. `path` is used in error messages only.
     ///
     /// # Errors
-    /// [`IoError::NoStates`] without any joint states; samples that make no log.
+    /// [`IoError::NoStates`] without any joint states; samples that do not form a log.
     pub fn into_log(mut self, path: &Path) -> Result<(Log, Vec<Warning>), IoError> {
         let undecodable = self.undecodable.into_iter();
         self.warnings.extend(undecodable.map(|(topic, (count, why))| Warning::Undecodable { topic, count, why }));

@@ -4,8 +4,8 @@ use super::ros::{Header, Imu, JointState, Quaternion, TfMessage, Time, Transform
 use btr_core::log::{Channel, Log};
 use std::array;
 
-/// The joints of a log as `JointState`: position, velocity and effort where anybody has them, NaN where one joint lacks
-/// what another has.
+/// The joints of a log as `JointState`: position, velocity and effort if any joint has them, NaN for joints that lack
+/// them.
 pub(crate) struct Joints<'a> {
     names: Vec<String>,
     position: Vec<Option<&'a [f64]>>,

@@ -1,4 +1,4 @@
-//! A log to MCAP: the log itself, and views of it for other people's tools.
+//! Writes a log as MCAP: the log itself, and views of it for other tools.
 
 use super::own;
 use super::ros::{Imu, JointState, Ros, Text, TfMessage, encode};
@@ -14,7 +14,7 @@ use std::io::{self, Seek, Write};
 /// Time between two poses of the base in `/tf`: viewers draw about 30 frames a second.
 const TF_PERIOD_S: f64 = 1.0 / 30.0;
 
-/// Writes the log. No time of day and no thread count gets in: equal logs give equal bytes.
+/// Writes the log, without wall time or thread counts: equal logs give equal bytes.
 pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Result<()> {
     let options = WriteOptions::new()
         .profile("ros2")
@@ -51,7 +51,7 @@ fn ns_after(log: &Log, tick: usize) -> u64 {
     clock.get(tick).map_or(0, |t| ((t - zero_s) * 1e9).round() as u64)
 }
 
-/// An MCAP writer that speaks CDR.
+/// An MCAP writer of CDR messages.
 struct McapWriter<W: Write + Seek> {
     writer: Writer<W>,
     message: Vec<u8>,
@@ -73,7 +73,7 @@ impl<W: Write + Seek> McapWriter<W> {
         self.writer.attach(&attachment).map_err(io::Error::other)
     }
 
-    /// Opens a topic when there is something to show on it.
+    /// Adds a topic if it has a view.
     fn topic<T: Ros, V>(&mut self, topic: &str, view: Option<V>) -> io::Result<Option<(u16, V)>> {
         let Some(view) = view else { return Ok(None) };
         Ok(Some((self.raw_topic(topic, T::NAME, T::DEFINITION, &BTreeMap::new())?, view)))
@@ -109,7 +109,7 @@ impl<W: Write + Seek> McapWriter<W> {
     }
 }
 
-/// The topics of a log, with the number under which MCAP knows each.
+/// The topics of a log with their MCAP channel ids.
 struct TopicNumbers<'a> {
     own: u16,
     description: Option<u16>,

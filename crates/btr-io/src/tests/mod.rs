@@ -1,4 +1,4 @@
-//! Laws of reading and writing: what is written is read back, what is broken is named.
+//! Properties of reading and writing: round trips, equal bytes, and errors with a remedy.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod broken_csv;
@@ -14,7 +14,7 @@ use btr_core::log::Role;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// Values as sensors and simulations give them, and missing ones.
+/// Values of sensors and simulations, and missing ones.
 fn value() -> impl Strategy<Value = f64> {
     prop_oneof![
         6 => -100.0..100.0,
@@ -37,7 +37,7 @@ const UNITS: [(&str, &str, Role); 8] = [
     ("other_", "1", Role::Truth),
 ];
 
-/// A log on an irregular clock, under names of the convention.
+/// A log on an irregular clock, with names of the convention.
 pub(super) fn any_log() -> impl Strategy<Value = Log> {
     (1..40_usize, 0..10_usize).prop_flat_map(|(ticks, channels)| {
         let steps = vec(1e-6..0.1, ticks);

@@ -1,14 +1,14 @@
-//! What a joint's residual may follow: velocity, position, load, reversals, a rhythm, itself.
+//! Plots of a joint's residual against velocity, position and load, around reversals, its spectrum and autocorrelation.
 
 use super::views::{FINE, JointView};
 use crate::plot::{Ink, Mark, Panel, Series};
 use btr_core::signal::stats::autocorrelation;
 use btr_identify::compare::{JointTrack, spectrum};
 
-/// What is shown around a reversal, in s.
+/// Time window around a reversal, in s.
 const AROUND_REVERSAL_S: (f64, f64) = (-0.1, 0.4);
 
-/// What the residual may follow, in all these logs or in the worst of them.
+/// The residual against its possible causes, in all these logs or in the one with the largest error.
 pub(super) fn follows(views: &[JointView], worst: &JointView) -> [Panel; 6] {
     let unit = worst.unit();
     let against = |title: &str, x_label: &str, x: &dyn Fn(&JointTrack) -> Vec<f64>| Panel {
@@ -34,10 +34,10 @@ pub(super) fn follows(views: &[JointView], worst: &JointView) -> [Panel; 6] {
     ]
 }
 
-/// Points with the direction of the motion there.
+/// Points with the direction of motion at each.
 type Directed = Vec<((f64, f64), f64)>;
 
-/// Clouds of points: of one simulation forward and backward motion apart, of two each for itself.
+/// Scatter plots: for one simulation by direction of motion, for two simulations one each.
 fn clouds(views: &[JointView], points: &dyn Fn(&JointTrack) -> Directed) -> Vec<Series> {
     let mut clouds = [Vec::new(), Vec::new()];
     for view in views {
@@ -57,7 +57,7 @@ fn clouds(views: &[JointView], points: &dyn Fn(&JointTrack) -> Directed) -> Vec<
     series.map(|((name, ink), cloud)| Series::new(name, ink, Mark::Dots, thin_cloud(cloud))).collect()
 }
 
-/// The residual before and after each reversal, by the direction afterwards.
+/// The residual before and after each reversal, by the direction of motion afterwards.
 fn around_reversals(views: &[JointView], unit: &str) -> Panel {
     let points = |track: &JointTrack| -> Directed {
         let (clock_s, error, directions) = (&track.clock_s, &track.error, track.directions());
@@ -79,7 +79,7 @@ fn around_reversals(views: &[JointView], unit: &str) -> Panel {
     }
 }
 
-/// One track for each line of a spectrum: of one simulation each log, of two the worst log in both.
+/// The tracks of a spectrum: for one simulation every log, for two simulations the worst log in both.
 fn lines<'a>(views: &'a [JointView]) -> Vec<(&'a str, Ink, &'a JointTrack)> {
     match views {
         [worst, ..] if worst.before.is_some() => {
@@ -124,7 +124,7 @@ fn autocorrelations(views: &[JointView]) -> Panel {
         let points = rho.iter().enumerate().map(|(lag, rho)| (lag as f64 * step_s, *rho)).collect();
         series.push(Series::new(name, ink, Mark::Line, points));
         if k == 0 {
-            // Nineteen in twenty autocorrelations of white noise lie between these.
+            // 95 % of the autocorrelations of white noise lie between these levels.
             let band = 1.96 / (track.error.iter().filter(|e| e.is_finite()).count() as f64).sqrt();
             let level = |y: f64| vec![(0.0, y), (rho.len() as f64 * step_s, y)];
             series.push(Series::nameless(Ink::Truth, Mark::Dashes, level(band)));
@@ -145,7 +145,7 @@ fn ink(k: usize) -> Ink {
     [Ink::Main, Ink::Second].get(k).copied().unwrap_or(Ink::Shade(0.55))
 }
 
-/// Every so-manieth point.
+/// Every n-th point, at most [`FINE`].
 fn thin_cloud(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().copied().step_by(points.len().div_ceil(FINE).max(1)).collect()
 }

@@ -7,7 +7,7 @@ use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
 use btr_identify::compare::{JointTrack, Regime, RegimeCell};
 use btr_lab::verbs::CompareReport;
 
-/// Columns of the map over time.
+/// Number of time windows of the map over time.
 const WINDOWS: usize = 12;
 
 /// The page of `btr compare`.
@@ -23,7 +23,7 @@ fn summary(outcome: &CompareReport) -> Section {
     let logs = outcome.names.join(", ");
     let model = &outcome.model;
     let mut blocks = vec![
-        Block::Text(format!("{model}, told what the logs say the robot was told: {logs}.")),
+        Block::Text(format!("{model}, simulated with the commands of the logs: {logs}.")),
         Block::Table {
             header: CHANNEL_HEADER.iter().map(|&cell| cell.to_owned()).collect(),
             rows: channel_rows(outcome),
@@ -47,7 +47,7 @@ fn failures(outcome: &CompareReport) -> Section {
         format!("{hint}. {share:.0} % of the squared error, most of it in {log} from {t0_s:.2} to {t1_s:.2} s.")
     };
     let list = match failures.len() {
-        0 => Block::Text("No joint fails in any regime: what is left is noise.".to_owned()),
+        0 => Block::Text("No joint fails in any regime: the residual is noise.".to_owned()),
         _ => Block::List(failures.iter().take(LISTED).map(line).collect()),
     };
     let joints = joints(&outcome.comparison);
@@ -62,13 +62,13 @@ fn failures(outcome: &CompareReport) -> Section {
     };
     let over_time = worst_logs(outcome).into_iter().take(LOGS_SHOWN).map(|log| heat(&by_time(outcome, log)));
     let maps = std::iter::once(heat(&by_regime)).chain(over_time).collect();
-    let mut told =
-        "Errors of the joints' positions in multiples of the noise floor, by what the joint was doing and over time."
+    let mut text =
+        "Errors of the joints' positions in multiples of the noise floor, by regime of motion and over time."
             .to_owned();
     if outcome.names.len() > LOGS_SHOWN {
-        told += &format!(" Drawn are the {LOGS_SHOWN} logs with the largest errors, of {}.", outcome.names.len());
+        text += &format!(" The {LOGS_SHOWN} logs with the largest errors are drawn, of {}.", outcome.names.len());
     }
-    Section { title: "Where it fails".to_owned(), blocks: vec![list, Block::Text(told), Block::Maps(maps)] }
+    Section { title: "Where it fails".to_owned(), blocks: vec![list, Block::Text(text), Block::Maps(maps)] }
 }
 
 /// The logs, the one with the largest error first.

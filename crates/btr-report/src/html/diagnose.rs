@@ -1,6 +1,6 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{FLOORS, fall, fine_print, learnt_and_held_out, legend, noise_floor, pair, pair_head};
+use super::ladder::{FLOORS, fall, fine_print, legend, noise_floor, pair, pair_head, training_and_held_out};
 use super::page::{Block, Report, Section};
 use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
@@ -14,28 +14,28 @@ use btr_identify::diagnose::{RankedCandidate, Verdict};
 use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment};
 use btr_physics::effects;
 
-/// Candidates of a round that are drawn, the best first.
+/// Number of candidates drawn per round, the best first.
 const CANDIDATES_SHOWN: usize = 12;
 
-/// The page of `btr diagnose`; `u` is the point of the family that was found.
-pub fn diagnose(asked: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
-    let mut lead = vec![Block::Lead(sentence(found)), asked.told()];
+/// The page of `btr diagnose`; `u` is the fitted point of the free parameters.
+pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
+    let mut lead = vec![Block::Lead(sentence(found)), subject.input_block()];
     if !found.at_bound.is_empty() {
         let names = found.at_bound.join(", ");
-        lead.push(Block::Text(format!("At their bounds: {names}. Widen them before you believe this.")));
+        lead.push(Block::Text(format!("At their bounds: {names}. Widen the bounds before relying on this result.")));
     }
-    lead.extend(asked.reserve());
-    lead.extend(fit_command(found, asked).map(Block::Code));
+    lead.extend(subject.reserve());
+    lead.extend(fit_command(found, subject).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
     sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));
     sections.extend(found.residual_law.as_ref().map(law));
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder));
-    sections.push(who_was_tried(found));
-    sections.extend(asked.before_and_after(u, &what_was_found(found)));
+    sections.push(candidates(found));
+    sections.extend(subject.before_and_after(u, &what_was_found(found)));
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(asked.input, &found.noise_floor, &integrator, found.rollouts));
-    Report { title: format!("{}: what is missing", asked.model()), sections }.html()
+    sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
+    Report { title: format!("{}: what is missing", subject.model()), sections }.html()
 }
 
 /// "coulomb_friction on yaw and backlash on elbow".
@@ -45,21 +45,21 @@ fn named(effects: &[EffectReport]) -> String {
 
 fn what_was_found(found: &DiagnoseReport) -> String {
     match found.effects.as_slice() {
-        [] => "with what is in doubt fitted".to_owned(),
-        effects => format!("with {}, and what is in doubt fitted", named(effects)),
+        [] => "with the free parameters fitted".to_owned(),
+        effects => format!("with {}, and the free parameters fitted", named(effects)),
     }
 }
 
-/// The verdict, for somebody who reads nothing else.
+/// The verdict in one sentence.
 fn sentence(found: &DiagnoseReport) -> String {
     let judged = found.error_ladder.iter().all(|step| step.held_out.is_some());
-    let on = if judged { "logs that nothing was fitted to" } else { "the logs" };
+    let on = if judged { "the held-out logs" } else { "the logs" };
     let error = |step: &LadderStep| number(step.held_out.unwrap_or(step.train));
     let last = found.error_ladder.last().map_or_else(String::new, error);
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
     let names = named(&found.effects);
     let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
-    let alike = if alike.is_empty() { String::new() } else { format!(" or its like ({})", alike.join(", ")) };
+    let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
     let where_judged: String = notes.map(|sentence| format!(" Note that {sentence}.")).collect();
@@ -76,28 +76,28 @@ fn sentence(found: &DiagnoseReport) -> String {
             "Something is missing that no effect of the library explains: the error on {on} stays at {last} noise floors; {share}.{where_judged}"
         ),
         (Verdict::Unexplained, false) => format!(
-            "{names} helps and does not explain: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
+            "{names} helps but does not explain the residual: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
         ),
     }
 }
 
-/// An effect: how large, how sure, what it is.
+/// A section on an effect: its probability, its parameters and its description.
 fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
     let probability = match 100.0 * effect.probability {
         p if p > 99.9 => "more than 99.9 %".to_owned(),
         p => format!("{p:.1} %"),
     };
     let alike = match effect.alike.as_slice() {
-        [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
+        [] => "No other fitted effect explains these logs about as well.".to_owned(),
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
     let delta = number(effect.delta_bic);
-    let told = format!("Probability among all that was fitted beside it: {probability}; delta BIC {delta}. {alike}");
+    let text = format!("Probability among all fitted candidates: {probability}; delta BIC {delta}. {alike}");
     let parameters = Block::Table {
         header: ESTIMATES.map(str::to_owned).to_vec(),
         rows: effect.parameters.iter().map(estimate).collect(),
     };
-    let mut blocks = vec![Block::Text(told), parameters];
+    let mut blocks = vec![Block::Text(text), parameters];
     if effect.parameters.iter().any(|p| p.ci95.is_none() && !p.at_bound) {
         let error = found.error_ladder.last().map_or(f64::NAN, |step| step.held_out.unwrap_or(step.train));
         let error = number(error);
@@ -112,24 +112,24 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
     Section { title: format!("{} on {}", effect.effect, effect.site), blocks }
 }
 
-/// The step from which a round (from 0) began: the one before the effect that it added, or the last.
+/// The ladder step from which a round (from 0) began: the one before the effect that it added, or the last.
 fn base(ladder: &[LadderStep], round: usize) -> Option<&LadderStep> {
     let added = ladder.iter().enumerate().filter(|(_, step)| step.step.starts_with('+')).nth(round);
     added.map_or_else(|| ladder.last(), |(k, _)| ladder.get(k.checked_sub(1)?))
 }
 
 /// The candidates of every round.
-fn who_was_tried(found: &DiagnoseReport) -> Section {
+fn candidates(found: &DiagnoseReport) -> Section {
     let plots: Vec<String> = found.ranking.iter().enumerate().map(|(k, round)| ranking(found, k, round)).collect();
-    let told = match plots.len() {
-        0 => "No effect was fitted: the error is noise already, so there is nothing to win.",
+    let text = match plots.len() {
+        0 => "No effect was fitted: the error is already at the noise floor.",
         _ => {
-            "Every effect at every site was screened; these were fitted, the most believable first. delta BIC is the evidence for \
-             each: what it wins less what its parameters cost, decisive above 10. Whoever is within 10 of the best cannot be told \
-             from it. An effect is believed if the held-out logs confirm it."
+            "Every effect at every site was screened; these were fitted, the most probable first. delta BIC is the evidence for \
+             each: the gain in likelihood minus the cost of its parameters, decisive above 10. Candidates within 10 of the best cannot \
+             be told apart from it. An effect is accepted if the held-out logs confirm it."
         }
     };
-    Section { title: "Who was tried".to_owned(), blocks: vec![Block::Text(told.to_owned()), Block::Maps(plots)] }
+    Section { title: "Candidates".to_owned(), blocks: vec![Block::Text(text.to_owned()), Block::Maps(plots)] }
 }
 
 fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> String {
@@ -140,12 +140,12 @@ fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> Strin
         let stem = before.map(|before| Pin::Stem(Ink::Truth, before, ranked.train));
         Row {
             name: ranked.name.clone(),
-            pins: stem.into_iter().chain(learnt_and_held_out(ranked.train, ranked.held_out)).collect(),
+            pins: stem.into_iter().chain(training_and_held_out(ranked.train, ranked.held_out)).collect(),
             note: format!("{}, {}", pair(ranked.train, ranked.held_out), number(ranked.delta_bic)),
             strong: names.contains(&ranked.name),
         }
     };
-    let without = before.map(|before| (Ink::Third, before, "learnt from, without any".to_owned()));
+    let without = before.map(|before| (Ink::Third, before, "training logs, without any".to_owned()));
     rows(&Rows {
         title: format!("Round {}: the error with each candidate", k + 1),
         label: FLOORS.to_owned(),
@@ -159,29 +159,30 @@ fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> Strin
 }
 
 fn law(law: &LawReport) -> Section {
-    let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
-    let told = format!(
-        "As a formula on {}{beside} it explains {:.0} % of the squared error above the noise on held-out data:",
+    let beside =
+        if law.beside.is_empty() { String::new() } else { format!(" in addition to {}", law.beside.join(", ")) };
+    let text = format!(
+        "As a formula on {}{beside}, this law explains {:.0} % of the squared error above the noise on held-out data:",
         law.site,
         100.0 * law.explains
     );
     let pasted = Block::Text("To try it, paste this into the model:".to_owned());
-    let blocks = vec![Block::Text(told), Block::Code(law.law.clone()), pasted, Block::Code(law.toml.clone())];
-    Section { title: "What the error looks like".to_owned(), blocks }
+    let blocks = vec![Block::Text(text), Block::Code(law.law.clone()), pasted, Block::Code(law.toml.clone())];
+    Section { title: "Law of the residual".to_owned(), blocks }
 }
 
 fn next(next: &NextExperiment) -> Section {
     let rows = next.rivals.iter().map(|rival| vec![rival.effect.clone(), number(rival.separation)]);
-    let header = ["rival", "apart then (noise floors)"].map(str::to_owned).to_vec();
-    let told = "btr diagnose with --next FILE.csv writes these commands, for btr simulate --log and for the robot.";
+    let header = ["rival", "separation (noise floors)"].map(str::to_owned).to_vec();
+    let text = "btr diagnose with --next FILE.csv writes these commands, for btr simulate --log and for the robot.";
     let plots = next.commands.as_ref().map_or_else(Vec::new, |commands| drive(commands, &next.joints));
     let blocks = vec![
         Block::Text(next.sentence.clone()),
         Block::Table { header, rows: rows.collect() },
         Block::Plots(plots),
-        Block::Text(told.to_owned()),
+        Block::Text(text.to_owned()),
     ];
-    Section { title: "The experiment that would tell".to_owned(), blocks }
+    Section { title: "Next experiment".to_owned(), blocks }
 }
 
 /// The commands of the joints that move.

@@ -11,52 +11,52 @@ use btr_core::space::Dim;
 use btr_identify::fit::{Estimate, FitStop};
 use btr_lab::verbs::FitReport;
 
-/// The page of `btr fit`; `u` is the point of the family that was found.
-pub fn fit(asked: &Subject, found: &FitReport, u: &[f64]) -> String {
-    let mut blocks = vec![Block::Lead(sentence(found)), asked.told()];
-    blocks.extend(asked.reserve());
+/// The page of `btr fit`; `u` is the fitted point of the free parameters.
+pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
+    let mut blocks = vec![Block::Lead(sentence(found)), subject.input_block()];
+    blocks.extend(subject.reserve());
     let lead = Section { title: "Result".to_owned(), blocks };
     let mut ladder = fall(&found.error_ladder);
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
-    let mut sections = vec![lead, ladder, values(asked, found)];
-    sections.extend(untold(found));
-    sections.extend(asked.before_and_after(u, "with the values above"));
+    let mut sections = vec![lead, ladder, values(subject, found)];
+    sections.extend(not_identifiable(found));
+    sections.extend(subject.before_and_after(u, "with the values above"));
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(asked.input, &found.noise_floor, &integrator, found.rollouts));
-    Report { title: format!("{}: fitted", asked.model()), sections }.html()
+    sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
+    Report { title: format!("{}: fitted", subject.model()), sections }.html()
 }
 
 fn sentence(found: &FitReport) -> String {
     let first = found.error_ladder.first();
     let (from, to, on) = match (first.and_then(|step| step.held_out), found.held_out) {
-        (Some(from), Some(to)) => (from, to, "logs that nothing was fitted to"),
-        _ => (first.map_or(f64::NAN, |step| step.train), found.train, "the logs that it learnt from"),
+        (Some(from), Some(to)) => (from, to, "the held-out logs"),
+        _ => (first.map_or(f64::NAN, |step| step.train), found.train, "the training logs"),
     };
     let rest = match &found.withheld {
         None => "what remains is noise",
-        Some(_) => "something is still missing, so no interval is offered",
+        Some(_) => "something is still missing, so intervals are withheld",
     };
     format!("The error on {on} went from {} to {} noise floors: {rest}.", number(from), number(to))
 }
 
 fn why(ended: FitStop) -> &'static str {
     match ended {
-        FitStop::Converged => "nothing moved any more",
-        FitStop::Effort => "its effort was spent",
-        FitStop::Stuck => "no direction was left in which the error falls",
+        FitStop::Converged => "it converged",
+        FitStop::Effort => "its evaluation budget was used up",
+        FitStop::Stuck => "no direction reduced the error any further",
     }
 }
 
-/// Every number with its interval, between its bounds.
-fn values(asked: &Subject, found: &FitReport) -> Section {
-    let dims = asked.input.problem.model().simulations.dims();
+/// Every parameter with its interval, between its bounds.
+fn values(subject: &Subject, found: &FitReport) -> Section {
+    let dims = subject.input.problem.model().simulations.dims();
     let pairs = || found.parameters.iter().filter_map(|e| Some((e, dims.iter().find(|dim| dim.name == e.name)?)));
     let any_at_bound = found.parameters.iter().any(|estimate| estimate.at_bound);
     let legend = [(Ink::Third, "before"), (Ink::Main, "fitted, with its 95 % interval"), (Ink::Alarm, "at its bound")];
     let legend = legend.into_iter().filter(|(ink, _)| any_at_bound || *ink != Ink::Alarm);
     let plot = rows(&Rows {
         title: "Each value between its bounds".to_owned(),
-        label: "share of the way between the bounds".to_owned(),
+        label: "position between the bounds".to_owned(),
         notes: "value (95 % interval)".to_owned(),
         scale: RowScale::Bounds,
         lines: Vec::new(),
@@ -90,9 +90,10 @@ fn row(estimate: &Estimate, dim: &Dim) -> Row {
     }
 }
 
-/// Combinations that the logs do not tell.
-fn untold(found: &FitReport) -> Option<Section> {
+/// Combinations of parameters that the logs do not determine.
+fn not_identifiable(found: &FitReport) -> Option<Section> {
     let sentences: Vec<String> = found.null_directions.iter().map(|direction| direction.sentence.clone()).collect();
     let blocks = vec![Block::List(sentences)];
-    (!found.null_directions.is_empty()).then(|| Section { title: "What these logs cannot tell".to_owned(), blocks })
+    (!found.null_directions.is_empty())
+        .then(|| Section { title: "Not identifiable from these logs".to_owned(), blocks })
 }

@@ -1,4 +1,4 @@
-//! Joints in logs, beside one simulation of them or beside an earlier and a later one: what they did, and what is left.
+//! A section per joint: measured and simulated positions and the residual, for one simulation or for one before and one after.
 
 use super::clues::follows;
 use super::page::{Block, Section};
@@ -7,18 +7,18 @@ use crate::plot::{Ink, Mark, Panel, Series, figure};
 use btr_core::log::Log;
 use btr_identify::compare::{Comparison, Regime};
 
-/// Logs of a joint that are drawn, the worst first.
+/// Number of logs drawn per joint, those with the largest errors first.
 pub(super) const LOGS_SHOWN: usize = 3;
 
-/// Logs beside simulations of them.
+/// Logs and their simulations.
 pub(super) struct ComparedLogs<'a> {
-    /// What the logs are called.
+    /// Names of the logs.
     pub(super) names: Vec<&'a str>,
-    /// What was recorded.
+    /// The recordings.
     pub(super) logs: &'a [Log],
-    /// What is wrong in an earlier simulation, where there are two.
+    /// Errors of the earlier simulation, where there are two.
     pub(super) before: Option<&'a Comparison>,
-    /// What is wrong in the simulation.
+    /// Errors of the simulation.
     pub(super) after: &'a Comparison,
 }
 
@@ -56,7 +56,7 @@ impl ComparedLogs<'_> {
         };
         let (most, all) = (views.len(), self.names.len());
         if all > most {
-            blocks.push(Block::Text(format!("Drawn are the {most} logs in which it errs most, of {all}.")));
+            blocks.push(Block::Text(format!("The {most} logs with the largest errors are drawn, of {all}.")));
         }
         for view in &views {
             blocks.push(Block::Plots([over_time(view), residual_over_time(view)].iter().map(alone).collect()));
@@ -91,7 +91,7 @@ fn over_time(view: &JointView) -> Panel {
     let track = view.after.track;
     let line = |values: &[f64]| thin_line(&track.clock_s, values);
     let mut series = Vec::new();
-    // A torque or a voltage does not belong on an axis of positions: it would hide them.
+    // Commands far outside the range of positions (torques, voltages) are not drawn: they would dominate the axis.
     let (low, high) = extent(view.measured);
     let shown = |c: &f64| c.is_nan() || (*c >= 2.0 * low - high && *c <= 2.0 * high - low);
     if !track.command.is_empty() && track.command.iter().all(shown) {
@@ -131,22 +131,22 @@ fn residual_over_time(view: &JointView) -> Panel {
 }
 
 fn extent(values: &[f64]) -> (f64, f64) {
-    let there = values.iter().filter(|x| x.is_finite());
-    there.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+    let finite = values.iter().filter(|x| x.is_finite());
+    finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
-/// A line of few points that keeps every peak: the lowest and the highest of each stretch, in their order.
+/// Downsamples a line and keeps every peak: the minimum and the maximum of each segment, in time order.
 fn thin_line(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
     let points: Vec<(f64, f64)> = clock_s.iter().copied().zip(values.iter().copied()).collect();
     if points.len() <= FINE {
         return points;
     }
-    let ends = |stretch: &[(f64, f64)]| {
+    let ends = |segment: &[(f64, f64)]| {
         let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let pick = [stretch.iter().min_by(by_value), stretch.iter().max_by(by_value)];
+        let pick = [segment.iter().min_by(by_value), segment.iter().max_by(by_value)];
         let mut pick: Vec<(f64, f64)> = pick.into_iter().flatten().copied().collect();
-        // A hole in a stretch stays a hole.
-        pick.extend(stretch.iter().find(|point| point.1.is_nan()));
+        // A gap in a segment stays a gap.
+        pick.extend(segment.iter().find(|point| point.1.is_nan()));
         pick.sort_by(|a, b| a.0.total_cmp(&b.0));
         pick
     };

@@ -1,5 +1,5 @@
-//! What the reports of `diagnose` and `fit` share: what was asked, how the error fell, the model before and after, the
-//! fine print.
+//! Sections shared by the reports of `diagnose` and `fit`: the input, the error ladder, the model before and after, and the
+//! noise floors behind the numbers.
 
 use super::joints::ComparedLogs;
 use super::page::{Block, Section};
@@ -13,36 +13,36 @@ use btr_identify::LadderStep;
 use btr_lab::verbs::{NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
-/// What errors are measured in.
+/// Axis label of errors.
 pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
 
 impl Subject<'_> {
-    /// The model's file.
+    /// The model's file name.
     pub(super) fn model(&self) -> String {
         file(&self.input.source.path)
     }
 
-    /// Which logs were learnt from, and which ones judge.
-    pub(super) fn told(&self) -> Block {
+    /// The model, the training logs and the held-out logs.
+    pub(super) fn input_block(&self) -> Block {
         let files = |paths: &[PathBuf]| paths.iter().map(|path| file(path)).collect::<Vec<_>>().join(", ");
-        let judges = match self.held_out {
-            [] => "the last three tenths of each, to which nothing was fitted".to_owned(),
+        let evaluated_on = match self.held_out {
+            [] => "the last 30 % of each, to which nothing was fitted".to_owned(),
             held_out => format!("{}, to which nothing was fitted", files(held_out)),
         };
         let (model, logs) = (self.model(), files(self.logs));
         Block::Text(format!(
-            "{model} beside {logs}, judged on {judges}. Errors are in multiples of the sensors' noise floor: 1 is \
-             as good as any model can be."
+            "{model} against {logs}, evaluated on {evaluated_on}. Errors are in multiples of the sensors' noise floor: 1 is \
+             the best that any model can reach."
         ))
     }
 
-    /// What keeps the answer from being believed or from being complete.
+    /// Reservations about the result.
     pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
         reserve(&self.input.doubts, &self.input.not_judged).into_iter().map(Block::Text)
     }
 
-    /// The channels that are judged and the joints, as the model came and at a point of its family; `what` says what is there.
-    /// That these cannot be simulated in the model's own time step is said, and takes nothing from the answer.
+    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which `what`
+    /// describes. Where the logs cannot be simulated in the model's own time step, the section says so.
     pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Vec<Section> {
         self.simulated(u, what).unwrap_or_else(|error| {
             let text = format!("These logs could not be simulated as a whole: {error}.");
@@ -68,10 +68,10 @@ impl Subject<'_> {
                 .collect(),
         };
         let names = judged.names.join(", ");
-        let before_is = if moved { "before: the model as it came; " } else { "" };
+        let before_is = if moved { "before: the original model; " } else { "" };
         let text = format!(
-            "The model beside {names}: {before_is}after: {what}. Errors here are those of whole logs as simulated, in noise \
-             floors; those above leave out what uncertain starts and the time step explain."
+            "The model against {names}: {before_is}after: {what}. These errors are of whole simulated logs, in noise \
+             floors; the errors above exclude what uncertain initial states and the time step explain."
         );
         let blocks = vec![Block::Text(text), table];
         let problem = ComparedLogs { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
@@ -81,11 +81,11 @@ impl Subject<'_> {
     }
 }
 
-/// How the error fell, step by step.
+/// The error ladder: the error after each step.
 pub(super) fn fall(ladder: &[LadderStep]) -> Section {
     let row = |step: &LadderStep| Row {
         name: step.step.clone(),
-        pins: learnt_and_held_out(step.train, step.held_out),
+        pins: training_and_held_out(step.train, step.held_out),
         note: pair(step.train, step.held_out),
         strong: false,
     };
@@ -102,43 +102,43 @@ pub(super) fn fall(ladder: &[LadderStep]) -> Section {
     Section { title: "How the error fell".to_owned(), blocks: vec![Block::Maps(vec![plot])] }
 }
 
-/// Two errors as dots.
-pub(super) fn learnt_and_held_out(train: f64, held_out: Option<f64>) -> Vec<Pin> {
+/// Training and held-out errors as dots.
+pub(super) fn training_and_held_out(train: f64, held_out: Option<f64>) -> Vec<Pin> {
     std::iter::once(Pin::Dot(Ink::Main, train)).chain(held_out.map(|error| Pin::Dot(Ink::Second, error))).collect()
 }
 
-/// Two errors as text.
+/// Training and held-out errors as text.
 pub(super) fn pair(train: f64, held_out: Option<f64>) -> String {
     held_out.map_or_else(|| number(train), |held_out| format!("{} / {}", number(train), number(held_out)))
 }
 
-/// What the text is of.
+/// Header of [`pair`].
 pub(super) fn pair_head(held_out: bool) -> &'static str {
-    if held_out { "learnt / held out" } else { "learnt" }
+    if held_out { "training / held out" } else { "training" }
 }
 
-/// What the dots are of.
+/// Legend of [`training_and_held_out`].
 pub(super) fn legend(held_out: bool) -> Vec<(Ink, String)> {
-    let learnt = (Ink::Main, "learnt from".to_owned());
-    std::iter::once(learnt).chain(held_out.then(|| (Ink::Second, "held out".to_owned()))).collect()
+    let training = (Ink::Main, "training logs".to_owned());
+    std::iter::once(training).chain(held_out.then(|| (Ink::Second, "held-out logs".to_owned()))).collect()
 }
 
-/// The line that no model gets below.
+/// The line at the noise floor, the lower limit of any model's error.
 pub(super) fn noise_floor() -> (Ink, f64, String) {
     (Ink::Truth, 1.0, "noise floor".to_owned())
 }
 
-/// What the numbers rest on.
+/// Noise floors, the integrator's error, the number of rollouts, and findings about the logs.
 pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
     let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
     let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
     let doubts = (!input.doubts.is_empty()).then(|| Block::List(input.doubts.iter().map(line).collect()));
     let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(doubts);
-    Section { title: "What this rests on".to_owned(), blocks: blocks.collect() }
+    Section { title: "Noise floors and doubts".to_owned(), blocks: blocks.collect() }
 }
 
-/// A file's name without its folder: where it lay is of no use to whoever gets the report.
+/// A file's name without its folder, which means nothing to other readers of the report.
 fn file(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -151,15 +151,15 @@ mod tests {
     use btr_lab::experiment::Source;
 
     #[test]
-    fn what_cannot_be_simulated_is_said_and_takes_nothing_from_the_report() {
+    fn logs_that_cannot_be_simulated_are_reported_and_the_rest_stays() {
         let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
         let logs = [robots.join("arm/learn_1.csv")];
         let input = VerbInput::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
-        let asked = Subject { input: &input, logs: &logs, held_out: &[] };
+        let subject = Subject { input: &input, logs: &logs, held_out: &[] };
         let parameters = input.problem.parameters().len();
         let shown = |u: f64| {
             let mut html = String::new();
-            let sections = asked.before_and_after(&vec![u; parameters], "");
+            let sections = subject.before_and_after(&vec![u; parameters], "");
             sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
             html
         };

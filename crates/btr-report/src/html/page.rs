@@ -5,40 +5,40 @@ use std::fmt::Write;
 
 /// A report.
 pub(super) struct Report {
-    /// Above everything and in the window's title.
+    /// Heading and window title.
     pub(super) title: String,
-    /// Its parts.
+    /// The sections in order.
     pub(super) sections: Vec<Section>,
 }
 
-/// A part of a report.
+/// A section of a report.
 pub(super) struct Section {
-    /// Above it and in the contents.
+    /// Heading and entry in the contents.
     pub(super) title: String,
-    /// What is in it.
+    /// The blocks in order.
     pub(super) blocks: Vec<Block>,
 }
 
-/// A thing in a section.
+/// A block of a section.
 pub(super) enum Block {
-    /// What is to be read if nothing else is.
+    /// The main result, highlighted.
     Lead(String),
     /// A paragraph.
     Text(String),
-    /// What is to be typed or pasted.
+    /// Preformatted text to type or paste.
     Code(String),
-    /// Lines with a mark before each.
+    /// A bulleted list.
     List(Vec<String>),
     /// A table; the first column is text, the others numbers.
     Table {
-        /// The first row.
+        /// The header row.
         header: Vec<String>,
-        /// The others.
+        /// The other rows.
         rows: Vec<Vec<String>>,
     },
-    /// Pictures side by side, as many as there is room for: SVG documents.
+    /// SVG documents side by side, scaled to the width of the page.
     Plots(Vec<String>),
-    /// Pictures in their own size, to be scrolled where they are too wide.
+    /// SVG documents in their own size, scrolled where they are too wide.
     Maps(Vec<String>),
 }
 
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_asks_nobody_for_anything_and_names_are_no_markup() {
+    fn a_report_loads_nothing_and_escapes_names() {
         let table = Block::Table { header: vec!["a".into()], rows: vec![vec!["<b>".into()]] };
         let blocks = vec![Block::Text("x & y".into()), table, Block::List(vec!["<i>".into()])];
         let report = Report { title: "<script>".into(), sections: vec![Section { title: "one".into(), blocks }] };

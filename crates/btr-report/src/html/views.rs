@@ -1,9 +1,9 @@
-//! A joint in one log: what was measured, and what one or two simulations make of it.
+//! A joint in one log: its measured position and one or two simulations of it.
 
 use crate::plot::Ink;
 use btr_identify::compare::{ChannelResidual, Comparison, JointTrack};
 
-/// Points of a line and dots of a cloud, at most.
+/// Maximum number of points of a line or a scatter plot.
 pub(super) const FINE: usize = 1200;
 
 /// A joint in one log.
@@ -14,7 +14,7 @@ pub(super) struct JointView<'a> {
     pub(super) after: SimulatedJoint<'a>,
 }
 
-/// What one simulation makes of it.
+/// A simulation of a joint in one log.
 pub(super) struct SimulatedJoint<'a> {
     pub(super) track: &'a JointTrack,
     pub(super) residual: &'a ChannelResidual,
@@ -29,14 +29,14 @@ impl<'a> SimulatedJoint<'a> {
     }
 
     pub(super) fn chi(&self) -> f64 {
-        let there = self.track.error.iter().filter(|e| e.is_finite());
-        let (n, sum) = there.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        let finite = self.track.error.iter().filter(|e| e.is_finite());
+        let (n, sum) = finite.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
         sum / (n * self.track.floor.powi(2))
     }
 }
 
 impl<'a> JointView<'a> {
-    /// The simulations with their names and inks, the latest last. Where there is one, it is called `alone`.
+    /// The simulations with their names and inks, the latest last. A single one is named `alone`.
     pub(super) fn versions(&self, alone: &'a str) -> Vec<(&'a str, Ink, &SimulatedJoint<'a>)> {
         match &self.before {
             None => vec![(alone, Ink::Main, &self.after)],

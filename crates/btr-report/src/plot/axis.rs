@@ -1,4 +1,4 @@
-//! Axes: which range, which ticks, how they are written.
+//! Axes: range, ticks and tick labels.
 
 /// The range of an axis and the step between its ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,7 @@ impl Axis {
         let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
         let (min, max) = match () {
             () if min > max => (0.0, 1.0),
-            // A constant gets room around it, in proportion to its size.
+            // A constant gets a margin proportional to its size.
             () if max - min <= 1e-12 * min.abs().max(max.abs()) => (min - 0.5 * room(min), max + 0.5 * room(max)),
             () => (min, max),
         };
@@ -27,12 +27,12 @@ impl Axis {
         Axis { min, max, step: nice_step((max - min) / ticks.max(1) as f64) }
     }
 
-    /// Where the value lies between the ends, 0 to 1.
+    /// Position of the value between the ends, 0 to 1.
     pub(crate) fn share(&self, value: f64) -> f64 {
         (value - self.min) / (self.max - self.min)
     }
 
-    /// The ticks with their texts.
+    /// The ticks with their labels.
     pub(crate) fn ticks(&self) -> Vec<(f64, String)> {
         let first = (self.min / self.step).ceil();
         let last = (self.max / self.step).floor();

@@ -1,30 +1,30 @@
-//! Heat maps: numbers in a grid, the stronger the larger, each written in its cell.
+//! Heat maps: numbers in a grid, coloured by size, each printed in its cell.
 
 use super::svg::{escaped, opening};
 use std::fmt::Write;
 
-/// Rows and columns with names, and a number where they cross.
+/// A grid of numbers with named rows and columns.
 #[derive(Clone, Debug)]
 pub(crate) struct Heat {
     /// Above the map.
     pub(crate) title: String,
     /// Names above the columns.
     pub(crate) columns: Vec<String>,
-    /// Names beside the rows, and their numbers: how many times too large, 1 being right.
+    /// Row names and their numbers: errors as a ratio, 1 at the noise floor.
     pub(crate) rows: Vec<(String, Vec<Option<f64>>)>,
 }
 
-/// Of a cell, in px.
+/// Size of a cell, in px.
 const CELL: (f64, f64) = (62.0, 24.0);
 const LEFT: f64 = 215.0;
 const LETTER: f64 = 6.6;
-/// The number in the strongest cell, at least: a map of small errors is to look like one.
+/// Minimum of the number at full colour, so that a map of small errors looks pale.
 const LEAST_FULL: f64 = 10.0;
 
 /// The map as an SVG document.
 pub(crate) fn heat(map: &Heat) -> String {
     let widest = map.columns.iter().map(|name| name.chars().count()).max().unwrap_or(0) as f64 * LETTER;
-    // Long names are turned, so that narrow columns do for them.
+    // Long names are rotated to fit narrow columns.
     let turned = widest > CELL.0 - 6.0;
     let top = 34.0 + if turned { widest * 0.75 + 12.0 } else { 20.0 };
     let title_width = 8.0 + 8.8 * map.title.chars().count() as f64;
@@ -68,12 +68,12 @@ fn cell(out: &mut String, (x, y): (f64, f64), number: Option<f64>, strength: f64
     let _ = writeln!(out, "<text{class} x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
 }
 
-/// From nothing at 1 to full: by ratio, as errors differ by orders of magnitude.
+/// Colour strength, 0 at 1 and 1 at `full`: logarithmic, as errors differ by orders of magnitude.
 fn strength(number: f64, full: f64) -> f64 {
     (number.ln() / full.ln()).clamp(0.0, 1.0)
 }
 
-/// As few digits as a cell has room for.
+/// A number with as many digits as fit into a cell.
 fn short(number: f64) -> String {
     match number {
         x if !x.is_finite() => "–".to_owned(),
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_number_is_in_its_cell_and_what_is_unknown_is_a_dash() {
+    fn every_number_is_in_its_cell_and_unknown_ones_are_dashes() {
         let rows = vec![("hold".to_owned(), vec![Some(1.04), None]), ("fast".to_owned(), vec![Some(250.3), Some(2e6)])];
         let map = Heat { title: "a < b".into(), columns: vec!["hip".into(), "a_rather_long_name".into()], rows };
         let svg = heat(&map);

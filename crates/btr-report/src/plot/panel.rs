@@ -1,6 +1,6 @@
-//! What a figure is made of: panels of series, each with an ink and a mark.
+//! The parts of a figure: panels of series, each with an ink and a mark.
 
-/// A colour by what it is for; every figure uses the same ones.
+/// A colour by its role; all figures share them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Ink {
     /// The main curve: the best, the simulated.
@@ -9,11 +9,11 @@ pub(crate) enum Ink {
     Second,
     /// A third curve: what was simulated before.
     Third,
-    /// What stands where it should not.
+    /// A value at its bound.
     Alarm,
-    /// What is true or was measured.
+    /// References: the truth, commands, the noise floor.
     Truth,
-    /// Between black (0, best) and pale (1, worst).
+    /// A grey between black (0, best) and pale (1, worst).
     Shade(f64),
 }
 
@@ -22,7 +22,7 @@ pub(crate) enum Ink {
 pub(crate) enum Mark {
     /// A continuous line.
     Line,
-    /// A broad, pale line, which shows beside a line that lies on it.
+    /// A broad, pale line, visible below a line on top of it.
     Broad,
     /// A dashed line.
     Dashes,
@@ -30,10 +30,10 @@ pub(crate) enum Mark {
     Dots,
 }
 
-/// Points that belong together. Points that are not finite are gaps.
+/// A data series. Points that are not finite are gaps.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
-    /// For the legend; nameless series are not in it.
+    /// Name in the legend; nameless series have no entry.
     pub(crate) name: Option<String>,
     /// Colour.
     pub(crate) ink: Ink,
@@ -49,13 +49,13 @@ impl Series {
         Series { name: Some(name.to_owned()), ink, mark, points }
     }
 
-    /// A series that the legend leaves out.
+    /// A series without a legend entry.
     pub(crate) fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
         Series { name: None, ink, mark, points }
     }
 }
 
-/// One pair of axes and what is drawn in it.
+/// A pair of axes with its series.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Panel {
     /// Above the panel.
@@ -68,6 +68,6 @@ pub(crate) struct Panel {
     pub(crate) series: Vec<Series>,
     /// Thin vertical lines, for instance where an iteration ends.
     pub(crate) marks_x: Vec<f64>,
-    /// Values that the y axis has to reach, so that panels can be compared.
+    /// Values that the y axis includes, so that panels can be compared.
     pub(crate) show_y: Vec<f64>,
 }

@@ -14,7 +14,7 @@ pub(crate) struct GenerationTrace {
     pub(crate) mean: f64,
 }
 
-/// One simulation that was tried.
+/// One simulation that was evaluated.
 #[derive(Clone, Debug)]
 pub(crate) struct Individual {
     /// The generation of the search for simulations, counted over the whole run from 0.
@@ -51,17 +51,17 @@ pub(crate) struct Figure3 {
     pub(crate) phi_label: String,
     /// The searched parameters.
     pub(crate) parameters: Vec<Parameter>,
-    /// Every simulation that was tried.
+    /// Every simulation that was evaluated.
     pub(crate) individuals: Vec<Individual>,
-    /// Whether those of a generation were drawn from a posterior, about its mean.
+    /// Whether the individuals of a generation were sampled from a posterior.
     pub(crate) drawn: bool,
 }
 
 /// Steps of grey between the best and the worst of a generation.
 const SHADES: usize = 8;
 
-/// Figure 3: fitness, phi, and each parameter over the generations; individuals are the darker the smaller their phi. The line is
-/// the best of each generation, or the posterior's mean.
+/// Figure 3: fitness, phi, and each parameter over the generations; darker individuals have a smaller phi. The line is the
+/// best of each generation, or the posterior's mean.
 pub(crate) fn figure3(data: &Figure3) -> String {
     let mut panels = vec![
         progress("Fitness", &data.fitness_label, "max", &data.fitness),
@@ -150,13 +150,13 @@ pub(crate) struct Tracking {
     pub(crate) unit: String,
     /// In s.
     pub(crate) time_s: Vec<f64>,
-    /// What the joint was told.
+    /// Its commands.
     pub(crate) reference: Vec<f64>,
-    /// What it really did.
+    /// Its positions in reality.
     pub(crate) real: Vec<f64>,
-    /// What the first simulation did.
+    /// Its positions in the initial simulation.
     pub(crate) before: Vec<f64>,
-    /// What the found simulation did.
+    /// Its positions in the adapted simulation.
     pub(crate) after: Vec<f64>,
 }
 
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(named("reality"), Some(vec![(0.0, 5.0), (1.0, 5.0)]));
         let darkest = panel.series.iter().find(|s| s.ink == Ink::Shade(0.0)).map(|s| s.points.clone());
         assert_eq!(darkest, Some(vec![(0.0, 4.0), (1.0, 3.0)]));
-        // What was drawn from a posterior shows where its mean is.
+        // Samples of a posterior show its mean.
         data.drawn = true;
         let panel = parameter(&data, 0, &[]);
         let line = panel.series.iter().find(|s| s.name.as_deref() == Some("estimate")).map(|s| s.points.clone());

@@ -1,61 +1,61 @@
-//! Rows of marks on one scale: an error step by step, candidates one beside the other, values between their bounds.
+//! Rows of marks on a common scale: an error ladder, candidates, values between their bounds.
 
 use super::axis::{Axis, decades};
 use super::panel::Ink;
 use super::svg::{escaped, opening, stroke};
 use std::fmt::Write;
 
-/// What is in a row.
+/// A mark in a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Pin {
     /// A value.
     Dot(Ink, f64),
-    /// A range that a value lies in.
+    /// An interval.
     Span(Ink, f64, f64),
-    /// The way from one value to another.
+    /// The change from one value to another.
     Stem(Ink, f64, f64),
 }
 
 /// A row.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
-    /// Beside it, to the left.
+    /// Label on the left.
     pub(crate) name: String,
-    /// In it, drawn in this order.
+    /// Marks, drawn in this order.
     pub(crate) pins: Vec<Pin>,
-    /// Beside it, to the right.
+    /// Note on the right.
     pub(crate) note: String,
-    /// Whether the eye should find it first.
+    /// Whether the row is emphasised.
     pub(crate) strong: bool,
 }
 
 /// The scale of all rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RowScale {
-    /// Equal ratios are equally far apart; what is not positive is left out.
+    /// Logarithmic; values that are not positive are left out.
     Ratio,
     /// From one bound (0) to the other (1).
     Bounds,
 }
 
-/// Rows under each other.
+/// A chart of rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
-    /// Above them.
+    /// Title above the rows.
     pub(crate) title: String,
-    /// Below the scale, with the unit.
+    /// Label below the scale, with the unit.
     pub(crate) label: String,
-    /// Above the notes.
+    /// Header of the notes.
     pub(crate) notes: String,
     /// The scale.
     pub(crate) scale: RowScale,
-    /// Vertical lines, with what they mean.
+    /// Vertical lines with their names.
     pub(crate) lines: Vec<(Ink, f64, String)>,
-    /// What the dots of an ink mean.
+    /// Names of the inks of dots.
     pub(crate) legend: Vec<(Ink, String)>,
-    /// The rows, from above.
+    /// The rows from top to bottom.
     pub(crate) rows: Vec<Row>,
-    /// Whether the dots of an ink are joined from row to row.
+    /// Whether dots of the same ink are joined from row to row.
     pub(crate) joined: bool,
 }
 
@@ -64,13 +64,13 @@ const ROW: f64 = 26.0;
 const SCALE: f64 = 420.0;
 const TOP: f64 = 68.0;
 const BOTTOM: f64 = 46.0;
-/// Room between names, scale and notes.
+/// Space between names, scale and notes, in px.
 const GAP: f64 = 14.0;
-/// The inks of a legend lie so far above each other in a row.
+/// Vertical distance of the inks of a legend within a row, in px.
 const LANE: f64 = 7.0;
-/// What a scale of ratios reaches from and to, at least: what hardly differs is to look like it.
+/// Minimum range of a logarithmic scale, so that small differences look small.
 const LEAST_RATIO: [f64; 2] = [0.8, 3.0];
-/// Width of a letter; fonts are the viewer's, so this is a guess on the generous side.
+/// Width of a letter in px: a generous estimate, as the viewer chooses the font.
 const LETTER: f64 = 8.0;
 
 /// The rows as an SVG document.
@@ -78,7 +78,7 @@ pub(crate) fn rows(of: &Rows) -> String {
     RowFrame::new(of).draw(of)
 }
 
-/// Where things lie on the paper.
+/// Positions on the page.
 struct RowFrame {
     left: f64,
     right: f64,
@@ -111,7 +111,7 @@ impl RowFrame {
         RowFrame { left, right, bottom: TOP + ROW * of.rows.len() as f64 + 8.0, width, scale: of.scale, axis }
     }
 
-    /// `None` where a value has no place on the scale.
+    /// `None` where a value is outside the domain of the scale.
     fn at(&self, x: f64) -> Option<f64> {
         let place = match self.scale {
             RowScale::Ratio => x.log10(),
@@ -191,7 +191,7 @@ impl RowFrame {
     fn pin(&self, pin: Pin, y: f64, out: &mut String) {
         let line = |ink, class: &str, from: f64, to: f64| {
             let (from, to) = (self.at(from)?, self.at(to)?);
-            // What has no length on paper is under its dot.
+            // A line without visible length is covered by its dot.
             if (from - to).abs() < 0.1 {
                 return None;
             }
@@ -206,7 +206,7 @@ impl RowFrame {
         drawn.into_iter().for_each(|drawn| _ = writeln!(out, "{drawn}"));
     }
 
-    /// The label of the scale, what is above the notes, and the legend.
+    /// The label of the scale, the header of the notes, and the legend.
     fn words(&self, of: &Rows, out: &mut String) {
         let middle = (self.left + self.right) / 2.0;
         let (label, notes) = (escaped(&of.label), escaped(&of.notes));
@@ -230,19 +230,19 @@ impl RowFrame {
     }
 }
 
-/// How far from the middle of a row the marks of an ink lie, in px: those of the legend side by side.
+/// Vertical offset of an ink's marks from the middle of a row, in px.
 fn lane(of: &Rows, ink: Ink) -> f64 {
     let place = of.legend.iter().position(|(listed, _)| *listed == ink);
     place.map_or(0.0, |k| LANE * (k as f64 - (of.legend.len() as f64 - 1.0) / 2.0))
 }
 
-/// How much room a name in the legend takes with its mark.
+/// Width of a legend entry with its mark, in px.
 fn entry_width(name: &str) -> f64 {
     42.0 + 0.9 * LETTER * name.chars().count() as f64
 }
 
 fn dot(ink: Ink, x: f64, y: f64) -> String {
-    // A round end of a line without length, as dots are drawn everywhere.
+    // The round end of a zero-length line, as for all dots.
     format!("<path {} d=\"M{x:.1} {y:.1}h.01\"/>", stroke(ink, "dots pin"))
 }
 
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_place_on_the_scale_is_left_out() {
+    fn values_outside_the_scale_are_left_out() {
         let svg = drawn(RowScale::Ratio, vec![Pin::Dot(Ink::Main, 10.0), Pin::Dot(Ink::Second, 0.0)]);
         assert_eq!(svg.matches("dots pin").count(), 2 + 1, "two rows and the legend: {svg}");
         let svg =

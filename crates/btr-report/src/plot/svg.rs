@@ -1,4 +1,4 @@
-//! Panels to SVG.
+//! Renders panels as SVG.
 
 use super::axis::Axis;
 use super::panel::{Ink, Mark, Panel, Series};
@@ -47,7 +47,7 @@ pub(crate) fn figure(panels: &[Panel], columns: usize) -> String {
     out + "</svg>\n"
 }
 
-/// The beginning of a document of this width and height in px, up to its paper. The title is what a screen reader says.
+/// The beginning of a document of this width and height in px, up to its paper. The title is for screen readers.
 pub(super) fn opening((width, height): (f64, f64), title: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {width:.0} {height:.0}\" \
@@ -57,7 +57,7 @@ pub(super) fn opening((width, height): (f64, f64), title: &str) -> String {
     )
 }
 
-/// Where values lie on the paper.
+/// Maps values to positions on the page.
 struct Frame {
     x: Axis,
     y: Axis,
@@ -105,7 +105,7 @@ impl Frame {
         let look = stroke(series.ink, class(series.mark));
         let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
         if series.mark == Mark::Dots {
-            // Round ends of lines without length: one element for all dots keeps the file small.
+            // Dots are the round ends of zero-length lines: one element for all of them keeps the file small.
             let dots = series.points.iter().filter(|p| finite(p)).map(|p| self.at(*p));
             let path: String = dots.map(|(x, y)| format!("M{x:.1} {y:.1}h.01")).collect();
             line!(out, "<path {look} d=\"{path}\"/>");
@@ -154,7 +154,7 @@ fn labels(panel: &Panel, out: &mut String) {
     line!(out, "<text transform=\"translate(16 {middle_y}) rotate(-90)\" text-anchor=\"middle\">{y_label}</text>");
 }
 
-/// Names between the title and the frame, from the left; there they hide no data.
+/// The legend, between title and frame, where it covers no data.
 fn legend(panel: &Panel, out: &mut String) {
     let mut x = LEFT;
     line!(out, "<g class=\"legend\">");
@@ -165,13 +165,13 @@ fn legend(panel: &Panel, out: &mut String) {
         let (from, length) = if series.mark == Mark::Dots { (x + 10.0, 0.01) } else { (x, 20.0) };
         line!(out, "<path {look} d=\"M{from} {y}h{length}\"/>");
         line!(out, "<text x=\"{}\" y=\"{}\">{}</text>", x + 25.0, y + 4.0, escaped(name));
-        // Fonts are the viewer's, so the width is a guess on the generous side.
+        // The viewer chooses the font, so the width is a generous estimate.
         x += 42.0 + 7.2 * name.chars().count() as f64;
     }
     line!(out, "</g>");
 }
 
-/// Text as markup.
+/// Text with markup characters escaped.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

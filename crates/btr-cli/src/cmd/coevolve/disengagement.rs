@@ -31,7 +31,7 @@ pub(super) fn show_disengagement(report: &RunReport) {
     }
 }
 
-/// Why the run disengaged: what is missing, how large it is, and what these tests cannot tell from it.
+/// The cause of a disengagement: the missing effects, their parameters, and effects that the tests cannot tell apart.
 fn show_cause(cause: &Cause) {
     println!("  {}", cause.sentence());
     for found in &cause.effects {
@@ -45,14 +45,14 @@ fn show_cause(cause: &Cause) {
     }
 }
 
-/// What to type so that the run goes on with what it lacks.
+/// Prints the commands that add the missing effects and resume the run.
 pub(super) fn next_step(cause: &Cause, folder: &Path, args: &CoevolveArgs, global: &Global) {
     let missing = cause.missing();
     if missing.is_empty() {
         return;
     }
     let (model, larger) = (args.experiment.display(), args.experiment.with_extension("larger.toml"));
-    // The settings of the command line are part of the experiment; `btr add` writes them into the file.
+    // `--set` values are part of the experiment; `btr add` writes them into the file.
     let settings: String = global.settings.iter().map(|setting| format!(" --set '{setting}'")).collect();
     let seed = global.seed.map_or_else(String::new, |seed| format!(" --seed {seed}"));
     let (larger, folder) = (larger.display(), folder.display());

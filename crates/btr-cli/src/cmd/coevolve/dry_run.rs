@@ -1,4 +1,4 @@
-//! `btr coevolve --dry-run`: what a run would do.
+//! `btr coevolve --dry-run`: prints the plan of a run.
 
 use crate::args::Global;
 use crate::exit::DONE;

@@ -105,7 +105,7 @@ impl RunObserver for Watcher<'_> {
     }
 }
 
-/// The first Ctrl-C lets the step in flight finish, the second one does not.
+/// Handles Ctrl-C: the first one lets the current step finish, the second one stops at once.
 fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = interrupted.clone();
@@ -113,7 +113,7 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(INTERRUPTED));
         }
-        eprintln!("\nfinishing the step in flight; press again to stop at once");
+        eprintln!("\nfinishing the current step; press again to stop at once");
     })
     .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)
@@ -121,7 +121,7 @@ fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
 
 fn say_interrupted(args: &CoevolveArgs, folder: &Path) -> u8 {
     eprintln!(
-        "interrupted; go on with: btr coevolve {} --out {} --resume",
+        "interrupted; resume with: btr coevolve {} --out {} --resume",
         args.experiment.display(),
         folder.display()
     );
@@ -146,7 +146,7 @@ fn finish(ended: &FinishedRun, args: &CoevolveArgs, global: &Global) -> Result<u
     Ok(exit_code(run, report))
 }
 
-/// A goal that was asked for and missed, or a space of simulations that cannot explain reality, is not a success.
+/// A missed goal and a space of simulations that cannot explain reality are not a success.
 fn exit_code(run: &Run, report: &RunReport) -> u8 {
     let goal = run.state().plan().fitness_goal.is_some();
     match report.stop_reason {

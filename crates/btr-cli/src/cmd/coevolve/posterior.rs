@@ -5,7 +5,7 @@ use btr_core::coevolve::{Change, Iteration, Promise};
 use btr_lab::run::report::RunReport;
 use btr_report::table::{Table, maybe, number};
 
-/// What the tests tell of S, where the run estimated a posterior and nobody knows the truth.
+/// The posterior of the parameters of S, and which of them the tests identify.
 pub(super) fn show_posterior(report: &RunReport) {
     let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
     if report.revealed.is_none() {
@@ -29,13 +29,13 @@ pub(super) fn show_posterior(report: &RunReport) {
     }
 }
 
-/// After how many real tests everything was told, as it has been since.
+/// Number of real tests after which all parameters have been identified.
 fn told_by(report: &RunReport) -> usize {
     let told = |it: &&Iteration| it.posterior.as_ref().is_some_and(|estimate| estimate.not_told.is_empty());
     report.iterations.iter().rev().take_while(told).last().map_or(0, |it| it.real_tests)
 }
 
-/// When the robot has changed, and in what.
+/// Detected changes of the robot.
 pub(super) fn show_drift(report: &RunReport) {
     for drift in &report.drifts {
         let change = |c: &Change| {
@@ -58,7 +58,7 @@ pub(super) fn show_drift(report: &RunReport) {
     }
 }
 
-/// How much of the map is filled, and what became of its promises.
+/// Coverage of the map of controllers, and its best simulated, promised and real fitness.
 pub(super) fn show_map(report: &RunReport) {
     let Some(map) = &report.map else { return };
     let elites = &map.outlook.elites;
@@ -75,7 +75,7 @@ pub(super) fn show_map(report: &RunReport) {
     println!("\nthe map of controllers\n{}", table.render());
 }
 
-/// By how much reality falls short of promises, and which of these held.
+/// The reality gap: real fitness against promised fitness, and how many promises held.
 pub(super) fn show_gap(report: &RunReport) {
     let Some(gap) = report.reality_gap.filter(|gap| gap.within[1] > 0) else { return };
     let interval = gap.ci95.map_or_else(String::new, |_| format!(" (95 %: {})", span(gap.ci95)));
