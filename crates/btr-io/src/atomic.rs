@@ -6,8 +6,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// Writes a file through a temporary one in the same folder, which is synced to disk and then renamed. Readers of `path`
-/// see the old content or the new one; a crash, a full disk or an error of `write` leaves the old one.
+/// Writes a file through a temporary one in the same folder, which is synced to disk and then renamed. Readers of
+/// `path` see the old content or the new one; a crash, a full disk or an error of `write` leaves the old one.
 ///
 /// # Errors
 /// Errors of the operating system and of `write`; a `path` that is not a regular file (a device, a folder).
@@ -40,8 +40,8 @@ fn target(path: &Path) -> io::Result<PathBuf> {
     Ok(target)
 }
 
-/// A temporary file in the target's folder, removed when dropped. Opened here rather than by `tempfile`, whose files are
-/// readable by their owner alone: the result gets the mode of the umask.
+/// A temporary file in the target's folder, removed when dropped. Opened here rather than by `tempfile`, whose files
+/// are readable by their owner alone: the result gets the mode of the umask.
 fn create_beside(target: &Path) -> io::Result<NamedTempFile> {
     let name = target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     let prefix = [OsStr::new("."), name, OsStr::new(".")].join(OsStr::new(""));

@@ -1,5 +1,5 @@
-//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. The meaning of a
-//! missing command is decided by the simulation.
+//! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. The meaning
+//! of a missing command is decided by the simulation.
 //!
 //! Limitations: commas between cells, points in numbers, UTF-8. Headers are written without units, so a channel whose
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.

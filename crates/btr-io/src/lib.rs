@@ -1,7 +1,8 @@
 //! Logs and files: CSV, MCAP, ROS 2 bags and LeRobot data sets. Files are written whole or not at all.
 //!
-//! [`read_log`] and [`write_log`] choose the format by the name of the file. A [`Mapping`] translates foreign channel names
-//! into btr's: `cmd_<joint>` for commands, `q_`, `dq_` and `tau_` for measured positions, velocities and torques, in SI units.
+//! [`read_log`] and [`write_log`] choose the format by the name of the file. A [`Mapping`] translates foreign channel
+//! names into btr's: `cmd_<joint>` for commands, `q_`, `dq_` and `tau_` for measured positions, velocities and torques,
+//! in SI units.
 //!
 //! ```
 //! use btr_core::log::{Log, Role};
@@ -23,8 +24,8 @@
 //! # }
 //! ```
 //!
-//! Features, both on by default: `mcap` (MCAP files and ROS 2 bags) and `parquet` (LeRobot data sets). Without a feature,
-//! its formats end in [`IoError::Disabled`].
+//! Features, both on by default: `mcap` (MCAP files and ROS 2 bags) and `parquet` (LeRobot data sets). Without a
+//! feature, its formats end in [`IoError::Disabled`].
 
 mod atomic;
 mod bag;
@@ -78,8 +79,9 @@ fn format(path: &Path) -> Result<Format, IoError> {
     }
 }
 
-/// Reads a log: a `.csv`, `.csv.gz` or `.mcap`, the folder of a ROS 2 bag, or an episode of a LeRobot data set (`FOLDER#3`,
-/// or the folder alone if it has a single episode). Channels get btr's names; the mapping translates foreign ones.
+/// Reads a log: a `.csv`, `.csv.gz` or `.mcap`, the folder of a ROS 2 bag, or an episode of a LeRobot data set
+/// (`FOLDER#3`, or the folder alone if it has a single episode). Channels get btr's names; the mapping translates
+/// foreign ones.
 ///
 /// # Errors
 /// [`IoError`], with the place in the file and a remedy.
@@ -122,8 +124,8 @@ pub fn time_of<'a>(columns: &'a [String], mapping: &Mapping) -> Option<(&'a str,
 /// degrees, and the mapping translates foreign names.
 ///
 /// # Errors
-/// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two columns of the same
-/// meaning.
+/// [`IoError`] for a clock that does not increase, columns of another length than the clock, and two columns of the
+/// same meaning.
 pub fn log_of(
     name: &Path,
     clock_s: Vec<f64>,
@@ -152,7 +154,8 @@ pub fn can_write_log(path: &Path) -> Result<(), IoError> {
     can_write(path).map_err(|source| IoError::File { path: path.to_owned(), source })
 }
 
-/// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP only.
+/// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP
+/// only.
 ///
 /// # Errors
 /// [`IoError::File`], an unknown extension, or a channel name that CSV cannot carry.

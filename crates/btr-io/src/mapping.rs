@@ -13,7 +13,8 @@ pub struct Mapping {
     /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<String>,
-    /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor = 0.0175 }`.
+    /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor =
+    /// 0.0175 }`.
     /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, ForeignName>,

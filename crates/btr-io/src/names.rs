@@ -18,7 +18,8 @@ pub(crate) struct Meaning {
 
 pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Suffixes of headers, their SI units, and the factors to them. Longer suffixes first, and for each unit the SI one first.
+/// Suffixes of headers, their SI units, and the factors to them. Longer suffixes first, and for each unit the SI one
+/// first.
 const SUFFIXES: [(&str, &str, f64); 9] = [
     ("_rad_s", "rad/s", 1.0),
     ("_deg_s", "rad/s", DEGREE),
@@ -108,7 +109,8 @@ fn role(name: &str) -> Role {
 }
 
 /// The SI unit of a name without an explicit one: angles for joints, and by what follows the prefix for bodies
-/// (`imu_acc_x` is an acceleration, `imu_gyro_x` and `base_wx` are rates of turn, `base_vx` a velocity, `base_qw` a number).
+/// (`imu_acc_x` is an acceleration, `imu_gyro_x` and `base_wx` are rates of turn, `base_vx` a velocity, `base_qw` a
+/// number).
 fn usual_unit(name: &str) -> &'static str {
     if let Some((_, units)) = FAMILIES.iter().find(|(prefix, _)| name.starts_with(prefix)) {
         return units[0];

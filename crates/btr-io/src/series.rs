@@ -86,8 +86,8 @@ fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
     Ok(())
 }
 
-/// Names of the mapping that are missing in the log. A log in btr's own names (a simulated one) has no foreign names, so a
-/// mapping without any match gives no warnings.
+/// Names of the mapping that are missing in the log. A log in btr's own names (a simulated one) has no foreign names,
+/// so a mapping without any match gives no warnings.
 fn unused(mapping: &Mapping, series: &[NamedSeries]) -> Vec<Warning> {
     let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
     let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));

@@ -19,9 +19,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The exception that a robot's function ended with.
 type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot` is
-/// asked for every real test (number, iteration, scenario, names and values of the controller, its commands, where joints
-/// begin) and gives back a log; `tell` hears every closed iteration, as JSON, and `warned` what is bad about a real test.
+/// Begins or resumes a run in `folder`; the document of `btr coevolve --json`, or nothing where it was stopped. `robot`
+/// is asked for every real test (number, iteration, scenario, names and values of the controller, its commands, where
+/// joints begin) and gives back a log; `tell` hears every closed iteration, as JSON, and `warned` what is bad about a
+/// real test.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn coevolve(
@@ -64,7 +65,8 @@ pub(crate) fn coevolve(
     }
 }
 
-/// A Python function as a robot. What it raises, but `TestFailed`, ends the run, which can be resumed with the same test.
+/// A Python function as a robot. What it raises, but `TestFailed`, ends the run, which can be resumed with the same
+/// test.
 fn robotic(function: Py<PyAny>, ended_with: Raised) -> RobotFunction {
     Arc::new(move |asked: &TestRequest| {
         Python::attach(|py| {

@@ -11,12 +11,13 @@ use pyo3::types::{PyBytes, PyDict, PyIterator, PyList, PyTuple};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// What a robot was told and what its sensors said, on one clock. As a mapping has, it has its channels by name, but its length
-/// is the number of samples.
+/// What a robot was told and what its sensors said, on one clock. As a mapping has, it has its channels by name, but
+/// its length is the number of samples.
 #[pyclass(frozen, mapping, module = "btr", name = "Log")]
 pub(crate) struct Log {
     name: PathBuf,
-    /// Whether somebody gave it this name. Else it only says what kind of log it is, and verbs number what they are given.
+    /// Whether somebody gave it this name. Else it only says what kind of log it is, and verbs number what they are
+    /// given.
     is_named: bool,
     pub(crate) log: log::Log,
 }
@@ -70,9 +71,9 @@ fn numbers(values: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
 
 #[pymethods]
 impl Log {
-    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's headers
-    /// mean: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where nothing is known.
-    /// Raises `BtrError` for a clock that does not increase, and arrays of another length.
+    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's
+    /// headers mean: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where
+    /// nothing is known. Raises `BtrError` for a clock that does not increase, and arrays of another length.
     #[new]
     #[pyo3(signature = (clock_s, channels, name = None))]
     fn made(clock_s: &Bound<'_, PyAny>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
@@ -90,8 +91,8 @@ impl Log {
         Ok(Log::new(path, log))
     }
 
-    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written, and where a
-    /// log with more than commands in it would be lost, unless that is to be: `overwrite`.
+    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written, and
+    /// where a log with more than commands in it would be lost, unless that is to be: `overwrite`.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
         py.detach(|| btr_lab::output::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
@@ -159,8 +160,8 @@ impl Log {
         Ok(PyArray1::from_slice(py, &found.values))
     }
 
-    /// The channels by name, each an array of `len(log)` in its unit. Where a joint's name ends like a unit (`arm_m`), `Log`
-    /// would read that as one.
+    /// The channels by name, each an array of `len(log)` in its unit. Where a joint's name ends like a unit (`arm_m`),
+    /// `Log` would read that as one.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let channels = PyDict::new(py);
         for (name, channel) in self.log.channels() {
@@ -169,15 +170,16 @@ impl Log {
         Ok(channels)
     }
 
-    /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back. Raises
+    /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back.
+    /// Raises
     /// `ImportError` without pandas.
     fn to_dataframe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("btr.logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
     }
 
-    /// Draws channels in their units against the clock in s; without any, what joints were told and what they read. What
-    /// belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything. Returns the list
-    /// of axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
+    /// Draws channels in their units against the clock in s; without any, what joints were told and what they read.
+    /// What belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything.
+    /// Returns the list of axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
     #[pyo3(signature = (*channels, ax = None))]
     fn plot<'py>(
         slf: &Bound<'py, Self>,
@@ -302,8 +304,8 @@ pub(crate) fn warn(py: Python<'_>, warnings: &[impl ToString]) -> PyResult<()> {
     Ok(())
 }
 
-/// A log of ROS 2 messages that somebody else reads: topics with their type and encoding, and messages with the number of
-/// their topic, when they were recorded in ns, and their bytes.
+/// A log of ROS 2 messages that somebody else reads: topics with their type and encoding, and messages with the number
+/// of their topic, when they were recorded in ns, and their bytes.
 #[pyfunction]
 pub(crate) fn log_of_messages(
     py: Python<'_>,

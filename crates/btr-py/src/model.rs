@@ -119,7 +119,8 @@ impl Model {
         written.map_err(|source| IoError::File { path, source }.raise())
     }
 
-    /// One rollout: of the model's own drive, or told what a log says the robot was told, from where it or `begins` says.
+    /// One rollout: of the model's own drive, or told what a log says the robot was told, from where it or `begins`
+    /// says.
     #[pyo3(signature = (log = None, seed = None, begins = None))]
     fn simulate(
         &self,
@@ -140,8 +141,8 @@ impl Model {
         Ok(Log::made_here("simulated", simulated))
     }
 
-    /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing where a
-    /// simulation blew up.
+    /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing
+    /// where a simulation blew up.
     #[pyo3(signature = (parameters, controllers, log = None, begins = None))]
     fn simulate_all(
         &self,

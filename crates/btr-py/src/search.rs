@@ -21,7 +21,8 @@ pub(crate) struct Search {
     iterations: u64,
     evaluations: u64,
     evals_best: u64,
-    /// The population on the unit cube that nobody has told about yet. Kept, so that asking again gives the same points.
+    /// The population on the unit cube that nobody has told about yet. Kept, so that asking again gives the same
+    /// points.
     asked: Option<Vec<UnitPoint>>,
 }
 
@@ -32,8 +33,8 @@ const MOST_NUMBERS: usize = 100_000_000;
 
 #[pymethods]
 impl Search {
-    /// A search by its name in experiment files, between bounds; `log` says of each dimension whether equal steps are equal
-    /// ratios.
+    /// A search by its name in experiment files, between bounds; `log` says of each dimension whether equal steps are
+    /// equal ratios.
     #[new]
     fn new(
         algorithm: &str,

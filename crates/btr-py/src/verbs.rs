@@ -56,9 +56,9 @@ pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
     Ok(btr_lab::verbs::effects(name).map_err(Raise::raise)?.to_string())
 }
 
-/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`, which
-/// may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn from and on
-/// those held out, in multiples of the noise floor.
+/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`,
+/// which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn
+/// from and on those held out, in multiples of the noise floor.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -88,8 +88,8 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON) and
-/// the fitted model's text.
+/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON)
+/// and the fitted model's text.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,

@@ -19,15 +19,16 @@ use std::time::Duration;
 /// How often Ctrl-C is looked for.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Who does the work: threads of this process (all, or so many), or an object of `btr.executors` with `workers` and `work`.
+/// Who does the work: threads of this process (all, or so many), or an object of `btr.executors` with `workers` and
+/// `work`.
 #[derive(FromPyObject)]
 pub(crate) enum ExecutorChoice {
     Threads(usize),
     Object(Py<PyAny>),
 }
 
-/// How the work on a model is done. Functions of Python are called on one thread of a process: only one can hold Python's
-/// lock.
+/// How the work on a model is done. Functions of Python are called on one thread of a process: only one can hold
+/// Python's lock.
 pub(crate) fn context(
     py: Python<'_>,
     executor: Option<ExecutorChoice>,
@@ -110,8 +111,8 @@ fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
     // Python knows the pool's thread from the first call of a law to the last, as in `laws::with_cancellation`.
     let in_pool = || pool.install(|| Python::attach(|py| py.detach(work)));
-    // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would wait
-    // by doing what that one had to do.
+    // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would
+    // wait by doing what that one had to do.
     let done = std::thread::scope(|scope| scope.spawn(in_pool).join());
     Ok(done.unwrap_or_else(|cause| resume_unwind(cause)))
 }
@@ -125,7 +126,8 @@ fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
     own.get().ok_or_else(|| "a fork found no threads".to_owned())
 }
 
-/// Answers a batch, wherever work is done: `payloads` are keys and contents. What a law's function raises is raised here.
+/// Answers a batch, wherever work is done: `payloads` are keys and contents. What a law's function raises is raised
+/// here.
 #[pyfunction]
 pub(crate) fn serve<'py>(
     py: Python<'py>,

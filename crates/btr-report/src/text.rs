@@ -127,8 +127,8 @@ pub fn about_the_step(outcome: &CompareReport) -> Option<String> {
     (outcome.step != TimeStep::USUAL).then_some(finer)
 }
 
-/// The `btr fit` command that adds the missing effects. `None` unless an effect is missing and the model and all logs are
-/// files.
+/// The `btr fit` command that adds the missing effects. `None` unless an effect is missing and the model and all logs
+/// are files.
 pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String> {
     let model = &subject.input.source.path;
     let on_disk = std::iter::once(model).chain(subject.logs).chain(subject.held_out).all(|path| path.exists());

@@ -1,12 +1,13 @@
 //! Frozen results: the same files and seeds give the bits that they gave when this list was written.
 //!
-//! A change of shape keeps every line. A change of behaviour is shown by the benchmarks, and the list is accepted anew with
-//! it (`INSTA_UPDATE=always`). Sentences in JSON and comments in TOML are left out: they may be worded better.
+//! A change of shape keeps every line. A change of behaviour is shown by the benchmarks, and the list is accepted anew
+//! with it (`INSTA_UPDATE=always`). Sentences in JSON and comments in TOML are left out: they may be worded better.
 //!
 //! Threads, interruptions and the number of vector lanes do not change a bit; other tests hold that. Two things outside
-//! btr do: the elementary functions of the C library (`sin`, `exp`, `powf`: glibc has variants with and without FMA that
-//! differ in the last bit) and the matrix products of `matrixmultiply`, which also picks a variant by CPU. The hashes
-//! belong to one such set of variants, told by [`arithmetic`]; on another one this test says so and compares nothing.
+//! btr do: the elementary functions of the C library (`sin`, `exp`, `powf`: glibc has variants with and without FMA
+//! that differ in the last bit) and the matrix products of `matrixmultiply`, which also picks a variant by CPU. The
+//! hashes belong to one such set of variants, told by [`arithmetic`]; on another one this test says so and compares
+//! nothing.
 
 use crate::lab::{Lab, robots};
 use serde_json::Value;

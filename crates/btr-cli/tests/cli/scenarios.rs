@@ -81,8 +81,8 @@ fn commands(lab: &Lab, name: &str, joints: &[&str], size: f64, episode: usize) {
     lab.write(name, &text);
 }
 
-/// Three logs of a reality, which is the model `name` (already in the lab) with this text behind it: two to learn from and one
-/// to judge on.
+/// Three logs of a reality, which is the model `name` (already in the lab) with this text behind it: two to learn from
+/// and one to judge on.
 fn record(lab: &Lab, name: &str, joints: &[&str], size: f64, hidden: &str) {
     lab.write("reality.toml", &format!("{}\n{hidden}", lab.read(name)));
     for episode in 0..3 {

@@ -53,7 +53,8 @@ fn usual_chunk() -> usize {
 }
 
 impl Episode {
-    /// The episode at a path: `FOLDER#3`, or the folder of a data set with one episode. `None` where there is no data set.
+    /// The episode at a path: `FOLDER#3`, or the folder of a data set with one episode. `None` where there is no data
+    /// set.
     ///
     /// # Errors
     /// A missing or unknown episode number; a malformed data set.
@@ -97,8 +98,8 @@ impl Episode {
         Err(IoError::DataSet { path, what })
     }
 
-    /// Files that may hold the episode's frames. Format v3 also names the file in `meta/episodes`, but not always correctly;
-    /// the statistics in the files are reliable.
+    /// Files that may hold the episode's frames. Format v3 also names the file in `meta/episodes`, but not always
+    /// correctly; the statistics in the files are reliable.
     fn files(&self) -> Result<Vec<PathBuf>, IoError> {
         if self.info.codebase_version.starts_with("v2.") {
             return Ok(vec![self.folder.join(self.info.data_file(self.index))]);

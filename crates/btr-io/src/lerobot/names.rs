@@ -28,8 +28,8 @@ fn channel(column: &str, name: &str) -> String {
     }
 }
 
-/// The names in order: from a list, from lists under keys as in older recordings (`{"motors": [...]}`), or from keys with
-/// their indices (`{"x": 0, "y": 1}`).
+/// The names in order: from a list, from lists under keys as in older recordings (`{"motors": [...]}`), or from keys
+/// with their indices (`{"x": 0, "y": 1}`).
 fn flat(names: &Value) -> Vec<String> {
     match names {
         Value::String(name) => vec![name.clone()],

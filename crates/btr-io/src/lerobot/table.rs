@@ -28,8 +28,8 @@ impl FrameTable {
         Ok(FrameTable { path: path.to_owned(), reader })
     }
 
-    /// The named columns of an episode, each as one series per value of a frame (columns x values x frames); `None` if the file
-    /// holds no frame of the episode.
+    /// The named columns of an episode, each as one series per value of a frame (columns x values x frames); `None` if
+    /// the file holds no frame of the episode.
     ///
     /// # Errors
     /// Columns that are missing, are not numeric, or differ in their number of values between frames.

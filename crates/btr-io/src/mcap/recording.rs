@@ -52,8 +52,8 @@ impl<'a> Recording<'a> {
         }
     }
 
-    /// Adds a topic with its type (`sensor_msgs/msg/JointState`), its messages' encoding (`cdr`, `json`) and its metadata. A known
-    /// id is ignored.
+    /// Adds a topic with its type (`sensor_msgs/msg/JointState`), its messages' encoding (`cdr`, `json`) and its
+    /// metadata. A known id is ignored.
     pub fn topic(&mut self, id: u16, name: &str, schema: &str, encoding: &str, metadata: &BTreeMap<String, String>) {
         if self.topics.contains_key(&id) {
             return;

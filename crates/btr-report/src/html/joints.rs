@@ -1,4 +1,5 @@
-//! A section per joint: measured and simulated positions and the residual, for one simulation or for one before and one after.
+//! A section per joint: measured and simulated positions and the residual, for one simulation or for one before and one
+//! after.
 
 use super::clues::follows;
 use super::page::{Block, Section};

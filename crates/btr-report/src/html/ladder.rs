@@ -1,5 +1,5 @@
-//! Sections shared by the reports of `diagnose` and `fit`: the input, the error ladder, the model before and after, and the
-//! noise floors behind the numbers.
+//! Sections shared by the reports of `diagnose` and `fit`: the input, the error ladder, the model before and after, and
+//! the noise floors behind the numbers.
 
 use super::joints::ComparedLogs;
 use super::page::{Block, Section};
@@ -41,8 +41,8 @@ impl Subject<'_> {
         reserve(&self.input.doubts, &self.input.not_judged).into_iter().map(Block::Text)
     }
 
-    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which `what`
-    /// describes. Where the logs cannot be simulated in the model's own time step, the section says so.
+    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which
+    /// `what` describes. Where the logs cannot be simulated in the model's own time step, the section says so.
     pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Vec<Section> {
         self.simulated(u, what).unwrap_or_else(|error| {
             let text = format!("These logs could not be simulated as a whole: {error}.");

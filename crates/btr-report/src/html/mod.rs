@@ -1,7 +1,7 @@
 //! HTML reports: self-contained files that load nothing from the network.
 //!
-//! A report is a list of sections, and a section a list of blocks. Each verb has a function that returns the whole page as
-//! text, for the command line and for Python.
+//! A report is a list of sections, and a section a list of blocks. Each verb has a function that returns the whole page
+//! as text, for the command line and for Python.
 
 mod clues;
 mod compare;

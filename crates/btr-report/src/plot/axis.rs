@@ -57,8 +57,8 @@ impl Axis {
     }
 }
 
-/// Ticks of an axis of decimal logarithms, written as the numbers themselves: powers of ten, and between few of them also
-/// their twofold and fivefold.
+/// Ticks of an axis of decimal logarithms, written as the numbers themselves: powers of ten, and between few of them
+/// also their twofold and fivefold.
 pub(crate) fn decades(axis: &Axis) -> Vec<(f64, String)> {
     let (first, last) = (axis.min.floor() as i32, axis.max.ceil() as i32);
     let within: &[f64] = if axis.max - axis.min < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };

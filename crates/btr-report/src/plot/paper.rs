@@ -60,8 +60,8 @@ pub(crate) struct Figure3 {
 /// Steps of grey between the best and the worst of a generation.
 const SHADES: usize = 8;
 
-/// Figure 3: fitness, phi, and each parameter over the generations; darker individuals have a smaller phi. The line is the
-/// best of each generation, or the posterior's mean.
+/// Figure 3: fitness, phi, and each parameter over the generations; darker individuals have a smaller phi. The line is
+/// the best of each generation, or the posterior's mean.
 pub(crate) fn figure3(data: &Figure3) -> String {
     let mut panels = vec![
         progress("Fitness", &data.fitness_label, "max", &data.fitness),
@@ -160,7 +160,8 @@ pub(crate) struct Tracking {
     pub(crate) after: Vec<f64>,
 }
 
-/// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after (right).
+/// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after
+/// (right).
 pub(crate) fn figure5(joints: &[Tracking]) -> String {
     let panel = |joint: &Tracking, when: &str, simulated: &[f64]| {
         let curve = |values: &[f64]| joint.time_s.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();

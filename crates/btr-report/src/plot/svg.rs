@@ -11,7 +11,8 @@ const RIGHT: f64 = 16.0;
 const TOP: f64 = 50.0;
 const BOTTOM: f64 = 46.0;
 
-/// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the colour-blind.
+/// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the
+/// colour-blind.
 const STYLE: &str = "<style>
 text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
 .title{font-size:14px;font-weight:600;fill:#111}
