@@ -44,7 +44,7 @@ pub(crate) fn maybe_at_least_two<'de, D: Deserializer<'de>>(deserializer: D) -> 
 
 /// Bits per parameter of a Gray code.
 pub(crate) fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
-    checked(deserializer, |n| (1..=crate::search::gray::MAX_BITS).contains(n), "a number of bits between 1 and 32")
+    checked(deserializer, |n| (1..=u32::BITS).contains(n), "a number of bits between 1 and 32")
 }
 
 /// The finest binning of a series.

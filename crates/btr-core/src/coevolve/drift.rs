@@ -4,7 +4,7 @@
 //! or looks at another robot. It is another robot if no simulation explains the old tests and the new ones together, and the
 //! new ones alone contradict what was believed. From then on only they count.
 
-use super::estimation::posterior::Posterior;
+use super::estimation::Posterior;
 use super::ledger::Entry;
 use crate::space::Space;
 use serde::{Deserialize, Serialize};

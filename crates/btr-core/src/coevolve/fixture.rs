@@ -2,8 +2,8 @@
 //! that nobody can foretell.
 #![allow(clippy::unwrap_used)]
 
-use super::ledger::Ledger;
-use super::plan::{DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
+use super::ledger::{Ledger, Memory};
+use super::plan::{DisengagementRule, Initial, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
 use crate::distance::{DistanceSpec, Whitened};
 use crate::log::{Log, Role};
 use crate::random;

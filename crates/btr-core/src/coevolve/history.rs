@@ -1,8 +1,7 @@
 //! What happened: one record per generation, one per iteration, and why the run stopped.
 
-use super::disengage::Evidence;
 use super::drift::Drift;
-use super::estimation::posterior::{Belief, OpenDirection};
+use super::estimation::{Belief, OpenDirection};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +68,25 @@ pub struct EstimateRecord {
     pub not_told: Vec<String>,
     /// Combinations of parameters that the tests hardly tell at all.
     pub open_directions: Vec<OpenDirection>,
+}
+
+/// What one iteration says about the engagement of the two populations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// phi of s_i as a share of the starting simulation's phi on the first transfers: 1 is no better, 0 is agreement.
+    pub phi_share: Option<f64>,
+    /// The same for s_{i−1} on this iteration's fresh transfers.
+    pub predicted_share: Option<f64>,
+    /// Kendall's tau-b between promised and real fitness of this iteration's transfers.
+    pub rank_agreement: Option<f64>,
+    /// Pressure of the controllers on the simulations: spread of phi, (mean − best)/mean, over the first generation of
+    /// step 3. Near 0 no simulation is better than another.
+    pub pressure_on_simulations: Option<f64>,
+    /// Pressure of the simulations on the controllers: 1 − Kendall's tau-b between the transfers' fitness in s_{i−1} and in
+    /// s_i, halved. At 0 the new simulation ranks controllers like the old one.
+    pub pressure_on_controllers: Option<f64>,
+    /// Parameters of s_i that lie on a bound of S.
+    pub at_bound: Vec<String>,
 }
 
 /// One turn of steps 1 to 3.

@@ -1,7 +1,7 @@
 //! The ledger of real tests: what reality was asked, what it answered, what it has cost.
 
-use super::plan::Memory;
 use crate::world::{Behaviour, Outcome, Reality, Trial};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How a real test ended.
@@ -60,6 +60,19 @@ impl Entry {
             TestVerdict::Failed { .. } => None,
         }
     }
+}
+
+/// Which older transfers keep counting in step 3 (the paper's historical consistency).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Memory {
+    /// All of them.
+    #[default]
+    All,
+    /// None: every iteration forgets, as the paper's ant does.
+    None,
+    /// The given number of those that the present simulation explains worst.
+    Worst(usize),
 }
 
 /// All real tests of a run in their order.

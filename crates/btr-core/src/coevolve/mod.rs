@@ -15,19 +15,19 @@ mod history;
 mod ledger;
 mod map;
 mod plan;
+mod promise;
 mod run;
 mod transfer;
 
 pub use correction::LinearCorrection;
-pub use disengage::Evidence;
 pub use drift::{Change, Drift};
-pub use estimation::abduction::{Abduction, Extension, FittedExtension, Suspect};
-pub use estimation::posterior::{Belief, OpenDirection, Posterior};
-pub use estimation::promise::RealityGap;
-pub use estimation::{Estimated, Explanation};
+pub use estimation::{
+    Abduction, Belief, Estimated, Explanation, Extension, FittedExtension, OpenDirection, Posterior, Suspect,
+};
 pub use evaluate::{Cost, phi};
-pub use history::{Augmentation, EstimateRecord, Generation, History, Iteration, Side, StopReason};
-pub use ledger::{Entry, Ledger, TestVerdict};
+pub use history::{Augmentation, EstimateRecord, Evidence, Generation, History, Iteration, Side, StopReason};
+pub use ledger::{Entry, Ledger, Memory, TestVerdict};
 pub use map::{MapError, MapPhase, Outlook, Promise};
-pub use plan::{DisengagementRule, Initial, Memory, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
+pub use plan::{DisengagementRule, Initial, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
+pub use promise::RealityGap;
 pub use run::{Coevolution, Environment, PlanError, RunState, StepOutcome};

@@ -1,5 +1,6 @@
 //! The plan of a run: everything the experimenter decides before it starts (the paper's step 0).
 
+use super::ledger::Memory;
 use super::map::MapPhase;
 use crate::distance::DistanceSpec;
 use crate::search::SearchSpec;
@@ -148,19 +149,6 @@ impl PosteriorPhase {
     pub(super) fn members(&self, dims: usize) -> usize {
         self.members.max(2 * dims).max(dims + 8)
     }
-}
-
-/// Which older transfers keep counting in step 3 (the paper's historical consistency).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Memory {
-    /// All of them.
-    #[default]
-    All,
-    /// None: every iteration forgets, as the paper's ant does.
-    None,
-    /// The given number of those that the present simulation explains worst.
-    Worst(usize),
 }
 
 /// When the two populations are taken to have lost each other.

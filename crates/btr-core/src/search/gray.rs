@@ -3,7 +3,7 @@
 //! Binary-reflected code: F. Gray, "Pulse code communication", US patent 2,632,058, 1953.
 
 /// The finest coding: 32 bits.
-pub const MAX_BITS: u32 = 32;
+pub const MAX_BITS: u32 = u32::BITS;
 
 /// The Gray word of the grid point nearest to `u`; `u` in [0, 1], `bits` in 1..=[`MAX_BITS`] (both are clamped).
 pub fn encode(u: f64, bits: u32) -> u32 {

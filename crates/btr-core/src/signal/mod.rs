@@ -6,3 +6,4 @@ pub mod missing;
 pub mod noise;
 pub mod smooth;
 pub mod stats;
+pub(crate) mod student;

@@ -4,9 +4,10 @@
 //! Screening runs each extension once per probe where the present estimate stands, and asks how far a multiple of its change
 //! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
 
-use super::posterior::Posterior;
+use super::posterior::{Estimated, Posterior};
+use super::predictive::PriorPredictive;
 use super::probe::ProbedTest;
-use super::{Estimated, EstimationContext, EstimationProblem, PriorPredictive};
+use super::problem::{EstimationContext, EstimationProblem};
 use crate::coevolve::evaluate::{self, Cost};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
@@ -111,14 +112,14 @@ impl Abduction<'_> {
         let (early, estimated) = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
-        let (seen, _) = self.setting(simulator, prior, &self.held_out).seen(&draws, cost);
-        let held_out = PriorPredictive::of(&seen);
+        let (views, _) = self.setting(simulator, prior, &self.held_out).run_ensemble(&draws, cost);
+        let held_out = PriorPredictive::of(&views);
         let judged = !self.held_out.is_empty();
         Some(FittedExtension {
             early,
             estimated,
             held_out: judged.then_some(held_out.chi),
-            confirmed: !judged || held_out.foreseen,
+            confirmed: !judged || held_out.as_predicted,
         })
     }
 

@@ -1,4 +1,4 @@
-//! What is believed of S: a normal distribution on the unit cube, from the bounds alone to what the real tests leave open.
+//! The belief about S: a normal distribution on the unit cube, from the bounds alone to the posterior of the real tests.
 
 use crate::random::Rng;
 use crate::search::{UnitPoint, normal};
@@ -44,6 +44,32 @@ pub struct OpenDirection {
     pub parameters: IndexMap<String, f64>,
     /// Its standard deviation as a share of what the bounds alone leave: 1 is nothing learnt.
     pub left: f64,
+}
+
+/// A belief and how well it explains the tests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimated {
+    /// The belief.
+    pub belief: Posterior,
+    /// Root of chi-squared per sample over the tests, with the unpredictable part counted as noise.
+    pub chi: f64,
+    /// The unpredictable part of each test under the belief, in multiples of the noise.
+    pub unpredictable: Vec<f64>,
+    /// Effective number of samples that were compared; unpredictable ones count for less.
+    pub samples: f64,
+    /// Minus twice the logarithm of the likelihood, less a constant.
+    pub deviance: f64,
+    /// Whether `chi` is at the noise, and no test far from it.
+    pub explains: bool,
+}
+
+/// An estimate with the space that it is about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// The dimensions of the belief.
+    pub space: Space,
+    /// How it explains the tests.
+    pub estimated: Estimated,
 }
 
 impl Posterior {

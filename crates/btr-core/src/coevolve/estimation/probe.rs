@@ -1,6 +1,8 @@
 //! Simulations of a larger S held beside what an ensemble shows of a test.
 
-use super::linearise::{Ensemble, Unpredictable, WhitenedErrors, add_scaled, dot};
+use super::ensemble::Ensemble;
+use super::errors::WhitenedErrors;
+use super::metric::{NoiseMetric, add_scaled, dot};
 use crate::optimize::Residuals;
 use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
@@ -20,7 +22,7 @@ impl ProbedTest {
     pub(crate) fn of(members: &[UnitPoint], residuals: &[Residuals], at: &DVector<f64>) -> Option<Self> {
         let ensemble = Ensemble::of(members)?;
         let weighted = WhitenedErrors::of(&ensemble, residuals)?;
-        let here = ensemble.regressed(at);
+        let here = ensemble.weights_at(at);
         let mut errors = vec![0.0; weighted.variances.len()];
         for (row, share) in weighted.rows.iter().zip(here.iter()) {
             add_scaled(&mut errors, row, *share);
@@ -29,8 +31,8 @@ impl ProbedTest {
         Some(ProbedTest { ensemble, weighted, here, errors })
     }
 
-    fn noise(&self) -> Unpredictable<'_> {
-        Unpredictable::of(&self.ensemble.leftover, &self.weighted.gram, self.ensemble.freedom)
+    fn noise(&self) -> NoiseMetric<'_> {
+        NoiseMetric::of(&self.ensemble.projection, &self.weighted.gram, self.ensemble.freedom)
     }
 
     /// chi-squared at the point.
@@ -52,16 +54,16 @@ impl ProbedTest {
     /// point, and with the slopes of S. `None` where it cannot be compared.
     pub(crate) fn along(&self, residuals: &Residuals) -> Option<(f64, f64, DVector<f64>)> {
         let flat = residuals.concat();
-        let WhitenedErrors { rows, there, scale, variances, .. } = &self.weighted;
-        let there = there.iter().zip(variances).zip(&self.errors);
-        let change = there.map(|((&k, variance), error)| scale * flat[k] / (1.0 + variance).sqrt() - error);
+        let WhitenedErrors { rows, samples, scale, variances, .. } = &self.weighted;
+        let samples = samples.iter().zip(variances).zip(&self.errors);
+        let change = samples.map(|((&k, variance), error)| scale * flat[k] / (1.0 + variance).sqrt() - error);
         let change: Vec<f64> = change.collect();
         let products = DVector::from_iterator(rows.len(), rows.iter().map(|row| dot(row, &change)));
         let noise = self.noise();
-        let seen = &self.ensemble.leftover * &products;
+        let seen = &self.ensemble.projection * &products;
         let weighted = &noise.weight * &seen;
         let with = |combined: &DMatrix<f64>| {
-            combined.transpose() * &products - (&noise.seen * combined).transpose() * &weighted
+            combined.transpose() * &products - (&noise.projected * combined).transpose() * &weighted
         };
         let own = dot(&change, &change) - seen.dot(&weighted);
         own.is_finite().then(|| (own, with(&self.here)[0], with(&self.ensemble.slopes)))

@@ -2,8 +2,12 @@
 #![allow(clippy::unwrap_used)]
 
 use super::abduction::{Abduction, Extension};
-use super::*;
+use super::posterior::{Estimated, Posterior};
+use super::problem::{EstimationContext, EstimationProblem};
+use crate::coevolve::evaluate::Cost;
 use crate::coevolve::fixture::{DerivedSpace, Toy, ToyRobot, tested, whitened};
+use crate::coevolve::plan::PosteriorPhase;
+use crate::random;
 use crate::space::Dim;
 use rand::RngExt;
 
@@ -69,7 +73,7 @@ fn foreseen(toy: &Toy, robot: &Toy, hidden: &[f64], seeds: std::ops::Range<u64>)
         let tests = ledger.entries().iter().collect();
         let setting = EstimationProblem { simulator: toy, distance: &distance, tests, prior: prior.clone() };
         let by = EstimationContext { phase: &phase, seed: *seed };
-        setting.next(&prior, 1, &by, &mut Cost::default()).unwrap().foreseen
+        setting.next(&prior, 1, &by, &mut Cost::default()).unwrap().as_predicted
     };
     seeds.filter(look).count()
 }

@@ -3,11 +3,11 @@
 use super::descriptor::DescriptorAxis;
 use super::gaussian_process::GaussianProcess;
 use super::phase::MapPhase;
-use crate::coevolve::estimation::promise::student_95;
 use crate::coevolve::ledger::Entry;
 use crate::search::map_elites::Elite;
 use crate::search::{MapElites, UnitPoint};
 use crate::signal::stats;
+use crate::signal::student::student_95;
 use crate::world::Simulator;
 use serde::Serialize;
 

@@ -1,10 +1,12 @@
 //! Step 1: the search for controllers in s_{i−1}, and the choice of those that are transferred.
 
-use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index, stream, uniform};
+use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index, stream};
+use super::state::Phase;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::plan::{Method, Rule};
 use crate::coevolve::transfer::{self, ScoredController, TransferChoice};
+use crate::search::uniform;
 use crate::search::{AnySearch, Search, UnitPoint};
 
 impl Coevolution {

@@ -1,6 +1,7 @@
 //! Transfer by quality diversity: a map of controllers in s_0, then one real test per iteration.
 
-use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index};
+use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
+use super::state::Phase;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::map::{self, Outlook};

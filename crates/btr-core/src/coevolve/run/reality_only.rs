@@ -1,6 +1,7 @@
 //! The baseline without a simulation: reality is the environment of the controller search.
 
-use super::{Coevolution, Environment, Phase, StepOutcome, Stream, best_index};
+use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
+use super::state::Phase;
 use crate::coevolve::history::{Generation, Side, StopReason};
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, Search, UnitPoint};

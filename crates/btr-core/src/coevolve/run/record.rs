@@ -1,9 +1,8 @@
 //! The end of an iteration: what it found, and what speaks for or against disengagement.
 
-use super::{Coevolution, Environment};
-use crate::coevolve::disengage::Evidence;
+use super::coevolution::{Coevolution, Environment};
 use crate::coevolve::evaluate;
-use crate::coevolve::history::{EstimateRecord, Generation, Iteration, Side};
+use crate::coevolve::history::{EstimateRecord, Evidence, Generation, Iteration, Side};
 use crate::coevolve::ledger::Entry;
 use crate::search::UnitPoint;
 use crate::signal::stats;

@@ -1,12 +1,13 @@
 //! Step 2: the chosen controllers are tried in reality.
 
-use super::{Coevolution, Environment, Phase, StepOutcome, Stream};
+use super::coevolution::{Coevolution, Environment, StepOutcome, Stream};
+use super::state::Phase;
 use crate::coevolve::correction::LinearCorrection;
-use crate::coevolve::estimation::promise;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
+use crate::coevolve::promise;
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, UnitPoint};
 use crate::world::Trial;

@@ -1,9 +1,9 @@
 //! What a posterior over S does to the choice of controllers: they are judged by what it leaves open, and tried where that
 //! teaches most.
 
-use super::{Coevolution, Environment, Stream, stream};
-use crate::coevolve::estimation::linearise::{Ensemble, EnsembleErrors};
-use crate::coevolve::estimation::posterior::root;
+use super::coevolution::{Coevolution, Environment, Stream, stream};
+use crate::coevolve::estimation::root;
+use crate::coevolve::estimation::{Ensemble, EnsembleErrors, TestInformation};
 use crate::coevolve::evaluate;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::coevolve::transfer::ScoredController;
@@ -134,5 +134,5 @@ fn information(
     let members: Vec<UnitPoint> = there().map(|(unit, _)| unit.clone()).collect();
     let ensemble = Ensemble::of(&members)?;
     let shown = EnsembleErrors::of(&ensemble, &errors)?;
-    Some((ensemble.told(&shown).information, shown.unpredictable()))
+    Some((TestInformation::of(&ensemble, &shown).information, shown.unpredictable()))
 }

@@ -2,10 +2,10 @@
 //! or had foretold one, either the robot is another one, or the fresh test shows what S lacks. The test before it is repeated: if
 //! that comes as it was foretold once more, the robot is the same.
 
-use super::{Coevolution, Environment};
 use crate::coevolve::drift::Drift;
-use crate::coevolve::estimation::posterior::Posterior;
+use crate::coevolve::estimation::Posterior;
 use crate::coevolve::ledger::Entry;
+use crate::coevolve::run::coevolution::{Coevolution, Environment};
 use crate::coevolve::transfer::ScoredController;
 
 impl Coevolution {
@@ -21,7 +21,7 @@ impl Coevolution {
     }
 
     /// What was believed does not go with the tests of this iteration.
-    pub(super) fn suspect(&mut self) {
+    pub(in crate::coevolve::run) fn suspect(&mut self) {
         let first = self.state.ledger.of_iteration(self.state.iteration).first().map(|entry| entry.trial.number);
         self.state.suspicion = first.filter(|&first| first > self.state.since);
         if let Some(estimated) = &mut self.state.estimated {
@@ -30,7 +30,7 @@ impl Coevolution {
     }
 
     /// The controller of the test before the suspicious one.
-    pub(super) fn to_repeat(&self, on: &Environment<'_>) -> Option<ScoredController> {
+    pub(in crate::coevolve::run) fn to_repeat(&self, on: &Environment<'_>) -> Option<ScoredController> {
         let before = self.state.ledger.entries().get(self.state.suspicion?.checked_sub(1)?)?;
         let unit = on.simulator.controllers().to_unit(&before.trial.controller);
         Some(ScoredController { unit, fitness: before.promised.unwrap_or(f64::NAN), generation: 0 })
@@ -38,7 +38,7 @@ impl Coevolution {
 
     /// The repeated test has been made. Where it was not `as_foretold`, the robot has changed: from the suspicious test on, only
     /// what it does now counts.
-    pub(super) fn resolve(&mut self, as_foretold: bool) {
+    pub(in crate::coevolve::run) fn resolve(&mut self, as_foretold: bool) {
         let Some(first) = self.state.suspicion.take() else { return };
         self.state.confirmed = false;
         if as_foretold {
@@ -53,7 +53,7 @@ impl Coevolution {
     }
 
     /// Brings the record of the last change up to date with what is believed now.
-    pub(super) fn compare_with_before(&mut self, on: &Environment<'_>) {
+    pub(in crate::coevolve::run) fn compare_with_before(&mut self, on: &Environment<'_>) {
         let (Some(drift), Some(now)) = (self.state.history.drifts.last_mut(), &self.state.estimated) else { return };
         drift.compare(on.simulator.simulations(), &now.belief, now.explains);
     }
@@ -64,7 +64,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
-    use crate::coevolve::run::StepOutcome;
+    use crate::coevolve::run::coevolution::StepOutcome;
 
     /// Eight iterations of one test each with `simulator`, on `robot`.
     fn run(simulator: &Toy, mut robot: ToyRobot) -> Coevolution {

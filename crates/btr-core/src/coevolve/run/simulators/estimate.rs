@@ -2,40 +2,25 @@
 //! tests, it is sought again from other starts; but where what was believed was confirmed by tests before, [`drifts`](super::detect_drift)
 //! asks whether it is still the same robot.
 
-use super::{Coevolution, Environment, Phase, StepOutcome, Stream};
-use crate::coevolve::estimation::posterior::Posterior;
-use crate::coevolve::estimation::{Estimated, EstimationProblem, PriorPredictive, TurnResult, WIDER};
+use crate::coevolve::estimation::Posterior;
+use crate::coevolve::estimation::{Estimated, EstimationProblem, PriorPredictive, TurnResult, WIDENING};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
+use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome, Stream};
+use crate::coevolve::run::state::{Estimation, Phase};
 use nalgebra::DVector;
-use serde::{Deserialize, Serialize};
-
-/// Where the estimation stands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Estimation {
-    /// The tests that count, by their place in the ledger.
-    tests: Vec<usize>,
-    belief: Posterior,
-    turn: usize,
-    /// How many starts were given up before this one.
-    start: usize,
-    /// The best of those.
-    best: Option<Estimated>,
-    /// Whether what was believed explained several tests before these ones, or foretold one, and the latest came otherwise.
-    surprised: bool,
-}
 
 impl Coevolution {
     /// Step 3 begins: all tests that count, from what is believed so far. It rests where everything is told already and the
     /// fresh tests came as foretold.
-    pub(super) fn begin_estimation(&mut self, on: &Environment<'_>, mut tests: Vec<usize>) -> Phase {
+    pub(in crate::coevolve::run) fn begin_estimation(&mut self, on: &Environment<'_>, mut tests: Vec<usize>) -> Phase {
         let Some(phase) = self.plan.posterior.clone() else { return Phase::End };
         let is_fresh = |&k: &usize| self.state.ledger.entries()[k].trial.iteration == self.state.iteration;
         let fresh: Vec<usize> = tests.iter().copied().filter(is_fresh).collect();
         let members = phase.members(self.state.simulation.len());
         let draws = self.belief().draws(members, &mut self.stream(Stream::Ensembles, 0));
         let mut cost = self.state.cost;
-        let (seen, _) = self.setting(on, &fresh).seen(&draws, &mut cost);
+        let (seen, _) = self.problem(on, &fresh).run_ensemble(&draws, &mut cost);
         self.state.cost = cost;
         let PriorPredictive { chi, at_noise: as_foretold, .. } = PriorPredictive::of(&seen);
         self.state.phi_predicted = Some(chi).filter(|phi| phi.is_finite());
@@ -54,13 +39,13 @@ impl Coevolution {
     }
 
     /// What is estimated from some tests of the ledger.
-    fn setting<'a>(&'a self, on: &'a Environment<'_>, tests: &[usize]) -> EstimationProblem<'a> {
+    fn problem<'a>(&'a self, on: &'a Environment<'_>, tests: &[usize]) -> EstimationProblem<'a> {
         let tests: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
         EstimationProblem { simulator: on.simulator, distance: on.distance, tests, prior: self.prior() }
     }
 
     /// What is believed of S.
-    pub(super) fn belief(&self) -> Posterior {
+    pub(in crate::coevolve::run) fn belief(&self) -> Posterior {
         self.state.estimated.as_ref().map_or_else(|| self.prior(), |estimated| estimated.belief.clone())
     }
 
@@ -70,15 +55,15 @@ impl Coevolution {
     }
 
     /// One turn.
-    pub(super) fn estimate(&mut self, on: &Environment<'_>, estimation: Estimation) -> StepOutcome {
+    pub(in crate::coevolve::run) fn estimate(&mut self, on: &Environment<'_>, estimation: Estimation) -> StepOutcome {
         let Some(phase) = self.plan.posterior.clone() else { return self.settled(on, None) };
         let number = estimation.start * phase.turns + estimation.turn;
         let members = phase.members(self.state.simulation.len());
-        let draws = estimation.belief.wider(WIDER).draws(members, &mut self.stream(Stream::Ensembles, number));
+        let draws = estimation.belief.wider(WIDENING).draws(members, &mut self.stream(Stream::Ensembles, number));
         let mut cost = self.state.cost;
-        let setting = self.setting(on, &estimation.tests);
-        let (seen, scores) = setting.seen(&draws, &mut cost);
-        let turned = setting.turn(&estimation.belief, &seen);
+        let problem = self.problem(on, &estimation.tests);
+        let (seen, scores) = problem.run_ensemble(&draws, &mut cost);
+        let turned = problem.turn(&estimation.belief, &seen);
         self.state.cost = cost;
         let points = draws.iter().map(|unit| on.simulator.simulations().from_unit(unit)).collect();
         self.write_down(number, points, &scores);
@@ -128,7 +113,7 @@ impl Coevolution {
     }
 
     /// Step 3 ends with this belief.
-    pub(super) fn settled(&mut self, on: &Environment<'_>, best: Option<Estimated>) -> StepOutcome {
+    pub(in crate::coevolve::run) fn settled(&mut self, on: &Environment<'_>, best: Option<Estimated>) -> StepOutcome {
         if let Some(best) = best {
             let space = on.simulator.simulations();
             self.state.simulation = space.from_unit(best.belief.mean().as_slice());

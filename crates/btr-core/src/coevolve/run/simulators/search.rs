@@ -1,17 +1,18 @@
 //! Step 3: the search for the simulation that explains the real tests best.
 
-use super::{Coevolution, Environment, Phase, RunState, StepOutcome, Stream, best_index};
 use crate::coevolve::evaluate;
 use crate::coevolve::history::{Generation, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
 use crate::coevolve::plan::Initial;
+use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
+use crate::coevolve::run::state::{Phase, RunState};
 use crate::coevolve::transfer;
 use crate::optimize::{LeastSquares, Residuals};
 use crate::search::{AnySearch, Search, UnitPoint};
 
 impl Coevolution {
     /// Step 3; the tests of iteration `latest` are those that always count.
-    pub(super) fn begin_simulators(&mut self, on: &Environment<'_>, latest: usize) -> Phase {
+    pub(in crate::coevolve::run) fn begin_simulators(&mut self, on: &Environment<'_>, latest: usize) -> Phase {
         if self.plan.posterior.is_none() && self.plan.simulators.is_none() {
             return Phase::End;
         }
@@ -43,13 +44,13 @@ impl Coevolution {
     }
 
     /// How far the present simulation is from every test of the ledger; infinite where a test failed.
-    pub(super) fn distances_now(&mut self, on: &Environment<'_>) -> Vec<f64> {
+    pub(in crate::coevolve::run) fn distances_now(&mut self, on: &Environment<'_>) -> Vec<f64> {
         let RunState { ledger, simulation, cost, .. } = &mut self.state;
         let all: Vec<&Entry> = ledger.entries().iter().collect();
         evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost).remove(0)
     }
 
-    pub(super) fn simulators(
+    pub(in crate::coevolve::run) fn simulators(
         &mut self,
         on: &mut Environment<'_>,
         mut search: AnySearch,
@@ -82,7 +83,7 @@ impl Coevolution {
     }
 
     /// One turn of least squares, or a new start where the last turn got nowhere.
-    pub(super) fn refine(
+    pub(in crate::coevolve::run) fn refine(
         &mut self,
         on: &mut Environment<'_>,
         mut search: LeastSquares,
@@ -131,7 +132,7 @@ impl Coevolution {
         residuals
     }
 
-    pub(super) fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
+    pub(in crate::coevolve::run) fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
         let which = (self.state.iteration, generation, Side::Simulators);
         self.state.history.generations.push(Generation::new(which, points, scores));
     }

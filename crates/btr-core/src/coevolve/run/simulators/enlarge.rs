@@ -2,9 +2,10 @@
 //! The run goes on with everything it has learnt; what was estimated before stands in the larger S with the new dimensions at
 //! their nominal values, which is where an effect is off.
 
-use super::{Coevolution, Environment, Phase, StepOutcome};
 use crate::coevolve::estimation::{Estimated, Explanation};
 use crate::coevolve::history::{Augmentation, Side};
+use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome};
+use crate::coevolve::run::state::Phase;
 use crate::space::{Dim, Space};
 
 impl Coevolution {
@@ -61,7 +62,11 @@ impl Coevolution {
     }
 
     /// Step 3 on the tests there are.
-    pub(super) fn enlarged(&mut self, on: &mut Environment<'_>, known: Option<Estimated>) -> StepOutcome {
+    pub(in crate::coevolve::run) fn enlarged(
+        &mut self,
+        on: &mut Environment<'_>,
+        known: Option<Estimated>,
+    ) -> StepOutcome {
         if known.is_some() {
             return self.settled(on, known);
         }
@@ -76,7 +81,7 @@ impl Coevolution {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::coevolve::estimation::posterior::Posterior;
+    use crate::coevolve::estimation::Posterior;
     use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
     use crate::coevolve::history::StopReason;
     use nalgebra::{DMatrix, DVector};
