@@ -1,17 +1,17 @@
-//! Logs: what a robot was told and what its sensors said, on one clock.
+//! Logs: a robot's commands and its sensors' readings on one clock.
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// What a channel stands for.
+/// Role of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// What the robot was told (the paper's motor history O).
+    /// A command to the robot (the paper's motor history O).
     Command,
-    /// What a sensor said (the paper's sensor history I).
+    /// A sensor's reading (the paper's sensor history I).
     Measured,
-    /// What no sensor of the robot says, but a tracker or the simulator knows (base pose, ball, true torque).
+    /// A quantity that no sensor of the robot measures, but a tracker or the simulator knows (base pose, ball, true torque).
     Truth,
 }
 
@@ -34,8 +34,9 @@ pub struct Log {
     channels: IndexMap<String, Channel>,
 }
 
-/// What is wrong with a log.
+/// Error of a log.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LogError {
     /// The clock stands still, runs backwards or is not a number.
     #[error("the clock does not increase at sample {index}: {before} s, then {after} s")]
@@ -57,12 +58,12 @@ pub enum LogError {
         /// Values of the channel.
         got: usize,
     },
-    /// A channel that somebody needs and the log does not have.
+    /// A required channel that the log does not have.
     #[error("the log has no channel `{channel}`")]
     Missing {
         /// The channel.
         channel: String,
-        /// What it does have.
+        /// The channels of the log.
         available: Vec<String>,
     },
 }
@@ -183,20 +184,20 @@ impl Log {
         self.channels.get(name)
     }
 
-    /// The values of a channel, to be changed.
+    /// Mutable values of a channel.
     pub fn values_mut(&mut self, name: &str) -> Option<&mut [f64]> {
         self.channels.get_mut(name).map(|channel| channel.values.as_mut_slice())
     }
 
-    /// Drops the channels for which `keep` says no.
+    /// Drops the channels for which `keep` is false.
     pub fn retain(&mut self, mut keep: impl FnMut(&str, &Channel) -> bool) {
         self.channels.retain(|name, channel| keep(name, channel));
     }
 
-    /// The values of a channel that has to be there.
+    /// The values of a required channel.
     ///
     /// # Errors
-    /// [`LogError::Missing`] with the names that are there.
+    /// [`LogError::Missing`] with the names of the log's channels.
     pub fn values(&self, name: &str) -> Result<&[f64], LogError> {
         self.channels.get(name).map(|c| c.values.as_slice()).ok_or_else(|| LogError::Missing {
             channel: name.to_owned(),

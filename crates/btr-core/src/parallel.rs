@@ -1,7 +1,7 @@
-//! How work is shared out.
+//! Batch sizes of parallel work.
 
-/// How many of `jobs` to hand out at once where up to `most` are done best side by side: so many that all threads have as
-/// much to do, in as few turns as that takes. What comes out depends on it in nothing but time.
+/// Batch size for `jobs` of which up to `most` run best side by side: all threads get equal work in as few turns as possible.
+/// The batch size affects time only, never results.
 pub fn side_by_side(most: usize, jobs: usize) -> usize {
     shared_among(rayon::current_num_threads(), most.max(1), jobs)
 }
@@ -18,7 +18,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nobody_waits_for_more_turns_than_it_takes(threads in 1usize..40, most in 1usize..70, jobs in 1usize..3000) {
+        fn batches_take_no_more_turns_than_necessary(threads in 1usize..40, most in 1usize..70, jobs in 1usize..3000) {
             let at_once = shared_among(threads, most, jobs);
             prop_assert!((1..=most).contains(&at_once));
             let turns = jobs.div_ceil(at_once).div_ceil(threads);

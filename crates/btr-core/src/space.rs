@@ -1,11 +1,14 @@
-//! Spaces of parameters: what is searched, in which units, between which bounds.
+//! Spaces of parameters: names, units, bounds and scales of what is searched.
+//!
+//! A simulator is a family of models indexed by parameters, and a physical effect is a named group of parameters with an off
+//! value. Fitting a mass, adding friction and re-parametrising the search space are therefore one operation on one space.
 //!
 //! A [`Space`] is the paper's S (simulations) or C (controllers): an ordered list of named dimensions. Searches see only
 //! the unit cube; [`Space::to_unit`] and [`Space::from_unit`] translate.
 
 use serde::{Deserialize, Serialize};
 
-/// How a dimension is stretched between its bounds.
+/// Scale of a dimension between its bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
@@ -33,10 +36,10 @@ pub struct Dim {
     pub nominal: Option<f64>,
 }
 
-/// What is wrong with a dimension or a point.
+/// Error of a dimension or a point.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpaceError {
-    /// Bounds that do not enclose anything, or are not numbers.
+    /// Bounds that are not finite, or not in increasing order.
     #[error("parameter `{name}`: bounds [{min}, {max}] must be finite and min < max")]
     Bounds {
         /// The dimension.

@@ -1,10 +1,12 @@
-//! What co-evolution acts on: a family of simulations, and a reality.
+//! Interfaces to what co-evolution acts on: a family of simulations, and a reality.
+//!
+//! A simulation that diverges scores as the worst possible, is counted and reported; it never ends a run.
 
 use crate::log::{Log, LogError};
 use crate::space::{Space, SpaceError};
 use serde::{Deserialize, Serialize};
 
-/// A behaviour B(E, c): what was recorded, and the experimenter's judgement of it.
+/// A behaviour B(E, c): the recorded log and its fitness.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Behaviour {
     /// The sensorimotor history.
@@ -15,8 +17,9 @@ pub struct Behaviour {
 
 /// Why a simulation gave no behaviour.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum WorldError {
-    /// The state stopped being finite or left every sensible range.
+    /// The simulation diverged: its state stopped being finite or left every sensible range.
     #[error("the simulation blew up at t = {} s: {what}", rounded(*time_s))]
     BlewUp {
         /// Simulated time at which it was noticed.
@@ -24,7 +27,7 @@ pub enum WorldError {
         /// Which quantity, on which body.
         what: String,
     },
-    /// A user's own law that gave no finite number.
+    /// A user-defined law that returned no finite number.
     #[error("{what}")]
     Law {
         /// Which law, what it gave, and of what.
@@ -64,19 +67,19 @@ pub trait Simulator: Sync {
     fn simulations(&self) -> &Space;
     /// C: the controllers; empty when the drive is fixed.
     fn controllers(&self) -> &Space;
-    /// How many situations there are, at least 1.
+    /// Number of scenarios, at least 1.
     fn scenarios(&self) -> usize;
     /// Runs controller `c` in simulation `s`. The same arguments give the same bits.
     ///
     /// # Errors
-    /// A point outside its space, or a simulation that blew up.
+    /// A point outside its space, or a simulation that diverged.
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError>;
-    /// What this name measures of a behaviour's log; `None` where it means nothing here.
+    /// The measure of a behaviour's log with this name; `None` if there is none.
     fn measure(&self, name: &str) -> Option<Measure> {
         let _ = name;
         None
     }
-    /// How many runs are best asked for at once.
+    /// Number of runs that are best requested at once.
     fn side_by_side(&self) -> usize {
         1
     }
@@ -85,14 +88,14 @@ pub trait Simulator: Sync {
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         jobs.iter().map(|job| self.run(job.s, job.c, job.scenario)).collect()
     }
-    /// What is wanted of each job's behaviour, in the order of the jobs. Who simulates elsewhere need not send behaviours
-    /// home of which only a number is wanted.
-    fn evaluate_all(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
-        self.run_all(jobs).into_iter().zip(wanted).map(|(behaviour, wanted)| Ok(wanted.of(behaviour?))).collect()
+    /// The requested output of each job, in the order of the jobs. An executor in another process need not send back whole
+    /// behaviours where only a number is requested.
+    fn evaluate_all(&self, jobs: &[Job], requests: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
+        self.run_all(jobs).into_iter().zip(requests).map(|(behaviour, request)| Ok(request.of(behaviour?))).collect()
     }
 }
 
-/// What is wanted of a simulated behaviour.
+/// Requested output of a simulation.
 #[derive(Clone, Copy)]
 pub enum OutputRequest<'a> {
     /// All of it.
@@ -108,9 +111,9 @@ pub enum OutputRequest<'a> {
 pub struct Reference<'a> {
     /// Number of the real test in its run.
     pub test: usize,
-    /// What came of it.
+    /// Its behaviour.
     pub real: &'a Behaviour,
-    /// Whether residuals are wanted as well.
+    /// Whether residuals are requested as well.
     pub squares: bool,
     /// Compares the real behaviour with the simulated one.
     pub compare: &'a (dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
@@ -121,11 +124,11 @@ pub struct Reference<'a> {
 pub struct Compared {
     /// The distance.
     pub distance: f64,
-    /// The residuals, where they were wanted.
+    /// The residuals, where they were requested.
     pub residuals: Option<Vec<Vec<f64>>>,
 }
 
-/// What was made of a behaviour.
+/// Output of a simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Output {
     /// All of it.
@@ -137,12 +140,12 @@ pub enum Output {
 }
 
 impl OutputRequest<'_> {
-    /// Makes it of a behaviour.
+    /// The output for a behaviour.
     pub fn of(&self, behaviour: Behaviour) -> Output {
         match self {
             OutputRequest::Behaviour => Output::Behaviour(behaviour),
             OutputRequest::Fitness => Output::Fitness(behaviour.fitness),
-            OutputRequest::Distance(against) => Output::Distance((against.compare)(against.real, &behaviour)),
+            OutputRequest::Distance(reference) => Output::Distance((reference.compare)(reference.real, &behaviour)),
         }
     }
 }
@@ -158,7 +161,7 @@ pub struct Job<'a> {
     pub scenario: usize,
 }
 
-/// One real test that somebody asks for.
+/// One requested real test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Counts the real tests of a run, from 0.
@@ -171,28 +174,28 @@ pub struct Trial {
     pub scenario: usize,
 }
 
-/// What came of a real test.
+/// Outcome of a real test.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// The robot did it, and this is what it did.
+    /// The test was carried out, with this behaviour.
     Done(Behaviour),
-    /// The robot could not do it (fell off the table, timed out, sent rubbish). It still counts as spent.
+    /// The test failed (the robot fell off the table, timed out, sent invalid data). It still counts as spent.
     Failed {
         /// What went wrong, for the report.
         why: String,
     },
-    /// Somebody has to do it first; the run stops here and goes on when it is resumed.
+    /// The test is still to be carried out by hand; the run stops here and goes on when it is resumed.
     Pending {
         /// What is awaited and where.
         what: String,
     },
 }
 
-/// Where the truth comes from: a hidden twin, recorded logs, a command, a person at the robot.
+/// Source of real tests: a hidden twin, recorded logs, a command, a person at the robot.
 ///
-/// An implementation must have the log on disk before it returns it: what a robot once produced is never lost.
+/// An implementation must have the log on disk before it returns it, so that no real test is ever lost.
 pub trait Reality {
-    /// Tells which trials are about to be asked for, so that they can be prepared in one go. Nothing has to be done here.
+    /// Announces the trials that come next, so that they can be prepared together. The default does nothing.
     ///
     /// # Errors
     /// Whatever keeps the trials from being prepared, for instance a full disk.
@@ -201,17 +204,17 @@ pub trait Reality {
         Ok(())
     }
 
-    /// Carries out one test. Asked again for a trial that was done before, it returns the same behaviour without
-    /// troubling the robot again.
+    /// Carries out one test. For a trial that was carried out before, it returns the same behaviour without moving the robot
+    /// again.
     fn test(&mut self, trial: &Trial) -> Outcome;
 
-    /// The behaviour of a test that was done before; never a new one where that would trouble a robot.
+    /// The behaviour of a test that was carried out before; never moves a robot.
     fn recall(&mut self, trial: &Trial) -> Outcome {
         self.test(trial)
     }
 }
 
-/// How exactly a simulation is computed: with the model's own time step, halved so many times.
+/// Time step of a simulation: the model's own, halved a number of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeStep {
     halvings: u8,
@@ -227,17 +230,17 @@ impl TimeStep {
         TimeStep { halvings: self.halvings + 1 }
     }
 
-    /// The model's own step, halved so many times.
+    /// The model's own step, halved `halvings` times.
     pub fn of_halvings(halvings: u8) -> Self {
         TimeStep { halvings }
     }
 
-    /// How many times the model's own step is halved.
+    /// Number of halvings.
     pub fn halvings(self) -> u8 {
         self.halvings
     }
 
-    /// How many such steps make one of the model's own.
+    /// Number of such steps in one of the model's own.
     pub fn divides_by(self) -> u32 {
         1 << self.halvings
     }

@@ -6,7 +6,7 @@
 use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 
-/// Weight of the penalty that keeps the estimate at zero where no test speaks, in squared unit-cube lengths.
+/// Weight of the penalty that keeps the estimate at zero away from the tests, in squared unit-cube lengths.
 const RIDGE: f64 = 1e-2;
 
 /// Coefficients of the correction: the constant first, then one per controller parameter on the unit cube.

@@ -1,15 +1,15 @@
 //! Disengagement: one population no longer exerts selection pressure on the other (the paper's step 4).
 //!
 //! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was
-//! set for it, and the simulation keeps mispredicting fresh transfers. The ranks and the pressures stand beside it as
-//! evidence for the reader. With a posterior it is asked for directly: no simulation of S explains the tests to the noise,
-//! from whatever start, even where everything that is unpredictable counts as noise.
+//! set for it, and the simulation keeps mispredicting fresh transfers. The ranks and the pressures are reported as
+//! further evidence. With a posterior the verdict is direct: no simulation of S explains the tests to the noise, from any
+//! start, even where everything that is unpredictable counts as noise.
 
 use super::history::Iteration;
 use super::plan::DisengagementRule;
 
-/// Whether the last iterations amount to disengagement. Where phi has been at its goal lately, if it has one, there was
-/// nothing left to learn: that it fell no further tells nothing.
+/// Whether the last iterations amount to disengagement. Where phi was at its goal in one of them, there was nothing left to
+/// learn, and a phi that no longer falls is no evidence.
 pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi_goal: Option<f64>) -> bool {
     let lately = &iterations[iterations.len().saturating_sub(rule.patience)..];
     if iterations.last().is_some_and(|it| it.posterior.is_some()) {
@@ -31,8 +31,8 @@ pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi
     stalled && disagrees && mispredicts
 }
 
-/// Whether an estimate from several starts does not explain its tests, with all that is unpredictable taken for noise. Tests
-/// are then chosen for what they tell, so that there are fresh ones among those of each iteration.
+/// Whether an estimate from several starts does not explain its tests, with all that is unpredictable counted as noise. Tests
+/// are then chosen by expected information, so that each iteration has fresh ones.
 fn unexplained(iteration: &Iteration) -> bool {
     iteration.posterior.as_ref().is_some_and(|estimate| !estimate.explained)
 }
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_at_the_goal_has_not_lost_anything() {
+    fn a_run_at_its_goal_is_not_disengaged() {
         // In the end something new is tried.
         let stands: Vec<Iteration> = [0.0164, 0.0167, 0.0163, 0.0159, 0.0161, 0.0668].map(iteration).into();
         let rule = DisengagementRule::default();

@@ -1,16 +1,16 @@
-//! A robot that changes during a run: something was put on it, a motor has worn.
+//! A robot that changes during a run: a payload was added, a motor has worn.
 //!
-//! Who believed something of S that foretold a fresh test, and is then surprised, has either learnt too much from too little,
-//! or looks at another robot. It is another robot if no simulation explains the old tests and the new ones together, and the
-//! new ones alone contradict what was believed. From then on only they count.
+//! Where a belief about S predicted earlier tests and then fails on a fresh one, either the belief was overconfident, or the
+//! robot has changed. It has changed if no simulation explains the old tests and the new ones together, and the new ones alone
+//! contradict the belief. From then on only the new tests count.
 
 use super::estimation::Posterior;
 use super::ledger::Entry;
 use crate::space::Space;
 use serde::{Deserialize, Serialize};
 
-/// A parameter has changed whose values before and after differ by so many of their standard deviations: among a hundred
-/// parameters that have not, one does once in a hundred runs.
+/// A parameter has changed if its values before and after differ by so many of their standard deviations: of a hundred
+/// unchanged parameters, one does in one of a hundred runs.
 const CHANGED: f64 = 4.0;
 
 /// The robot has changed.
@@ -20,12 +20,12 @@ pub struct Drift {
     pub before_test: usize,
     /// The iteration in which it was noticed.
     pub iteration: usize,
-    /// Parameters of S that differ beyond doubt as far as the tests since then tell, most certain first. None where S does not
-    /// hold what has changed.
+    /// Parameters of S that differ significantly by the tests since then, most certain first. Empty where S does not hold what
+    /// has changed.
     pub changed: Vec<Change>,
     /// Whether a simulation of S explains the tests since then.
     pub explained: bool,
-    /// What was believed of the robot as it was.
+    /// The posterior of the robot before the change.
     pub(super) former: Posterior,
 }
 
@@ -34,9 +34,9 @@ pub struct Drift {
 pub struct Change {
     /// The parameter.
     pub parameter: String,
-    /// What was believed before, in the units of S.
+    /// Value before, in the units of S.
     pub before: f64,
-    /// What is believed now.
+    /// Value now.
     pub after: f64,
     /// The difference in multiples of its standard deviation.
     pub deviations: f64,
@@ -48,27 +48,27 @@ impl Drift {
         Drift { before_test, iteration, changed: Vec::new(), explained: false, former }
     }
 
-    /// Compares what is believed now with what was believed before.
+    /// Compares the posterior now with the one before.
     pub(super) fn compare(&mut self, space: &Space, now: &Posterior, explained: bool) {
         self.explained = explained;
         self.changed = if explained { changes(space, &self.former, now) } else { Vec::new() };
     }
 }
 
-/// Parameters of S of which two beliefs say different things.
+/// Parameters of S in which two posteriors differ significantly.
 pub(super) fn changes(space: &Space, former: &Posterior, now: &Posterior) -> Vec<Change> {
     let change = |(k, dim): (usize, &crate::space::Dim)| {
         let (before, after) = (former.mean()[k], now.mean()[k]);
         let deviations = (after - before).abs() / former.sd(k).hypot(now.sd(k)).max(f64::MIN_POSITIVE);
-        let told = Change {
+        let found = Change {
             parameter: dim.name.clone(),
             before: dim.from_unit(before),
             after: dim.from_unit(after),
             deviations,
         };
-        (deviations > CHANGED).then_some(told)
+        (deviations > CHANGED).then_some(found)
     };
-    // Of dimensions that S has gained since, nothing was believed before.
+    // Dimensions that S has gained since have no value before.
     let mut changes: Vec<Change> =
         space.dims().iter().enumerate().take(former.mean().len()).filter_map(change).collect();
     changes.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_differs_beyond_doubt_has_changed() {
+    fn only_significant_differences_count_as_changes() {
         let space = Space::new(vec![Dim::new("a", "kg", 0.0, 2.0), Dim::new("b", "kg", 0.0, 2.0)]).unwrap();
         let changed = changes(&space, &belief([0.5, 0.5], 0.03), &belief([0.7, 0.8], 0.04));
         assert_eq!(changed.len(), 1);

@@ -9,12 +9,12 @@ use crate::world::{Behaviour, Compared, Job, Output, OutputRequest, Reference, S
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What the simulations of a run have cost.
+/// Number of simulations of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cost {
     /// Simulated behaviours.
     pub evaluations: u64,
-    /// Those that blew up or were refused; they score as the worst possible.
+    /// Those that diverged or were refused; they score as the worst possible.
     pub failures: u64,
 }
 
@@ -49,9 +49,9 @@ pub(super) fn fitness_in(
         Job { s: &simulations[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Fitness; jobs.len()]);
-    let of = |made| if let Output::Fitness(fitness) = made { fitness } else { f64::NAN };
-    let results: Vec<Result<f64, WorldError>> = made.into_iter().map(|made| made.map(of)).collect();
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Fitness; jobs.len()]);
+    let of = |output| if let Output::Fitness(fitness) = output { fitness } else { f64::NAN };
+    let results: Vec<Result<f64, WorldError>> = outputs.into_iter().map(|output| output.map(of)).collect();
     cost.count(&results);
     let row = |row: &[Result<f64, WorldError>]| row.chunks(scenarios).map(mean_fitness).collect();
     results.chunks(per_controller).map(row).collect()
@@ -75,7 +75,7 @@ fn quantile_of(mut values: Vec<f64>, quantile: f64) -> f64 {
     if below.is_finite() { below + (place - place.floor()) * (above - below) } else { f64::NEG_INFINITY }
 }
 
-/// What an ensemble of simulations does with one controller in one scenario; `None` where one failed.
+/// Behaviours of one controller in one scenario under an ensemble of simulations; `None` where one failed.
 pub(super) fn behaviours(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
@@ -84,28 +84,28 @@ pub(super) fn behaviours(
 ) -> Vec<Option<Behaviour>> {
     let c = simulator.controllers().from_unit(controller);
     let jobs: Vec<Job> = simulations.iter().map(|s| Job { s, c: &c, scenario }).collect();
-    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
-    cost.count(&made);
-    let behaviour = |made| if let Ok(Output::Behaviour(behaviour)) = made { Some(behaviour) } else { None };
-    made.into_iter().map(behaviour).collect()
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
+    cost.count(&outputs);
+    let behaviour = |output| if let Ok(Output::Behaviour(behaviour)) = output { Some(behaviour) } else { None };
+    outputs.into_iter().map(behaviour).collect()
 }
 
-/// Runs all jobs, those of each scenario side by side, and makes what is wanted of each, in their order.
+/// Runs all jobs, those of each scenario side by side, and returns the requested output of each, in their order.
 pub(super) fn evaluate_all(
     simulator: &dyn Simulator,
     jobs: &[Job],
-    wanted: &[OutputRequest],
+    requests: &[OutputRequest],
 ) -> Vec<Result<Output, WorldError>> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&k| jobs[k].scenario);
     let few = |ks: &[usize]| {
-        let these: (Vec<Job>, Vec<OutputRequest>) = ks.iter().map(|&k| (jobs[k], wanted[k])).unzip();
+        let these: (Vec<Job>, Vec<OutputRequest>) = ks.iter().map(|&k| (jobs[k], requests[k])).unzip();
         simulator.evaluate_all(&these.0, &these.1).into_iter().zip(ks.to_vec())
     };
     let at_once = side_by_side(simulator.side_by_side(), jobs.len());
     let mut results: Vec<_> = order.par_chunks(at_once).with_max_len(1).flat_map_iter(few).collect();
     results.sort_by_key(|(_, k)| *k);
-    results.into_iter().map(|(made, _)| made).collect()
+    results.into_iter().map(|(output, _)| output).collect()
 }
 
 fn mean_fitness(results: &[Result<f64, WorldError>]) -> f64 {
@@ -129,7 +129,7 @@ pub(super) fn distances(
         distance: distance.distance(real, simulated),
         residuals: None,
     };
-    let results = beside(simulator, simulations, tests, false, &compare);
+    let results = compare_all(simulator, simulations, tests, false, &compare);
     cost.count(&results);
     let one =
         |compared: &Result<Compared, WorldError>| compared.as_ref().map_or(f64::INFINITY, |c| worst_if_nan(c.distance));
@@ -148,7 +148,7 @@ pub(super) fn residuals(
         distance: distance.distance(real, simulated),
         residuals: Some(squares.residuals(real, simulated)),
     };
-    let results = beside(simulator, simulations, tests, true, &compare);
+    let results = compare_all(simulator, simulations, tests, true, &compare);
     cost.count(&results);
     let mut results = results.into_iter().map(|compared| compared.unwrap_or_else(|_| no_behaviour()));
     let one_simulation = |_: &Vec<f64>| {
@@ -159,31 +159,32 @@ pub(super) fn residuals(
     simulations.iter().map(one_simulation).collect()
 }
 
-/// As far as can be: nothing to compare with.
+/// An infinite distance: nothing to compare with.
 fn no_behaviour() -> Compared {
     Compared { distance: f64::INFINITY, residuals: None }
 }
 
-/// Compares every simulation with every real test: a row per simulation. Tests that gave no behaviour are as far as can be.
-fn beside(
+/// Compares every simulation with every real test: a row per simulation. Tests without a behaviour are infinitely far.
+fn compare_all(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
     tests: &[&Entry],
     squares: bool,
     compare: &(dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
 ) -> Vec<Result<Compared, WorldError>> {
-    let (mut which, mut asked) = (Vec::new(), Vec::new());
+    let (mut which, mut requested) = (Vec::new(), Vec::new());
     for (k, (s, entry)) in simulations.iter().flat_map(|s| tests.iter().map(move |entry| (s, entry))).enumerate() {
         let Some(real) = entry.behaviour() else { continue };
         let Trial { number: test, controller, scenario, .. } = &entry.trial;
         which.push(k);
         let against = Reference { test: *test, real, squares, compare };
-        asked.push((Job { s, c: controller, scenario: *scenario }, OutputRequest::Distance(against)));
+        requested.push((Job { s, c: controller, scenario: *scenario }, OutputRequest::Distance(against)));
     }
-    let (jobs, wanted): (Vec<Job>, Vec<OutputRequest>) = asked.into_iter().unzip();
+    let (jobs, requests): (Vec<Job>, Vec<OutputRequest>) = requested.into_iter().unzip();
     let mut results: Vec<_> = (0..simulations.len() * tests.len()).map(|_| Ok(no_behaviour())).collect();
-    for (k, made) in which.into_iter().zip(evaluate_all(simulator, &jobs, &wanted)) {
-        results[k] = made.map(|made| if let Output::Distance(compared) = made { compared } else { no_behaviour() });
+    for (k, output) in which.into_iter().zip(evaluate_all(simulator, &jobs, &requests)) {
+        results[k] =
+            output.map(|output| if let Output::Distance(compared) = output { compared } else { no_behaviour() });
     }
     results
 }
@@ -213,10 +214,10 @@ pub(super) fn disagreement(
         Job { s: &rivals[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let made = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
     let failed = || WorldError::Setup { what: "no behaviour came back".to_owned() };
-    let of = |made| if let Output::Behaviour(behaviour) = made { Ok(behaviour) } else { Err(failed()) };
-    let results: Vec<Result<Behaviour, WorldError>> = made.into_iter().map(|made| made.and_then(of)).collect();
+    let of = |output| if let Output::Behaviour(behaviour) = output { Ok(behaviour) } else { Err(failed()) };
+    let results: Vec<Result<Behaviour, WorldError>> = outputs.into_iter().map(|output| output.and_then(of)).collect();
     cost.count(&results);
     results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()
 }

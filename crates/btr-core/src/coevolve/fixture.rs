@@ -1,8 +1,8 @@
-//! A toy whose truth is known, for the tests of estimates: two numbers seen through a swing, with a jump and, if wanted, a part
-//! that nobody can foretell.
+//! A toy whose truth is known, for the tests of estimates: two parameters of an oscillation, with a jump and, optionally, a
+//! chaotic part.
 #![allow(clippy::unwrap_used)]
 
-use super::ledger::{Ledger, Memory};
+use super::ledger::{Ledger, Memory, PredictedFitness};
 use super::plan::{DisengagementRule, Initial, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
 use crate::distance::{DistanceSpec, Whitened};
 use crate::log::{Log, Role};
@@ -15,13 +15,13 @@ use crate::world::{Behaviour, Outcome, Reality, Simulator, Trial, WorldError};
 const SIGMA: f64 = 0.02;
 const ROWS: usize = 300;
 
-/// `rate` and `gain` of a swing, and how fast it drifts away; beyond its second half, a motion that a change of a millionth of
-/// either turns over.
+/// `rate` and `gain` of an oscillation, and its drift; in its second half, optionally, a motion that depends chaotically on
+/// both.
 pub(super) struct Toy {
     pub(super) space: Space,
     controllers: Space,
     chaotic: bool,
-    /// Swings below this amplitude are another robot's.
+    /// Oscillations below this amplitude stick.
     stuck_below: f64,
 }
 
@@ -32,7 +32,7 @@ impl Toy {
         Toy { space, controllers: Space::default(), chaotic, stuck_below: 0.0 }
     }
 
-    /// One whose swing has an amplitude to choose; the smaller the fitter. Below some amplitude it is stuck in the middle.
+    /// A toy whose controller is the amplitude; the smaller the fitter. Below some amplitude it sticks around zero.
     pub(super) fn driven(stuck_below: f64, further: &[Dim]) -> Self {
         let controllers = Space::new(vec![Dim::new("amplitude", "1", 0.5, 1.5).nominal(1.0)]).unwrap();
         Toy { controllers, stuck_below, ..Toy::new(false, further) }
@@ -79,7 +79,7 @@ impl Simulator for Toy {
     }
 }
 
-/// A space of simulations that another one's are made of.
+/// A space of simulations that maps onto that of a toy.
 pub(super) struct DerivedSpace<F> {
     pub(super) space: Space,
     pub(super) of: Toy,
@@ -104,11 +104,11 @@ impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Simulator for DerivedSpace<F> {
     }
 }
 
-/// A toy that errs, and may change.
+/// A toy with sensor noise, which may change.
 pub(super) struct ToyRobot<'a> {
     pub(super) toy: &'a Toy,
     pub(super) truth: Vec<f64>,
-    /// From which test on it is another one.
+    /// First test of the changed robot, and its truth.
     pub(super) later: Option<(usize, Vec<f64>)>,
     pub(super) seed: u64,
 }
@@ -133,12 +133,12 @@ pub(super) fn tested(robot: &mut ToyRobot, tests: usize) -> Ledger {
     let mut ledger = Ledger::default();
     for number in 0..tests {
         let trial = Trial { number, iteration: 1, controller: Vec::new(), scenario: 0 };
-        ledger.carry_out(trial, (None, None), robot).unwrap();
+        ledger.carry_out(trial, PredictedFitness::default(), robot).unwrap();
     }
     ledger
 }
 
-/// The distance that knows by how much the toy errs.
+/// The distance with the toy's noise.
 pub(super) fn whitened() -> Whitened {
     Whitened { noise: [("q_*".to_owned(), SIGMA)].into_iter().collect(), ..Whitened::default() }
 }

@@ -1,4 +1,4 @@
-//! What happened: one record per generation, one per iteration, and why the run stopped.
+//! Records of generations and iterations, and the reason why a run stopped.
 
 use super::drift::Drift;
 use super::estimation::{Belief, OpenDirection};
@@ -54,23 +54,22 @@ impl Generation {
     }
 }
 
-/// What the real tests say of S.
+/// Estimate of S from the real tests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimateRecord {
-    /// Whether simulations explain the tests to the noise. Where they do not, S lacks something, or the estimate has not
-    /// found its place in it.
+    /// Whether simulations explain the tests to the noise. Otherwise S lacks something, or the estimate has not converged.
     pub explained: bool,
-    /// How much of what the tests read no simulation of the posterior can foretell, in multiples of the noise: chaos, mostly.
+    /// The part of the readings that simulations of the posterior cannot predict, in multiples of the noise: mostly chaos.
     pub unpredictable: f64,
     /// Each parameter by name.
     pub parameters: IndexMap<String, Belief>,
-    /// Parameters that the tests do not tell to the plan's resolution.
+    /// Parameters that the tests do not identify to the plan's resolution.
     pub not_told: Vec<String>,
-    /// Combinations of parameters that the tests hardly tell at all.
+    /// Combinations of parameters that the tests hardly identify.
     pub open_directions: Vec<OpenDirection>,
 }
 
-/// What one iteration says about the engagement of the two populations.
+/// Evidence of one iteration on the engagement of the two populations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// phi of s_i as a share of the starting simulation's phi on the first transfers: 1 is no better, 0 is agreement.
@@ -94,11 +93,11 @@ pub struct Evidence {
 pub struct Iteration {
     /// From 1.
     pub i: usize,
-    /// What the simulation of that time promised for the controller c_i.
+    /// The fitness of the controller c_i that the simulation predicted before its test.
     pub fitness_sim: Option<f64>,
-    /// 95 % prediction interval of that over what the posterior or the map left open; `None` without either.
+    /// 95 % prediction interval of that over the posterior or the map; `None` without either.
     pub fitness_ci95: Option<[f64; 2]>,
-    /// What c_i did in reality.
+    /// Real fitness of c_i.
     pub fitness_real: Option<f64>,
     /// The best real fitness so far, of any controller.
     pub best_real: Option<f64>,
@@ -108,7 +107,7 @@ pub struct Iteration {
     pub phi: Option<f64>,
     /// s_i by name, in the units of S.
     pub parameters: IndexMap<String, f64>,
-    /// What the real tests say of S; `None` where the plan asks for no posterior.
+    /// Estimate of S; `None` for a plan without a posterior.
     pub posterior: Option<EstimateRecord>,
     /// c_i in the units of C.
     pub controller: Vec<f64>,
@@ -116,7 +115,7 @@ pub struct Iteration {
     pub real_tests: usize,
     /// Simulated behaviours so far.
     pub simulated_evaluations: u64,
-    /// What speaks for or against disengagement.
+    /// Evidence for or against disengagement.
     pub evidence: Evidence,
 }
 
@@ -124,17 +123,17 @@ pub struct Iteration {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// A real test reached the fitness that was asked for.
+    /// A real test reached the fitness goal.
     GoalReached,
-    /// No controller of the map promises much more than the best one that was tried.
+    /// No controller of the map is predicted to be much better than the best one tried.
     NothingBetter,
     /// All iterations were done.
     IterationsDone,
     /// The budget of real tests is spent.
     RealTestsSpent,
-    /// The populations lost each other: S probably lacks something of reality.
+    /// The populations disengaged: S probably lacks something of reality.
     Disengaged,
-    /// No real test gave anything to go by.
+    /// No real test returned usable data.
     NoRealData,
 }
 

@@ -1,4 +1,4 @@
-//! The ledger of real tests: what reality was asked, what it answered, what it has cost.
+//! The ledger of real tests: trials, their predictions and outcomes.
 
 use crate::world::{Behaviour, Outcome, Reality, Trial};
 use schemars::JsonSchema;
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TestVerdict {
-    /// It gave a behaviour of this fitness.
+    /// It returned a behaviour of this fitness.
     Done {
         /// f_r of the trial.
         fitness: f64,
     },
-    /// It gave none; it counts as spent all the same.
+    /// It failed; it still counts as spent.
     Failed {
         /// What went wrong.
         why: String,
@@ -23,15 +23,15 @@ pub enum TestVerdict {
 /// One line of the ledger.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// What was asked.
+    /// The trial.
     pub trial: Trial,
-    /// What f the simulation of that time had promised; `None` where there was no simulation.
+    /// The fitness that the simulation predicted before the test; `None` without a simulation.
     pub promised: Option<f64>,
-    /// 95 % prediction interval of that, over what the posterior or the map left open then; `None` without either.
+    /// 95 % prediction interval of that over the posterior or the map of that time; `None` without either.
     pub promised_ci95: Option<[f64; 2]>,
-    /// What came of it.
+    /// Its outcome.
     pub verdict: TestVerdict,
-    /// The behaviour itself. Not part of a checkpoint: reality keeps its logs and is asked for them again.
+    /// The behaviour itself. Not part of a checkpoint: it is recalled from reality, which keeps the logs.
     #[serde(skip)]
     behaviour: Option<Behaviour>,
 }
@@ -42,7 +42,7 @@ impl Entry {
         self.behaviour.as_ref()
     }
 
-    /// The same test, of which only this share of the log, from its beginning, is known.
+    /// The same test with only this share of its log, from the beginning.
     #[must_use]
     pub fn beginning(&self, share: f64) -> Entry {
         let mut entry = self.clone();
@@ -69,10 +69,28 @@ pub enum Memory {
     /// All of them.
     #[default]
     All,
-    /// None: every iteration forgets, as the paper's ant does.
+    /// None of them, as in the paper's ant experiment.
     None,
-    /// The given number of those that the present simulation explains worst.
+    /// This many of those that the present simulation explains worst.
     Worst(usize),
+}
+
+/// The fitness predicted for a real test before it is carried out.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PredictedFitness {
+    pub value: Option<f64>,
+    /// 95 % prediction interval.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Error when the ledger of a checkpoint names a real test whose log is gone.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("real test {number} is in the ledger but its log is not: {why}")]
+pub struct RecallError {
+    /// Number of the real test.
+    pub number: usize,
+    /// What reality reports of it.
+    pub why: String,
 }
 
 /// All real tests of a run in their order.
@@ -87,23 +105,24 @@ impl Ledger {
         &self.entries
     }
 
-    /// How many tests were spent, failed ones included.
+    /// Number of tests spent, failed ones included.
     pub fn spent(&self) -> usize {
         self.entries.len()
     }
 
-    /// Whether reality has been asked for this controller before.
+    /// Whether this controller was tried before.
     pub(super) fn has_tried(&self, controller: &[f64]) -> bool {
         self.entries.iter().any(|e| e.trial.controller == controller)
     }
 
-    /// Carries out a trial and writes it down. What is still pending stays out of the ledger and is returned.
+    /// Carries out a trial and records it. A trial that is still pending stays out of the ledger; what it waits for is returned.
     pub(super) fn carry_out(
         &mut self,
         trial: Trial,
-        (promised, promised_ci95): (Option<f64>, Option<[f64; 2]>),
+        predicted: PredictedFitness,
         reality: &mut dyn Reality,
     ) -> Result<(), String> {
+        let PredictedFitness { value: promised, ci95: promised_ci95 } = predicted;
         let (verdict, behaviour) = match reality.test(&trial) {
             Outcome::Done(behaviour) => (TestVerdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
             Outcome::Failed { why } => (TestVerdict::Failed { why }, None),
@@ -113,11 +132,11 @@ impl Ledger {
         Ok(())
     }
 
-    /// Fetches the behaviours again after the ledger came out of a checkpoint.
+    /// Fetches the behaviours after the ledger was read from a checkpoint.
     ///
     /// # Errors
     /// A trial whose result reality no longer has.
-    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
+    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), RecallError> {
         for entry in &mut self.entries {
             if matches!(entry.verdict, TestVerdict::Failed { .. }) || entry.behaviour.is_some() {
                 continue;
@@ -125,7 +144,7 @@ impl Ledger {
             entry.behaviour = match reality.recall(&entry.trial) {
                 Outcome::Done(behaviour) => Some(behaviour),
                 Outcome::Failed { why } | Outcome::Pending { what: why } => {
-                    return Err(format!("real test {} is in the ledger but its log is not: {why}", entry.trial.number));
+                    return Err(RecallError { number: entry.trial.number, why });
                 }
             };
         }
@@ -138,7 +157,7 @@ impl Ledger {
     }
 
     /// The tests that count in step 3: all of this iteration, and of the older ones what `memory` keeps.
-    /// `distance_now` tells how badly the present simulation explains each entry.
+    /// `distance_now` is the distance of the present simulation from each entry.
     pub(super) fn counting(&self, iteration: usize, memory: Memory, distance_now: &[f64]) -> Vec<&Entry> {
         let usable = |e: &&Entry| e.behaviour.is_some();
         let is_old = |e: &Entry| e.trial.iteration < iteration;

@@ -1,4 +1,4 @@
-//! The plan of a run: everything the experimenter decides before it starts (the paper's step 0).
+//! The plan of a run: all settings of the loop (the paper's step 0).
 
 use super::ledger::Memory;
 use super::map::MapPhase;
@@ -22,8 +22,8 @@ pub enum Method {
     LinearCorrection,
     /// No simulation at all: the same controller search spends its evaluations in reality.
     RealityOnly,
-    /// Cully, Clune, Tarapore and Mouret: a map of diverse controllers is made in the simulation as it is; real tests, one per
-    /// iteration, find those that reality thinks well of. For a robot that is damaged, or otherwise unlike its model.
+    /// Cully, Clune, Tarapore and Mouret: a map of diverse controllers is made in the unchanged simulation; real tests, one per
+    /// iteration, find those that do well in reality. For a robot that is damaged, or otherwise differs from its model.
     QualityDiversity,
 }
 
@@ -38,7 +38,7 @@ pub enum Initial {
     Random,
 }
 
-/// One of the two searches and how long it goes on per iteration.
+/// One of the two searches and its length per iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SearchPhase {
@@ -47,13 +47,13 @@ pub struct SearchPhase {
     pub generations: usize,
     /// The algorithm and its settings.
     pub search: SearchSpec,
-    /// Whether the simulator search goes on where the last iteration left it (with its whole distribution or population),
-    /// instead of starting anew from s_{i−1}. The real tests that count may have changed meanwhile.
+    /// Whether the simulator search continues from its state at the end of the last iteration (with its whole distribution or
+    /// population) instead of starting anew from s_{i−1}. The real tests that count may have changed since.
     #[serde(default)]
     pub carry_over: bool,
     /// Turns of least squares that follow the simulator search, from its best point and, once that is exhausted, from new
     /// starts near the best one. Each costs 2·dims + 5 simulations per real test. Only with a distance that is a sum of
-    /// squares (`rmse`); others go without.
+    /// squares (`rmse`); ignored with others.
     #[serde(default)]
     pub refine: usize,
 }
@@ -69,10 +69,10 @@ pub enum Rule {
     Neighbourhood,
     /// The fittest, and those on which rival simulations disagree most (Klaus, Glette and Tørresen).
     Disagreement,
-    /// Needs `[coevolve.posterior]`. As long as some parameter is not told to its `resolution`, or simulations do not explain
-    /// the tests, the one of `candidates` controllers (the fittest of the search, and others drawn from C that are no worse
-    /// than half of those) from which most is to be learnt: the expected gain of information about S,
-    /// where motion that nobody can foretell counts for nothing. Then the fittest.
+    /// Needs `[coevolve.posterior]`. As long as some parameter is not identified to the `resolution`, or simulations do not
+    /// explain the tests: the one of `candidates` controllers (the fittest of the search, and others drawn from C that are no
+    /// worse than half of those) with the largest expected gain of information about S; unpredictable motion gains nothing.
+    /// After that: the fittest.
     Informative,
 }
 
@@ -90,9 +90,9 @@ pub struct Transfer {
     /// p'_m of the neighbourhood rule, per bit.
     #[serde(deserialize_with = "settings::probability")]
     pub mutation: f64,
-    /// How many rival simulations the disagreement rule asks.
+    /// Number of rival simulations of the disagreement rule.
     pub rivals: usize,
-    /// How many controllers the disagreement rule and the informative rule consider.
+    /// Number of controllers that the disagreement rule and the informative rule consider.
     pub candidates: usize,
 }
 
@@ -102,30 +102,30 @@ impl Default for Transfer {
     }
 }
 
-/// Step 3 as estimation: a posterior over S instead of one best simulation, and controllers that are judged by what it leaves
-/// open. The distance must be `whitened`.
+/// Step 3 as estimation: a posterior over S instead of one best simulation; controllers are evaluated over the posterior. The
+/// distance must be `whitened`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PosteriorPhase {
     /// Simulations per real test in each turn; at least twice the dimensions of S, and eight, are taken.
     #[serde(deserialize_with = "settings::at_least_one")]
     pub members: usize,
-    /// Turns at most until the estimate comes to rest.
+    /// Largest number of turns until the estimate settles.
     #[serde(deserialize_with = "settings::at_least_one")]
     pub turns: usize,
-    /// Further starts where an estimate does not explain the tests.
+    /// Further starts while an estimate does not explain the tests.
     pub restarts: usize,
-    /// A parameter counts as told when half its 95 % interval is at most this share of its bounds' width.
+    /// A parameter counts as identified when half its 95 % interval is at most this share of its bounds' width.
     #[serde(deserialize_with = "settings::positive")]
     pub resolution: f64,
-    /// Simulations drawn from the posterior in which each controller of the search is tried.
+    /// Simulations drawn from the posterior in which each controller of the search is evaluated.
     #[serde(deserialize_with = "settings::at_least_one")]
     pub samples: usize,
-    /// What counts of a controller's fitness over those: this quantile, between the worst (0) and the best (1).
+    /// The quantile of a controller's fitness over those simulations that the search maximises: 0 is the worst, 1 the best.
     #[serde(deserialize_with = "settings::probability")]
     pub quantile: f64,
-    /// Controllers are tried in simulations at least this far apart, as a share of the bounds' width (one standard
-    /// deviation): S is never all that is in doubt.
+    /// Least standard deviation of the simulations in which controllers are evaluated, as a share of the bounds' width: S never
+    /// holds all that is uncertain.
     #[serde(deserialize_with = "settings::probability")]
     pub least_doubt: f64,
 }
@@ -145,13 +145,13 @@ impl Default for PosteriorPhase {
 }
 
 impl PosteriorPhase {
-    /// Members of an ensemble in so many dimensions.
+    /// Members of an ensemble in `dims` dimensions.
     pub(super) fn members(&self, dims: usize) -> usize {
         self.members.max(2 * dims).max(dims + 8)
     }
 }
 
-/// When the two populations are taken to have lost each other.
+/// Rule by which the two populations count as disengaged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DisengagementRule {
@@ -162,7 +162,7 @@ pub struct DisengagementRule {
     pub progress: f64,
     /// phi at or below this share of the starting simulation's phi counts as agreement.
     pub agreement: f64,
-    /// Whether the run stops on it or only reports it.
+    /// Whether the run stops on disengagement or only reports it.
     pub stop: bool,
 }
 
@@ -172,7 +172,7 @@ impl Default for DisengagementRule {
     }
 }
 
-/// Everything that steers the loop.
+/// All settings of the loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -181,7 +181,7 @@ pub struct Plan {
     pub method: Method,
     /// Iterations of steps 1 to 3.
     pub iterations: usize,
-    /// The budget of real tests; none is asked for beyond it.
+    /// Budget of real tests.
     #[serde(default)]
     pub real_tests: Option<usize>,
     /// phi: what the simulator search minimises.
@@ -207,16 +207,16 @@ pub struct Plan {
     /// Which older transfers keep counting.
     #[serde(default)]
     pub memory: Memory,
-    /// The simulator search rests while phi is at or below this: there is nothing left to learn from the transfers.
+    /// The simulator search pauses while phi is at or below this: there is nothing left to learn from the transfers.
     #[serde(default)]
     pub phi_goal: Option<f64>,
     /// The run is done once a real test reaches this fitness.
     #[serde(default)]
     pub fitness_goal: Option<f64>,
-    /// When to give up on the space of simulations.
+    /// When the space of simulations counts as exhausted.
     #[serde(default)]
     pub disengagement: DisengagementRule,
-    /// Whether a run that stops disengaged adds the effect that its real tests show to S and goes on.
+    /// Whether a run that stops disengaged adds the effect that its real tests show to S and continues.
     #[serde(default)]
     pub self_augment: bool,
 }

@@ -1,12 +1,12 @@
-//! What a simulation promises of a controller before it is tried, and by how much reality falls short of that.
+//! Prediction intervals of a controller's real fitness, and the reality gap.
 
 use super::ledger::{Entry, Ledger};
 use crate::signal::stats;
 use crate::signal::student::student_95;
 use serde::{Deserialize, Serialize};
 
-/// So many draws from the posterior have the next one between their least and their greatest with 95 %: (n − 1)/(n + 1),
-/// whatever the distribution is.
+/// Number of draws from the posterior. The next draw lies between the least and the greatest of n with probability
+/// (n − 1)/(n + 1), here 95 %, whatever the distribution is.
 pub(crate) const DRAWS: usize = 39;
 
 /// A 95 % prediction interval of a controller's fitness, from its fitness in [`DRAWS`] simulations of the posterior; `None`
@@ -18,21 +18,21 @@ pub(crate) fn interval(draws: &[f64]) -> Option<[f64; 2]> {
     known.then_some([least, most])
 }
 
-/// The reality gap: real fitness less what was promised, over the real tests of a run.
+/// The reality gap: real fitness minus predicted fitness, over the real tests of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RealityGap {
     /// Mean over the tests, in the unit of fitness; below zero where reality falls short.
     pub mean: f64,
     /// 95 % interval of that mean (Student's t); `None` for fewer than three tests.
     pub ci95: Option<[f64; 2]>,
-    /// How many tests had a promise and came to an end.
+    /// Number of tests with a prediction and a fitness.
     pub tests: usize,
-    /// How many of those with an interval ended within it, and how many there are.
+    /// Number of tests whose fitness lies in the predicted interval, and number of tests with an interval.
     pub within: [usize; 2],
 }
 
 impl RealityGap {
-    /// Over a ledger; `None` where no test had a promise.
+    /// Over a ledger; `None` where no test had a prediction.
     pub fn of(ledger: &Ledger) -> Option<Self> {
         let gap = |entry: &Entry| Some(entry.fitness()? - entry.promised?);
         let gaps: Vec<f64> = ledger.entries().iter().filter_map(gap).filter(|gap| gap.is_finite()).collect();

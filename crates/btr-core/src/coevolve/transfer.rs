@@ -42,7 +42,7 @@ pub(super) fn transferable(
     chosen
 }
 
-/// What the rules choose from.
+/// Inputs of the rules.
 pub(super) struct TransferChoice<'a> {
     pub plan: &'a Plan,
     pub simulator: &'a dyn Simulator,
@@ -61,7 +61,7 @@ impl TransferChoice<'_> {
     /// The controllers to try, c_i first; at most `m`.
     pub(super) fn choose(mut self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Vec<ScoredController> {
         match self.plan.transfer.rule {
-            // The informative rule asks for more than simulations: see `instructive`.
+            // The informative rule needs the posterior: see `most_informative_first`.
             Rule::Fittest | Rule::Informative => {
                 self.candidates.truncate(m);
                 self.candidates

@@ -4,7 +4,7 @@ use crate::log::{Log, Role, hold, interpolate};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// The channels a distance looks at, by name; `*` stands for any characters (`q_*`, `*_knee`), once per pattern. No
+/// The channels that a distance compares, by name; `*` stands for any characters (`q_*`, `*_knee`), once per pattern. No
 /// pattern at all means every channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(transparent)]

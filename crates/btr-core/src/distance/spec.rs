@@ -6,7 +6,7 @@ use serde::de::value::{MapAccessDeserializer, MapDeserializer};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Every distance: its name in experiment files, and what it looks at.
+/// Every distance: its name in experiment files, and what it compares.
 pub const DISTANCES: &[(&str, &str)] = &[
     ("fitness", "the paper's phi_1: difference of fitness, in its unit; needs no log"),
     ("information", "the paper's phi_2: what each series leaves open about the other, in bits"),
@@ -55,7 +55,7 @@ impl DistanceSpec {
         }
     }
 
-    /// Tells it the sensors' noise by channel pattern, where it does not know better already.
+    /// Sets the sensors' noise by channel pattern, for channels whose noise is not set yet.
     pub fn with_noise(&mut self, stated: &IndexMap<String, f64>) {
         if let DistanceSpec::Whitened(distance) = self {
             for (pattern, sigma) in stated {

@@ -1,6 +1,6 @@
 //! Least squares within bounds, for distances that are sums of squares.
 //!
-//! Levenberg and Marquardt's method sees every sample with its sign, where a search that is told one number per point sees
+//! Levenberg and Marquardt's method uses every sample with its sign, where a search with one cost per point uses
 //! their sum only; it needs a hundredth of the evaluations to separate parameters that act alike. Two things carry it over a
 //! rough landscape, such as that of a walk, whose touchdowns jump by a whole time step. Differences are taken over a wide
 //! reach at first, which shrinks with the steps. And samples far off the usual error of their channel count less (Cauchy's
@@ -33,7 +33,7 @@ const LEAST_SCALE: f64 = 0.01;
 /// An error so many times the median of its block has half the weight.
 const HALF_WEIGHT: f64 = 2.0;
 
-/// Where the method stands. One turn is: evaluate [`probes`](Self::probes), [`linearise`](Self::linearise), evaluate
+/// State of the method. One turn is: evaluate [`probes`](Self::probes), [`linearise`](Self::linearise), evaluate
 /// [`tries`](Self::tries), [`settle`](Self::settle).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeastSquares {
@@ -67,7 +67,7 @@ impl LeastSquares {
         LeastSquares { reach: (by / 3.0).clamp(REACH[1], REACH[0]), ..LeastSquares::new(here) }
     }
 
-    /// Whether no further turn gets anywhere.
+    /// Whether no further turn makes progress.
     pub fn done(&self) -> bool {
         self.done
     }
@@ -83,7 +83,7 @@ impl LeastSquares {
         std::iter::once(self.here.clone()).chain(sides).collect()
     }
 
-    /// What the probes tell; `None` where the point itself could not be evaluated. A parameter with no valid probe on either
+    /// Linearises the residuals about this point; `None` where the point itself could not be evaluated. A parameter with no valid probe on either
     /// side is held.
     pub fn linearise(&mut self, probes: &[UnitPoint], residuals: &[Option<Residuals>]) -> Option<Linear> {
         let Some(here) = residuals.first().and_then(Option::as_ref) else {
@@ -128,7 +128,7 @@ impl LeastSquares {
         TRIES.iter().map(reached).collect()
     }
 
-    /// Goes to the best of the tried points, or looks closer where none is better, or is done.
+    /// Moves to the best of the tried points, or shrinks the reach where none is better, or ends.
     pub fn settle(&mut self, linear: &Linear, tries: &[UnitPoint], residuals: &[Option<Residuals>]) {
         let costs = residuals.iter().map(|r| r.as_ref().map_or(f64::INFINITY, |r| cost(r, &linear.weights)));
         let best = costs.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));

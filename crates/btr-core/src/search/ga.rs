@@ -26,9 +26,9 @@ pub struct GaSettings {
     /// The probability that a child has two parents; 0.7.
     #[serde(deserialize_with = "settings::probability")]
     pub crossover: f64,
-    /// How many of the best are asked again unchanged; 1. At least one individual per generation is new.
+    /// Number of best individuals carried over unchanged; 1. At least one individual per generation is new.
     pub elite: usize,
-    /// How many individuals compete to become a parent; 2.
+    /// Individuals per tournament that chooses a parent; 2.
     pub tournament: usize,
     /// Bits per parameter; 16, that is steps of 1/65535 of the range.
     #[serde(deserialize_with = "settings::bits")]
@@ -101,9 +101,9 @@ impl Search for Ga {
 
     fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.best.see(population, costs);
-        let told = population.iter().map(|point| encode(point, self.settings.bits)).zip(costs.iter().copied());
-        // The best always stays known, even when nobody wants to ask it again.
-        self.pool.succeed(told, self.settings.elite.max(1), self.settings.population.max(2));
+        let evaluated = population.iter().map(|point| encode(point, self.settings.bits)).zip(costs.iter().copied());
+        // The best stays in the pool even when `elite` is 0.
+        self.pool.succeed(evaluated, self.settings.elite.max(1), self.settings.population.max(2));
     }
 
     fn best(&self) -> Option<(&[f64], f64)> {
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn mutation_flips_the_share_of_bits_it_is_told() {
+    fn mutation_flips_the_given_share_of_bits() {
         let flips: u32 = neighbours(&[0.3; 10], 100, 0.1, 16, &mut stream(2, &[]))
             .iter()
             .flat_map(|p| encode(p, 16))

@@ -1,4 +1,4 @@
-//! What every search keeps, whatever it is told.
+//! Invariants of every search, whatever the costs.
 #![allow(clippy::unwrap_used)]
 
 use super::{AnySearch, SEARCHES, Search, SearchSpec, UnitPoint};
@@ -47,7 +47,7 @@ proptest! {
     }
 
     #[test]
-    fn the_best_is_the_best_ever_told(which in 0..SEARCHES.len(), draw: u64, failing in failing()) {
+    fn the_best_is_the_best_ever_reported(which in 0..SEARCHES.len(), draw: u64, failing in failing()) {
         let mut search = named(SEARCHES[which].0).start(4, None);
         let mut lowest = f64::INFINITY;
         for g in 0..40 {
@@ -78,11 +78,11 @@ proptest! {
             generation(&mut search, draw, g, failing);
         }
         // Also between asking and telling, where a run waits for a robot.
-        let asked = between.then(|| search.ask(&mut stream(draw, &[saved])));
+        let pending = between.then(|| search.ask(&mut stream(draw, &[saved])));
         let bytes = postcard::to_allocvec(&search).unwrap();
         let mut back: AnySearch = postcard::from_bytes(&bytes).unwrap();
         prop_assert_eq!(&back, &search);
-        if let Some(population) = asked {
+        if let Some(population) = pending {
             let costs: Vec<f64> = population.iter().map(|p| cost(p, failing)).collect();
             search.tell(&population, &costs);
             back.tell(&population, &costs);

@@ -1,7 +1,7 @@
 //! MAP-Elites: not one best point but the best of each kind.
 //!
-//! J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. What is told of a point is its cost and
-//! its descriptor, which says of what kind it is; a grid over the descriptors keeps the best point in each of its cells.
+//! J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. A point is reported with its cost
+//! and its descriptor, which says of what kind it is; a grid over the descriptors keeps the best point in each of its cells.
 //! Children are made as in V. Vassiliades and J.-B. Mouret, "Discovering the elite hypervolume by leveraging interspecies
 //! correlation", GECCO 2018: a small step in all directions, and one along the line to another elite.
 
@@ -54,11 +54,11 @@ impl Grid {
 pub struct Variation {
     /// Standard deviation of the step in every dimension.
     pub step: f64,
-    /// Standard deviation of the step along the line to another elite, as a share of the way to it.
+    /// Standard deviation of the step along the line to another elite, as a share of the distance to it.
     pub line: f64,
 }
 
-/// The search: asks and tells on the unit cube, as [`Search`](super::Search) does, but is told descriptors as well.
+/// The search. Its ask-and-tell interface is that of [`Search`](super::Search), but takes descriptors as well.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapElites {
     dims: usize,
@@ -74,7 +74,7 @@ impl MapElites {
         MapElites { dims, population: population.max(1), variation, grid, elites: BTreeMap::new() }
     }
 
-    /// The next population to evaluate: children of elites, or points from anywhere as long as there are none. `rng` belongs
+    /// The next population to evaluate: children of elites, or random points while there are none. `rng` belongs
     /// to this generation.
     pub fn ask(&self, rng: &mut Rng) -> Vec<UnitPoint> {
         let elites: Vec<&Elite> = self.elites.values().collect();
@@ -97,7 +97,7 @@ impl MapElites {
         parent.iter().zip(other).map(one).collect()
     }
 
-    /// What came of some points: costs, and descriptors in [0, 1] per axis; what lies outside counts as on the edge. A point
+    /// Reports costs, and descriptors in [0, 1] per axis; values outside are clamped. A point
     /// takes its cell where that is empty or costs more. Failures (infinite or NaN, in either) do not count.
     pub fn tell(&mut self, population: &[UnitPoint], costs: &[f64], descriptors: &[Vec<f64>]) {
         for ((unit, &cost), descriptor) in population.iter().zip(costs).zip(descriptors) {
@@ -176,13 +176,13 @@ mod tests {
         }
 
         #[test]
-        fn nothing_told_is_better_than_the_elite_of_its_cell(draw: u64) {
+        fn nothing_reported_is_better_than_the_elite_of_its_cell(draw: u64) {
             let mut map = empty(3, 2, 4);
-            let mut told = Vec::new();
+            let mut reported = Vec::new();
             for g in 0..10 {
-                told.extend(generation(&mut map, draw, g));
+                reported.extend(generation(&mut map, draw, g));
             }
-            for point in told {
+            for point in reported {
                 let (cost, descriptor) = judged(&point, 2);
                 if cost.is_finite() && descriptor.iter().all(|x| x.is_finite()) {
                     prop_assert!(map.elites[&map.grid.cell(&descriptor)].cost <= cost);

@@ -1,6 +1,6 @@
-//! Searches that ask and tell, on the unit cube.
+//! Searches on the unit cube, with an ask-and-tell interface.
 //!
-//! A search proposes a population ([`Search::ask`]), somebody evaluates it - on two cores or on a slow robot - and reports
+//! A search proposes a population ([`Search::ask`]), the caller evaluates it - on two cores or on a slow robot - and reports
 //! the costs ([`Search::tell`]). Costs are minimised; a failed evaluation costs `f64::INFINITY`. The state of a search is
 //! plain data, so that a run can be stopped and resumed at any generation. Points whose evaluation failed are never kept,
 //! hence a state holds finite numbers only and survives text formats as well.
@@ -26,12 +26,12 @@ use crate::random::Rng;
 /// A point of the unit cube.
 pub type UnitPoint = Vec<f64>;
 
-/// A search over the unit cube that somebody else evaluates for.
+/// A search over the unit cube; the caller evaluates its populations.
 pub trait Search {
     /// The next population to evaluate. `rng` belongs to this generation.
     fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint>;
-    /// The costs of the population last asked for, in its order.
+    /// Reports the costs of the last proposed population, in its order.
     fn tell(&mut self, population: &[UnitPoint], costs: &[f64]);
-    /// The best point told so far, with its cost; `None` until an evaluation has succeeded.
+    /// The best point reported so far, with its cost; `None` until an evaluation has succeeded.
     fn best(&self) -> Option<(&[f64], f64)>;
 }

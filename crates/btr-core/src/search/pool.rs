@@ -15,17 +15,17 @@ impl<G> Default for Pool<G> {
 }
 
 impl<G: Clone + PartialEq> Pool<G> {
-    /// The told generation replaces the pool, except that the `elite` best of the old one stay with the cost they once
-    /// had. A good individual is therefore not lost when it is not asked again, or fails when it is. Failures (infinite or
+    /// Replaces the pool by an evaluated generation, except that the `elite` best of the old pool stay with their cost. A good
+    /// individual is therefore not lost when it is not proposed again, or fails when it is. Failures (infinite or
     /// NaN cost) are dropped; when everything failed the old pool stays whole.
-    pub(crate) fn succeed(&mut self, told: impl Iterator<Item = (G, f64)>, elite: usize, size: usize) {
-        let mut next: Vec<(G, f64)> = told.filter(|(_, cost)| cost.is_finite()).collect();
+    pub(crate) fn succeed(&mut self, evaluated: impl Iterator<Item = (G, f64)>, elite: usize, size: usize) {
+        let mut next: Vec<(G, f64)> = evaluated.filter(|(_, cost)| cost.is_finite()).collect();
         if next.is_empty() {
             return;
         }
         for (genome, cost) in self.0.drain(..).take(elite) {
             match next.iter_mut().find(|(known, _)| *known == genome) {
-                Some((_, told)) => *told = told.min(cost),
+                Some((_, known)) => *known = known.min(cost),
                 None => next.push((genome, cost)),
             }
         }
@@ -66,8 +66,8 @@ mod tests {
         ) {
             let mut pool = Pool::default();
             let mut lowest = f64::INFINITY;
-            for told in generations {
-                pool.succeed(told.iter().copied(), 1, 4);
+            for generation in generations {
+                pool.succeed(generation.iter().copied(), 1, 4);
                 if let Some((_, cost)) = pool.0.first() {
                     prop_assert!(*cost <= lowest);
                     lowest = *cost;
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn tournaments_prefer_the_better_by_the_known_odds() {
+    fn tournaments_prefer_the_better_with_the_expected_odds() {
         let mut pool = Pool::default();
         pool.succeed([("bad", 2.0), ("good", 1.0)].into_iter(), 0, 2);
         let mut rng = stream(1, &[]);

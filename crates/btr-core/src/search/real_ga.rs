@@ -29,9 +29,9 @@ pub struct RealGaSettings {
     /// Distribution index of the crossover; 5. Large values keep children close to their parents.
     #[serde(deserialize_with = "settings::positive")]
     pub eta: f64,
-    /// How many of the best are asked again unchanged; 1. At least one individual per generation is new.
+    /// Number of best individuals carried over unchanged; 1. At least one individual per generation is new.
     pub elite: usize,
-    /// How many individuals compete to become a parent; 2.
+    /// Individuals per tournament that chooses a parent; 2.
     pub tournament: usize,
 }
 
@@ -100,9 +100,9 @@ impl Search for RealGa {
 
     fn tell(&mut self, population: &[UnitPoint], costs: &[f64]) {
         self.best.see(population, costs);
-        let told = population.iter().cloned().zip(costs.iter().copied());
-        // The best always stays known, even when nobody wants to ask it again.
-        self.pool.succeed(told, self.settings.elite.max(1), self.settings.population.max(2));
+        let evaluated = population.iter().cloned().zip(costs.iter().copied());
+        // The best stays in the pool even when `elite` is 0.
+        self.pool.succeed(evaluated, self.settings.elite.max(1), self.settings.population.max(2));
     }
 
     fn best(&self) -> Option<(&[f64], f64)> {

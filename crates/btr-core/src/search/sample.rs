@@ -21,7 +21,7 @@ pub(crate) fn uniform(dims: usize, rng: &mut Rng) -> UnitPoint {
     (0..dims).map(|_| rng.random()).collect()
 }
 
-/// Makes a point of the cube of what a caller hands over: clamped, and the middle where a number is missing.
+/// A point of the cube from a caller's point: clamped, and 0.5 where a number is missing.
 pub(crate) fn on_cube(dims: usize, point: &[f64]) -> UnitPoint {
     (0..dims).map(|i| point.get(i).copied().filter(|x| !x.is_nan()).unwrap_or(0.5).clamp(0.0, 1.0)).collect()
 }

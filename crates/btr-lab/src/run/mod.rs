@@ -150,7 +150,7 @@ impl Run {
             postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
         let wished = in_own_space(experiment, larger.text.as_deref(), folder)?;
         let mut state = Coevolution::resumed(plan, state);
-        state.recall(experiment.reality.as_mut()).map_err(RunError::LostTest)?;
+        state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.to_string()))?;
         let distance = state.plan().distance.build();
         let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
         if let Some(text) = wished {

@@ -1,7 +1,7 @@
 //! Abduction: which extension of S explains what the robot did. The paper's principle P3 with the means of step 3: the same
 //! tests, the same noise, the same posterior, in spaces that have a few dimensions more.
 //!
-//! Screening runs each extension once per probe where the present estimate stands, and asks how far a multiple of its change
+//! Screening runs each extension once per probe where the present estimate stands, and computes how far a multiple of its change
 //! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
 
 use super::posterior::{Estimated, Posterior};
@@ -19,24 +19,24 @@ use crate::world::Simulator;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// A multiple of a probe that is believed, at least and at most: further away it is another one's business.
+/// Least and greatest multiple of a probe for which its linearisation is trusted.
 const MULTIPLES: (f64, f64) = (0.15, 4.0);
-/// How far S may have been led astray, as a share of what its bounds leave.
-const ASTRAY: f64 = 0.35;
-/// How wide an extension's own numbers are believed to begin with, as a share of their probe's place above zero on the unit
-/// cube, and at least.
+/// Width of the belief about S around its nominal values, as a share of its bounds': a missing effect may have biased S.
+const BIAS_SHARE: f64 = 0.35;
+/// Initial standard deviation of an extension's own parameters: a share of their start's distance from the prior mean, and the
+/// least value, on the unit cube.
 const BEGIN: (f64, f64) = (0.5, 0.01);
 
-/// What is asked: tests that are explained by nothing in S.
+/// A search for extensions of S that explain tests which S does not.
 pub struct Abduction<'a> {
     /// A likelihood: see [`Distance::whitens`].
     pub distance: &'a dyn Distance,
-    /// Tests to learn from: growing parts of them from their beginnings on, at last all of them. A robot that falls goes on in
-    /// ways that nothing foretells before its numbers are known; what makes it fall shows before.
+    /// Training tests: growing parts from their beginnings on, the last one whole. A fall is unpredictable before the parameters
+    /// are known; what causes it shows before.
     pub learn: Vec<Vec<&'a Entry>>,
-    /// Tests to judge by.
+    /// Held-out tests.
     pub held_out: Vec<&'a Entry>,
-    /// How estimates are made.
+    /// Settings of the estimates.
     pub phase: PosteriorPhase,
     /// Seed of all ensembles.
     pub seed: u64,
@@ -51,8 +51,8 @@ pub struct Extension<'a> {
 }
 
 impl Extension<'_> {
-    /// A multiple of a probe, on the unit cube: of numbers that are off at a nominal value, by so much further from that;
-    /// others stay where the probe has them.
+    /// A multiple of a probe, on the unit cube: parameters with a nominal value (off) are scaled about it; others keep the
+    /// probe's value.
     fn at(&self, known: usize, probe: &[f64], multiple: f64) -> Vec<f64> {
         let place = |(dim, value): (&Dim, &f64)| match dim.nominal {
             Some(off) => dim.to_unit(off + multiple * (value - off)),
@@ -62,37 +62,37 @@ impl Extension<'_> {
     }
 }
 
-/// An extension that promises something.
+/// An extension that would lower chi-squared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
     /// Its place among the extensions.
     pub extension: usize,
     /// Where on the unit cube its further dimensions are expected.
     pub start: Vec<f64>,
-    /// The share of chi-squared that would be left.
+    /// The share of chi-squared that would remain.
     pub left: f64,
 }
 
-/// An extension with its numbers, and how well it explains the tests.
+/// A fitted extension, and how well it explains the tests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedExtension {
-    /// On the beginnings of the tests to learn from.
+    /// Estimate on the beginnings of the training tests.
     pub early: Estimated,
-    /// On all of these tests.
+    /// Estimate on all of the training tests.
     pub estimated: Estimated,
-    /// chi on those held out, with all that the posterior leaves open taken for noise; `None` without any.
+    /// chi on the held-out tests, with the posterior's spread counted as noise; `None` without any.
     pub held_out: Option<f64>,
     /// Whether that is at the noise as well.
     pub confirmed: bool,
 }
 
 impl Abduction<'_> {
-    /// S about where it was before any test, a part as wide as its bounds leave it: what is missing has not led it astray there.
+    /// A belief about the prior mean, narrower than the bounds: a missing effect has not biased it.
     pub fn unbiased(&self, prior: &Posterior) -> Posterior {
-        Posterior::new(prior.mean().clone(), prior.covariance() * ASTRAY.powi(2))
+        Posterior::new(prior.mean().clone(), prior.covariance() * BIAS_SHARE.powi(2))
     }
 
-    fn setting<'a>(
+    fn problem<'a>(
         &'a self,
         simulator: &'a dyn Simulator,
         prior: &Posterior,
@@ -112,7 +112,7 @@ impl Abduction<'_> {
         let (early, estimated) = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
-        let (views, _) = self.setting(simulator, prior, &self.held_out).run_ensemble(&draws, cost);
+        let (views, _) = self.problem(simulator, prior, &self.held_out).run_ensemble(&draws, cost);
         let held_out = PriorPredictive::of(&views);
         let judged = !self.held_out.is_empty();
         Some(FittedExtension {
@@ -123,8 +123,7 @@ impl Abduction<'_> {
         })
     }
 
-    /// From the tests' beginnings to the whole of them, each part from what the one before has told: the first estimate and the
-    /// last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
+    /// Estimates from the tests' beginnings to the whole tests, each from the one before: returns the first and the last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
     fn settle(
         &self,
         simulator: &dyn Simulator,
@@ -132,21 +131,21 @@ impl Abduction<'_> {
         from: &Posterior,
         cost: &mut Cost,
     ) -> Option<(Estimated, Estimated)> {
-        let means = EstimationContext { phase: &self.phase, seed: self.seed };
+        let context = EstimationContext { phase: &self.phase, seed: self.seed };
         let (first, longer) = self.learn.split_first()?;
-        let early = self.setting(simulator, prior, first).settle(from, &means, cost)?;
+        let early = self.problem(simulator, prior, first).settle(from, &context, cost)?;
         let mut estimated = early.clone();
         for tests in longer {
             if !estimated.explains {
-                let whole = self.setting(simulator, prior, self.learn.last()?).settle(from, &means, cost)?;
+                let whole = self.problem(simulator, prior, self.learn.last()?).settle(from, &context, cost)?;
                 return Some((early, Estimated { explains: false, ..whole }));
             }
-            estimated = self.setting(simulator, prior, tests).narrow(&estimated.belief, &means, cost)?;
+            estimated = self.problem(simulator, prior, tests).narrow(&estimated.belief, &context, cost)?;
         }
         Some((early, estimated))
     }
 
-    /// Some turns of an estimate on the beginnings of the tests to learn from.
+    /// A few turns of an estimate on the beginnings of the training tests.
     pub fn glance(
         &self,
         simulator: &dyn Simulator,
@@ -156,15 +155,15 @@ impl Abduction<'_> {
         cost: &mut Cost,
     ) -> Option<Estimated> {
         let phase = PosteriorPhase { turns, ..self.phase.clone() };
-        self.setting(simulator, prior, self.learn.first()?).settle(
+        self.problem(simulator, prior, self.learn.first()?).settle(
             from,
             &EstimationContext { phase: &phase, seed: self.seed },
             cost,
         )
     }
 
-    /// The extensions that would lower chi-squared of the tests' beginnings, the most promising first, for an S that stands
-    /// about where `belief` has it.
+    /// The extensions that would lower chi-squared of the tests' beginnings, the most promising first, for an S near
+    /// `belief`.
     pub fn screen(
         &self,
         simulator: &dyn Simulator,
@@ -233,8 +232,8 @@ impl Abduction<'_> {
         results.into_iter().map(|(_, residuals)| residuals).collect()
     }
 
-    /// What is believed of a larger S to begin with: what was screened from, and a suspect's own numbers about where they are
-    /// expected.
+    /// The initial belief about a larger S: the belief of the screening, and the suspect's own parameters about their expected
+    /// values.
     pub fn beginning(&self, belief: &Posterior, suspect: &Suspect, prior: &Posterior) -> Posterior {
         let mean: Vec<f64> = belief.mean().iter().copied().chain(suspect.start.iter().copied()).collect();
         let mut covariance = prior.covariance().clone();
@@ -243,13 +242,13 @@ impl Abduction<'_> {
             let off = prior.mean()[known + k];
             covariance[(known + k, known + k)] = (BEGIN.0 * (start - off).abs()).max(BEGIN.1).powi(2);
         }
-        // S itself may have been led astray by what is missing.
-        covariance.view_mut((0, 0), (known, known)).scale_mut(ASTRAY.powi(2));
+        // The missing effect may have biased S itself.
+        covariance.view_mut((0, 0), (known, known)).scale_mut(BIAS_SHARE.powi(2));
         Posterior::new(DVector::from_vec(mean), covariance)
     }
 }
 
-/// What the tests say along one probe: products of its change of the errors with itself, the errors and the slopes of S.
+/// Normal equations along one probe: products of its change of the errors with itself, the errors and the slopes of S.
 #[derive(Clone, Default)]
 struct ProbeEquations {
     failed: bool,
@@ -269,7 +268,7 @@ impl ProbeEquations {
         self.across = Some(self.across.take().map_or(across.clone(), |sum| sum + across));
     }
 
-    /// The multiple of the probe that lowers chi-squared most while S makes the best of it, and by how much.
+    /// The multiple of the probe that lowers chi-squared most with S refitted, and by how much.
     fn best(&self, factor: &nalgebra::Cholesky<f64, nalgebra::Dyn>, gradient: &DVector<f64>) -> Option<(f64, f64)> {
         let across = self.across.as_ref().filter(|_| !self.failed)?;
         let solved = factor.solve(across);

@@ -7,13 +7,13 @@ use indexmap::IndexMap;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of a number of which only its bounds are known.
+/// Standard deviation of a uniform distribution over the bounds.
 const OF_BOUNDS: f64 = 0.288_675_134_594_812_9;
 /// 97.5 % of a normal distribution lie below so many standard deviations.
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
-/// A direction of S whose standard deviation is still this share of what its bounds say is not told.
+/// A direction of S counts as open while its standard deviation is above this share of that of its bounds.
 const HARDLY_NARROWED: f64 = 0.5;
-/// By how much a place on the cube is moved to see how bounds stretch it.
+/// Step on the cube for numerical derivatives between spaces with different bounds.
 const CARRIED: f64 = 1e-6;
 /// Parts of a direction below this share of its largest are left out of its description.
 const SEEN: f64 = 0.2;
@@ -25,24 +25,25 @@ pub struct Posterior {
     covariance: DMatrix<f64>,
 }
 
-/// What the real tests say of one parameter of S.
+/// Marginal posterior of one parameter of S.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Belief {
     /// The most probable value, in the units of S.
     pub value: f64,
-    /// 95 % credible interval, within the bounds. `None` while simulations do not explain the tests to the noise: an interval
-    /// would promise what structured errors cannot keep.
+    /// 95 % credible interval, within the bounds. `None` while simulations do not explain the tests to the noise: with
+    /// structured errors the interval would not be valid.
     pub ci95: Option<[f64; 2]>,
     /// Whether the interval's half is at most the plan's `resolution` of the bounds' width.
-    pub told: bool,
+    #[serde(rename = "told")]
+    pub identified: bool,
 }
 
-/// A combination of parameters that the real tests do not tell.
+/// A combination of parameters that the real tests do not identify.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OpenDirection {
     /// The combination: shares of each parameter's bounds, in unit length; small parts are left out.
     pub parameters: IndexMap<String, f64>,
-    /// Its standard deviation as a share of what the bounds alone leave: 1 is nothing learnt.
+    /// Its standard deviation as a share of that of the bounds alone: 1 means that nothing was learnt.
     pub left: f64,
 }
 
@@ -73,7 +74,7 @@ pub struct Explanation {
 }
 
 impl Posterior {
-    /// What bounds say: anywhere between them, most probably about the point that is believed now.
+    /// The belief from bounds alone, with its mean at `start`.
     pub fn of_bounds(start: &[f64]) -> Self {
         let dims = start.len();
         Posterior {
@@ -104,7 +105,7 @@ impl Posterior {
         Posterior { mean: self.mean.clone(), covariance }
     }
 
-    /// The same belief, so many times as wide.
+    /// The same belief, `times` as wide.
     #[must_use]
     pub(crate) fn wider(&self, times: f64) -> Self {
         Posterior { mean: self.mean.clone(), covariance: &self.covariance * times.powi(2) }
@@ -120,8 +121,8 @@ impl Posterior {
         larger
     }
 
-    /// The same belief about the parameters of another space, whatever is believed of those that it lacks; bounds may differ.
-    /// `None` where it has others.
+    /// The belief about the parameters of another space, marginalised over those that it lacks; bounds may differ. `None` where it
+    /// has further ones.
     pub fn carried(&self, from: &Space, to: &Space) -> Option<Self> {
         let place = |dim: &Dim| from.dims().iter().position(|known| known.name == dim.name);
         let places: Vec<usize> = to.dims().iter().map(place).collect::<Option<_>>()?;
@@ -153,23 +154,23 @@ impl Posterior {
         self.covariance[(k, k)].max(0.0).sqrt()
     }
 
-    /// Logarithm of how much of the cube it leaves open, but for a constant.
+    /// Logarithm of its volume on the cube, less a constant.
     pub(crate) fn volume(&self) -> f64 {
         root(&self.covariance).diagonal().iter().map(|width| width.ln()).sum()
     }
 
     /// Whether the interval of a dimension is narrow enough.
-    pub(crate) fn tells(&self, k: usize, resolution: f64) -> bool {
+    pub(crate) fn identifies(&self, k: usize, resolution: f64) -> bool {
         TWO_SIDED_95 * self.sd(k) <= resolution
     }
 
-    /// What it says of each parameter, by name; `explained`: whether simulations explain the tests.
+    /// The marginal of each parameter, by name; `explained`: whether simulations explain the tests.
     pub(crate) fn beliefs(&self, space: &Space, resolution: f64, explained: bool) -> IndexMap<String, Belief> {
         let belief = |(k, dim): (usize, &Dim)| {
             let (u, half) = (self.mean[k], TWO_SIDED_95 * self.sd(k));
             let ci95 = explained.then(|| [dim.from_unit(u - half), dim.from_unit(u + half)]);
-            let told = explained && self.tells(k, resolution);
-            (dim.name.clone(), Belief { value: dim.from_unit(u), ci95, told })
+            let identified = explained && self.identifies(k, resolution);
+            (dim.name.clone(), Belief { value: dim.from_unit(u), ci95, identified })
         };
         space.dims().iter().enumerate().map(belief).collect()
     }

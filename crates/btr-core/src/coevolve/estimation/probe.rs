@@ -1,4 +1,4 @@
-//! Simulations of a larger S held beside what an ensemble shows of a test.
+//! Simulations of a larger S compared with an ensemble on one test.
 
 use super::ensemble::Ensemble;
 use super::errors::WhitenedErrors;
@@ -7,7 +7,7 @@ use crate::optimize::Residuals;
 use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
 
-/// An ensemble's view of one test beside which further simulations are held: see [`along`](ProbedTest::along).
+/// An ensemble on one test, with which further simulations are compared: see [`along`](ProbedTest::along).
 pub(crate) struct ProbedTest {
     ensemble: Ensemble,
     weighted: WhitenedErrors,

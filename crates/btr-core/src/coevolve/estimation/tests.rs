@@ -55,42 +55,42 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
 }
 
 #[test]
-fn what_nobody_can_foretell_teaches_nothing_and_is_no_misfit() {
+fn unpredictable_motion_is_neither_informative_nor_a_misfit() {
     let truth = [1.7, 1.13];
     let (orderly, chaotic) = (estimated(&Toy::new(false, &[]), &truth, 3), estimated(&Toy::new(true, &[]), &truth, 3));
     assert!(orderly.explains && chaotic.explains, "{} {}", orderly.chi, chaotic.chi);
     assert!(chaotic.unpredictable[0] > 5.0 && orderly.unpredictable[0] < 1.0, "{:?}", chaotic.unpredictable);
-    // Half of the readings say nothing.
+    // Half of the readings carry no information.
     assert!(chaotic.samples < 0.6 * orderly.samples, "{} {}", chaotic.samples, orderly.samples);
     assert!(chaotic.belief.sd(0) > orderly.belief.sd(0));
 }
 
-/// Of how many of some truths a first look at a test is as simulations foresee it.
-fn foreseen(toy: &Toy, robot: &Toy, hidden: &[f64], seeds: std::ops::Range<u64>) -> usize {
+/// For how many of some truths the first turn finds the test as simulations predict it.
+fn predicted(toy: &Toy, robot: &Toy, hidden: &[f64], seeds: std::ops::Range<u64>) -> usize {
     let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
-    let look = |seed: &u64| {
+    let first_turn = |seed: &u64| {
         let ledger = tested(&mut ToyRobot::new(robot, &[&drawn(*seed)[..], hidden].concat(), *seed), 1);
         let tests = ledger.entries().iter().collect();
         let setting = EstimationProblem { simulator: toy, distance: &distance, tests, prior: prior.clone() };
         let by = EstimationContext { phase: &phase, seed: *seed };
         setting.next(&prior, 1, &by, &mut Cost::default()).unwrap().as_predicted
     };
-    seeds.filter(look).count()
+    seeds.filter(first_turn).count()
 }
 
 #[test]
-fn a_robot_is_foreseen_as_often_as_simulations_are() {
+fn a_robot_is_predicted_as_often_as_simulations_are() {
     // 90 % of 100, and all that noise leaves besides; three standard deviations of that are 9.
     let chaotic = Toy::new(true, &[]);
-    let held = foreseen(&chaotic, &chaotic, &[], 0..100);
+    let held = predicted(&chaotic, &chaotic, &[], 0..100);
     assert!(held >= 81, "{held} of 100");
     let drifting = Toy::new(true, &[Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0)]);
-    let fooled = foreseen(&chaotic, &drifting, &[0.5], 0..100);
+    let fooled = predicted(&chaotic, &drifting, &[0.5], 0..100);
     assert!(fooled <= 5, "{fooled} of 100");
 }
 
 #[test]
-fn a_chaotic_rest_leaves_what_the_beginning_has_told() {
+fn a_chaotic_remainder_keeps_the_belief_from_the_beginning() {
     let toy = Toy::new(true, &[]);
     let ledger = tested(&mut ToyRobot::new(&toy, &[1.7, 1.13], 3), 1);
     let (distance, prior, phase) = (whitened(), Posterior::of_bounds(&[0.5, 0.5]), PosteriorPhase::default());
@@ -105,7 +105,7 @@ fn a_chaotic_rest_leaves_what_the_beginning_has_told() {
 }
 
 #[test]
-fn a_number_that_does_nothing_is_not_told() {
+fn a_parameter_without_effect_is_not_identified() {
     let idle = Toy::new(false, &[Dim::new("idle", "1", 0.0, 1.0).nominal(0.3)]).space;
     let deaf = DerivedSpace { space: idle, of: Toy::new(false, &[]), by: |s: &[f64]| s[..2].to_vec() };
     let ledger = tested(&mut ToyRobot::new(&deaf.of, &[1.7, 1.1], 5), 1);
@@ -120,14 +120,14 @@ fn a_number_that_does_nothing_is_not_told() {
         .settle(&prior, &EstimationContext { phase: &PosteriorPhase::default(), seed: 5 }, &mut Cost::default())
         .unwrap();
     let beliefs = estimated.belief.beliefs(&deaf.space, 0.05, true);
-    assert!(beliefs["rate"].told && beliefs["gain"].told && !beliefs["idle"].told, "{beliefs:?}");
+    assert!(beliefs["rate"].identified && beliefs["gain"].identified && !beliefs["idle"].identified, "{beliefs:?}");
     let open = estimated.belief.open_directions(&deaf.space);
     assert_eq!(open.len(), 1, "{open:?}");
     assert_eq!(open[0].parameters.keys().collect::<Vec<_>>(), ["idle"]);
 }
 
 #[test]
-fn what_s_lacks_is_not_explained_and_is_named() {
+fn an_effect_that_s_lacks_is_found() {
     let drift = || Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0);
     let bend = || Dim::new("gain_again", "1", 0.0, 1.0).nominal(0.0);
     let (small, robot) = (Toy::new(false, &[]), Toy::new(false, &[drift()]));

@@ -1,4 +1,4 @@
-//! What tells one kind of controller from another.
+//! Descriptors: the axes on which kinds of controllers differ.
 
 use crate::coevolve::evaluate::{self, Cost};
 use crate::distance::matches;
@@ -11,7 +11,7 @@ pub(in crate::coevolve) struct DescriptorAxis {
     bounds: [f64; 2],
 }
 
-/// What an axis looks at.
+/// The quantity of an axis.
 enum DescriptorQuantity {
     /// The mean of these parameters of the controller.
     Controller(Vec<usize>),
@@ -32,13 +32,13 @@ impl DescriptorAxis {
         least + u * (most - least)
     }
 
-    fn looks(&self) -> bool {
+    fn needs_behaviour(&self) -> bool {
         matches!(self.of, DescriptorQuantity::Behaviour(_))
     }
 
-    /// Where a controller and what it did lie on the axis; `None` where that cannot be read.
-    fn place(&self, c: &[f64], made: &Output) -> Option<f64> {
-        let x = match (&self.of, made) {
+    /// Position of a controller and its output on the axis; `None` where it cannot be measured.
+    fn place(&self, c: &[f64], output: &Output) -> Option<f64> {
+        let x = match (&self.of, output) {
             (DescriptorQuantity::Controller(dims), _) => dims.iter().map(|&k| c[k]).sum::<f64>() / dims.len() as f64,
             (DescriptorQuantity::Behaviour(measure), Output::Behaviour(behaviour)) => measure(&behaviour.log).ok()?,
             (DescriptorQuantity::Behaviour(_), _) => return None,
@@ -69,30 +69,34 @@ pub(in crate::coevolve) fn judged(
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
     let jobs: Vec<Job> = (0..points.len() * scenarios).map(job).collect();
-    let wanted = if axes.iter().any(DescriptorAxis::looks) { OutputRequest::Behaviour } else { OutputRequest::Fitness };
-    let made = evaluate::evaluate_all(simulator, &jobs, &vec![wanted; jobs.len()]);
-    cost.count(&made);
-    let one = |(c, made): (&Vec<f64>, &[Result<Output, WorldError>])| {
-        mean(c, axes, made).unwrap_or_else(|| (f64::NEG_INFINITY, Vec::new()))
+    let request = if axes.iter().any(DescriptorAxis::needs_behaviour) {
+        OutputRequest::Behaviour
+    } else {
+        OutputRequest::Fitness
     };
-    points.iter().zip(made.chunks(scenarios)).map(one).unzip()
+    let outputs = evaluate::evaluate_all(simulator, &jobs, &vec![request; jobs.len()]);
+    cost.count(&outputs);
+    let one = |(c, outputs): (&Vec<f64>, &[Result<Output, WorldError>])| {
+        mean(c, axes, outputs).unwrap_or_else(|| (f64::NEG_INFINITY, Vec::new()))
+    };
+    points.iter().zip(outputs.chunks(scenarios)).map(one).unzip()
 }
 
 /// Means over the scenarios of one controller; `None` where one of them failed.
-fn mean(c: &[f64], axes: &[DescriptorAxis], made: &[Result<Output, WorldError>]) -> Option<(f64, Vec<f64>)> {
+fn mean(c: &[f64], axes: &[DescriptorAxis], outputs: &[Result<Output, WorldError>]) -> Option<(f64, Vec<f64>)> {
     let (mut fitness, mut places) = (0.0, vec![0.0; axes.len()]);
-    for made in made {
-        let made = made.as_ref().ok()?;
-        fitness += match made {
+    for output in outputs {
+        let output = output.as_ref().ok()?;
+        fitness += match output {
             Output::Behaviour(behaviour) => behaviour.fitness,
             Output::Fitness(fitness) => *fitness,
             Output::Distance(_) => return None,
         };
         for (place, axis) in places.iter_mut().zip(axes) {
-            *place += axis.place(c, made)?;
+            *place += axis.place(c, output)?;
         }
     }
-    let scenarios = made.len() as f64;
+    let scenarios = outputs.len() as f64;
     places.iter_mut().for_each(|place| *place /= scenarios);
     Some((fitness / scenarios, places)).filter(|(fitness, _)| fitness.is_finite())
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// The prior of the variance weighs as much as so many tests.
+/// Weight of the variance's prior, in tests.
 const FREEDOM: f64 = 4.0;
 /// Variance that is there without any noise, as a share of the process' own: two tests may be at one place.
 const JITTER: f64 = 1e-9;
@@ -13,7 +13,7 @@ pub(super) struct GaussianProcess {
     length_scale: f64,
     noise: f64,
     at: Vec<Vec<f64>>,
-    /// Of the covariance of the tests, where the process has variance 1, and what it makes of their differences.
+    /// Cholesky factor of the tests' covariance, for a process of variance 1, and the solution for their differences.
     solved: Option<(Cholesky<f64, Dyn>, DVector<f64>)>,
     /// The process' standard deviation, in the unit of fitness.
     deviation: f64,
@@ -45,12 +45,12 @@ impl GaussianProcess {
         (near.dot(weights), self.deviation * left.max(0.0).sqrt())
     }
 
-    /// The standard deviation of a test, whose process has this one: its own noise comes on top.
+    /// The standard deviation of a test: that of the process plus the test's own noise.
     pub(super) fn of_a_test(&self, deviation: f64) -> f64 {
         deviation.hypot(self.noise * self.deviation)
     }
 
-    /// Student's t, in which the variance's own doubt is counted, has the spread of a mean of so many numbers.
+    /// Number of values whose mean has the same Student's t: the variance itself is estimated.
     pub(super) fn numbers(&self) -> usize {
         FREEDOM as usize + self.at.len() + 1
     }
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_tells_what_it_was_told_and_nothing_far_away() {
+    fn it_reproduces_its_tests_and_predicts_nothing_far_away() {
         let tests: [(&[f64], f64); 2] = [(&[0.2, 0.2], -1.0), (&[0.8, 0.2], 0.5)];
         let process = GaussianProcess::new((0.1, 0.0), 1.0, &tests);
         for (descriptor, difference) in tests {
@@ -77,25 +77,25 @@ mod tests {
         }
         let (mean, deviation) = process.at(&[0.2, 20.0]);
         assert!(mean.abs() < 1e-9 && (deviation - process.deviation).abs() < 1e-9);
-        // Half as far away it is told half as well.
+        // Predictions weaken with the distance.
         let (near, far) = (process.at(&[0.2, 0.25]), process.at(&[0.2, 0.35]));
         assert!(near.0 < far.0 && far.0 < 0.0 && near.1 < far.1, "{near:?} {far:?}");
     }
 
     #[test]
-    fn its_variance_is_between_what_was_expected_and_what_was_seen() {
-        let told = |difference: f64| {
+    fn its_variance_is_between_the_prior_and_the_observed_one() {
+        let deviation_after = |difference: f64| {
             let at: Vec<Vec<f64>> = (0..20).map(|k| vec![100.0 * f64::from(k)]).collect();
             let tests: Vec<(&[f64], f64)> = at.iter().map(|at| (at.as_slice(), difference)).collect();
             GaussianProcess::new((0.1, 0.0), 1.0, &tests).deviation
         };
-        assert!((told(1.0) - 1.0).abs() < 1e-6);
-        assert!((told(3.0) - (184.0_f64 / 24.0).sqrt()).abs() < 1e-6);
-        assert!(told(0.1) > 0.1 && told(0.1) < 0.5);
+        assert!((deviation_after(1.0) - 1.0).abs() < 1e-6);
+        assert!((deviation_after(3.0) - (184.0_f64 / 24.0).sqrt()).abs() < 1e-6);
+        assert!(deviation_after(0.1) > 0.1 && deviation_after(0.1) < 0.5);
     }
 
     #[test]
-    fn noise_keeps_it_from_believing_a_single_test() {
+    fn noise_keeps_it_from_trusting_a_single_test() {
         let tests: [(&[f64], f64); 1] = [(&[0.5], -1.0)];
         let process = GaussianProcess::new((0.4, 1.0), 1.0, &tests);
         let (mean, deviation) = process.at(&[0.5]);

@@ -1,4 +1,4 @@
-//! What a map promises of its controllers, by the real tests there are.
+//! Predictions for the controllers of a map, by the real tests so far.
 
 use super::descriptor::DescriptorAxis;
 use super::gaussian_process::GaussianProcess;
@@ -11,7 +11,7 @@ use crate::signal::student::student_95;
 use crate::world::Simulator;
 use serde::Serialize;
 
-/// A controller of the map, and what is believed of it.
+/// A controller of the map with its prediction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Promise {
     /// The controller in the units of C.
@@ -34,7 +34,7 @@ pub struct Promise {
     tried: bool,
 }
 
-/// A map and what it promises.
+/// A map and its predictions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlook {
     /// How many cells it has.
@@ -43,7 +43,7 @@ pub struct Outlook {
     pub elites: Vec<Promise>,
 }
 
-/// What came of trying a controller: no test, a failure, or its fitness.
+/// Result of a controller's real tests: no test, a failure, or its fitness.
 enum TestResult {
     Never,
     Failed,
@@ -84,16 +84,15 @@ impl Outlook {
         Outlook { cells: map.grid().count(), elites: elites.collect() }
     }
 
-    /// The controller to try next, of those that were not tried yet: the greatest promise, in favour of which so many
-    /// standard deviations count. The first one among equals.
+    /// The controller to try next, of those that were not tried yet: the largest prediction plus `explore` standard deviations.
+    /// The first one among equals.
     pub(in crate::coevolve) fn next(&self, explore: f64) -> Option<&Promise> {
         let worth = |promise: &Promise| promise.promised + explore * promise.deviation;
         let untried = self.elites.iter().filter(|promise| !promise.tried);
         untried.reduce(|best, other| if worth(other) > worth(best) { other } else { best })
     }
 
-    /// Whether nothing is left to try, or no controller promises much more than the best one did: `enough` is the share of
-    /// the greatest promise that is as good as it.
+    /// Whether nothing is left to try, or the best real fitness is at least the share `enough` of the largest prediction.
     pub(in crate::coevolve) fn satisfied(&self, enough: f64) -> bool {
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
         let real = most(&mut self.elites.iter().filter_map(|promise| promise.real));
@@ -101,7 +100,7 @@ impl Outlook {
         self.elites.iter().all(|promise| promise.tried) || real >= promised - (1.0 - enough) * promised.abs()
     }
 
-    /// What is promised of a point of the unit cube, if it is in the map.
+    /// The prediction for a point of the unit cube, if it is in the map.
     pub(in crate::coevolve) fn promise(&self, unit: &[f64]) -> Option<&Promise> {
         self.elites.iter().find(|promise| promise.unit == unit)
     }

@@ -1,4 +1,4 @@
-//! The settings of a map, and what may be wrong with them.
+//! Settings of a map and their validation.
 
 use super::descriptor::{self, DescriptorAxis};
 use crate::search::MapElites;
@@ -9,13 +9,12 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// An archive of diverse controllers, and how the robot's own are chosen from it (`method = "quality_diversity"`).
+/// An archive of diverse controllers, and how controllers are chosen from it for real tests (`method = "quality_diversity"`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapPhase {
-    /// The axes of the map: what tells one kind of controller from another, from the least to the greatest value that is told
-    /// apart. A name is a fitness term, or one of C's parameters; with a `*` for any characters it is the mean of those that
-    /// fit.
+    /// The axes of the map by descriptor, each with its least and its greatest value. A descriptor is a fitness term or a
+    /// parameter of C; with a `*` for any characters it is the mean of the parameters that match.
     pub descriptors: IndexMap<String, [f64; 2]>,
     /// Cells along each axis; each keeps the fittest controller of its kind.
     #[serde(deserialize_with = "settings::at_least_one")]
@@ -29,20 +28,20 @@ pub struct MapPhase {
     /// Standard deviation of a mutation, as a share of each parameter's range.
     #[serde(deserialize_with = "settings::positive")]
     pub mutation: f64,
-    /// Standard deviation of a step along the line to another controller of the map, as a share of the way to it.
+    /// Standard deviation of a step along the line to another controller of the map, as a share of the distance to it.
     #[serde(deserialize_with = "settings::not_negative")]
     pub line: f64,
-    /// How far what a test tells reaches, where each axis of the map has length 1.
+    /// Length scale of the Gaussian process, where each axis of the map has length 1.
     #[serde(deserialize_with = "settings::positive")]
     pub length_scale: f64,
-    /// Standard deviation by which the fitness of a real test differs from one time to the next, as a share of that by which
-    /// reality differs from the map.
+    /// Standard deviation of a real test's fitness over repetitions, as a share of the standard deviation between reality and
+    /// the map.
     #[serde(deserialize_with = "settings::not_negative")]
     pub noise: f64,
-    /// What counts of a controller in the choice of the next test: what it promises, plus so many standard deviations.
+    /// The next test is that of the controller with the largest predicted fitness plus this many standard deviations.
     #[serde(deserialize_with = "settings::not_negative")]
     pub explore: f64,
-    /// The run is over once the best real fitness is at least this share of the greatest promise.
+    /// The run is over once the best real fitness is at least this share of the largest predicted fitness.
     #[serde(deserialize_with = "settings::share")]
     pub enough: f64,
 }
@@ -64,7 +63,7 @@ impl Default for MapPhase {
     }
 }
 
-/// A map that cannot be made.
+/// Error in the settings of a map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MapError {
     /// A method that needs a map, without one.
@@ -73,10 +72,10 @@ pub enum MapError {
     /// A map without axes.
     #[error("[coevolve.map] has no descriptors: nothing tells one kind of controller from another")]
     NoDescriptors,
-    /// An axis of which nobody knows what it is.
+    /// An unknown axis.
     #[error("there is no descriptor `{name}`")]
     Unknown {
-        /// What was asked for.
+        /// The requested descriptor.
         name: String,
     },
     /// An axis without an extent.
@@ -89,7 +88,7 @@ pub enum MapError {
         /// Its upper end.
         most: f64,
     },
-    /// More cells than can be counted.
+    /// Too many cells.
     #[error("{cells} cells along each of {axes} axes are more than can be counted")]
     TooManyCells {
         /// Cells along each axis.
@@ -97,7 +96,7 @@ pub enum MapError {
         /// Axes.
         axes: usize,
     },
-    /// A map is made in one simulation, which stays as it is.
+    /// A posterior with a method whose simulation does not change.
     #[error("the method `quality_diversity` keeps its simulation and has no use for [coevolve.posterior]")]
     Posterior,
 }

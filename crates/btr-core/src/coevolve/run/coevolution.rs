@@ -7,7 +7,7 @@ use crate::coevolve::disengage;
 use crate::coevolve::estimation::Posterior;
 use crate::coevolve::evaluate::Cost;
 use crate::coevolve::history::{History, StopReason};
-use crate::coevolve::ledger::{Entry, Ledger};
+use crate::coevolve::ledger::{Entry, Ledger, RecallError};
 use crate::coevolve::plan::{Initial, Plan};
 use crate::distance::Distance;
 use crate::random::{self, Rng};
@@ -20,7 +20,7 @@ pub struct Environment<'a> {
     pub simulator: &'a dyn Simulator,
     /// phi.
     pub distance: &'a dyn Distance,
-    /// Where the truth comes from.
+    /// Source of real tests.
     pub reality: &'a mut dyn Reality,
 }
 
@@ -33,7 +33,7 @@ pub enum StepOutcome {
     Tested,
     /// Closed an iteration; it is the last of the history.
     Iteration,
-    /// Nothing to do before somebody has carried out the test described here.
+    /// The test described here has to be carried out by hand first.
     Waiting(String),
     /// The run is over.
     Stopped(StopReason),
@@ -53,7 +53,7 @@ pub(super) enum Stream {
     Candidates = 9,
 }
 
-/// A run in progress: a plan, and how far it has come.
+/// A run in progress: a plan and the state of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coevolution {
     pub(super) plan: Plan,
@@ -103,25 +103,25 @@ impl Coevolution {
         Ok(Coevolution { plan, state })
     }
 
-    /// Takes up a run where its state was written down; [`recall`](Self::recall) comes next.
+    /// Resumes a run from a saved state; [`recall`](Self::recall) comes next.
     pub fn resumed(plan: Plan, state: RunState) -> Self {
         Coevolution { plan, state }
     }
 
-    /// What has to be written down to go on later.
+    /// The state to save in a checkpoint.
     pub fn state(&self) -> &RunState {
         &self.state
     }
 
-    /// Fetches the logs of the ledger again; needed once after a run came out of a checkpoint.
+    /// Fetches the logs of the ledger; needed once after a run was resumed from a checkpoint.
     ///
     /// # Errors
     /// A real test whose log is gone.
-    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), String> {
+    pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), RecallError> {
         self.state.ledger.recall(reality)
     }
 
-    /// Everything that happened so far.
+    /// Records of generations and iterations so far.
     pub fn history(&self) -> &History {
         &self.state.history
     }
@@ -146,7 +146,7 @@ impl Coevolution {
         self.state.iteration
     }
 
-    /// What the simulations have cost so far.
+    /// Number of simulations so far.
     pub fn cost(&self) -> Cost {
         self.state.cost
     }
@@ -167,7 +167,7 @@ impl Coevolution {
         tested.max_by(|a, b| a.fitness().unwrap_or(f64::NAN).total_cmp(&b.fitness().unwrap_or(f64::NAN)))
     }
 
-    /// What the real tests say of S, where the plan asks for a posterior and there has been a test.
+    /// The posterior of S; `None` for a plan without one, and before the first test.
     pub fn posterior(&self) -> Option<&Posterior> {
         self.state.estimated.as_ref().map(|estimated| &estimated.belief)
     }
@@ -175,7 +175,7 @@ impl Coevolution {
     /// Whether the evidence so far amounts to disengagement.
     pub fn disengaged(&self) -> bool {
         let history = &self.state.history;
-        // What was not explained of a robot that has changed since tells nothing of the one that it is now.
+        // Unexplained tests of the robot before it changed are no evidence on the robot as it is now.
         let changed = history.drifts.last().map_or(0, |drift| drift.iteration);
         let since = history.iterations.partition_point(|it| it.i <= changed);
         disengage::disengaged(&history.iterations[since..], &self.plan.disengagement, self.plan.phi_goal)

@@ -41,17 +41,17 @@ impl Coevolution {
         StepOutcome::Generation
     }
 
-    /// Fitness in s_{i−1}, corrected or replaced as the method wants.
+    /// Fitness in s_{i−1}, corrected or replaced as the method requires.
     pub(super) fn score_controllers(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Vec<f64> {
         if self.explores() {
             let rivals = self.rivals(on);
             return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
         }
-        let fitness = self.doubted_fitness(on, units);
+        let fitness = self.robust_fitness(on, units);
         fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect()
     }
 
-    /// Estimation-exploration looks for disagreement in all iterations but the last.
+    /// Estimation-exploration maximises disagreement in all iterations but the last.
     pub(super) fn explores(&self) -> bool {
         self.plan.method == Method::EstimationExploration && self.state.iteration < self.plan.iterations
     }
@@ -64,7 +64,7 @@ impl Coevolution {
         let mut candidates = transfer::transferable(archive, &self.state.ledger, on.simulator);
         let informative = self.plan.transfer.rule == Rule::Informative;
         if informative {
-            // All were judged by the same simulations: what the last generation had is no better for being last.
+            // All were evaluated in the same simulations, so the last generation has no precedence.
             candidates.sort_by(|a, b| b.fitness.total_cmp(&a.fitness));
         }
         let fittest = candidates.first().map(|c| c.unit.clone());
@@ -76,16 +76,16 @@ impl Coevolution {
         }
         if let Some(first) = queue.first() {
             self.state.controller = Some(first.unit.clone());
-            // What was tried for what it tells is no place to look for something fit.
+            // The next search starts from the fittest controller, not from an informative one.
             self.state.ahead = fittest.filter(|_| informative).or_else(|| self.state.controller.clone());
         }
         Phase::Transfer { queue, next: 0, testing: None }
     }
 
-    /// Those of the candidates that the plan's rule tries.
+    /// The candidates chosen by the plan's rule.
     fn chosen(&mut self, on: &Environment<'_>, candidates: Vec<ScoredController>, m: usize) -> Vec<ScoredController> {
         if self.plan.transfer.rule == Rule::Informative {
-            return self.instructive(on, candidates, m);
+            return self.most_informative_first(on, candidates, m);
         }
         let rivals = self.rivals(on);
         let choice = TransferChoice {
@@ -101,10 +101,10 @@ impl Coevolution {
         choice.choose(m, &mut rng, &mut self.state.cost)
     }
 
-    /// Simulations that explain the past about equally well; before there is a past, random ones.
+    /// Simulations that explain the tests about equally well; random ones before any test.
     pub(super) fn rivals(&self, on: &Environment<'_>) -> Vec<Vec<f64>> {
         if self.plan.posterior.is_some() {
-            return self.doubtful(on, Stream::FirstRivals, self.plan.transfer.rivals);
+            return self.posterior_draws(on, Stream::FirstRivals, self.plan.transfer.rivals);
         }
         if !self.state.rivals.is_empty() {
             return self.state.rivals.clone();

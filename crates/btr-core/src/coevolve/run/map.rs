@@ -3,15 +3,15 @@
 use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
 use super::state::Phase;
 use crate::coevolve::history::{Generation, Side};
-use crate::coevolve::ledger::Entry;
+use crate::coevolve::ledger::{Entry, PredictedFitness};
 use crate::coevolve::map::{self, Outlook};
 use crate::coevolve::plan::Method;
 use crate::coevolve::transfer::ScoredController;
 use crate::world::Simulator;
 
 impl Coevolution {
-    /// The map, where the method makes one, and what it promises of its controllers by all real tests so far. `simulator` is
-    /// the one that the run acts on.
+    /// The map, where the method makes one, and its predictions by all real tests so far. `simulator` is the one that the
+    /// run acts on.
     pub fn outlook(&self, simulator: &dyn Simulator) -> Option<Outlook> {
         self.outlook_after(simulator, self.state.iteration)
     }
@@ -49,8 +49,8 @@ impl Coevolution {
         };
         let (axes, generations) = (phase.axes(on.simulator), phase.generations);
         let units = map.ask(&mut self.stream(Stream::Controllers, generation));
-        let asked = (self.state.simulation.as_slice(), axes.as_slice());
-        let (scores, places) = map::judged(on.simulator, asked, &units, &mut self.state.cost);
+        let request = (self.state.simulation.as_slice(), axes.as_slice());
+        let (scores, places) = map::judged(on.simulator, request, &units, &mut self.state.cost);
         let costs: Vec<f64> = scores.iter().map(|f| -f).collect();
         map.tell(&units, &costs, &places);
         self.state.map = Some(map);
@@ -62,18 +62,17 @@ impl Coevolution {
         StepOutcome::Generation
     }
 
-    /// What a controller of the map promised before this iteration's tests.
-    pub(super) fn promised_by_map(
-        &self,
-        on: &Environment<'_>,
-        controller: &ScoredController,
-    ) -> (Option<f64>, Option<[f64; 2]>) {
+    /// The fitness predicted for a controller of the map before this iteration's tests.
+    pub(super) fn predicted_by_map(&self, on: &Environment<'_>, controller: &ScoredController) -> PredictedFitness {
         let outlook = self.outlook_after(on.simulator, self.state.iteration - 1);
         let promise = outlook.as_ref().and_then(|outlook| outlook.promise(&controller.unit));
-        (promise.map(|promise| promise.promised), promise.and_then(|promise| promise.promised_ci95))
+        PredictedFitness {
+            value: promise.map(|promise| promise.promised),
+            ci95: promise.and_then(|promise| promise.promised_ci95),
+        }
     }
 
-    /// Whether the map promises nothing better than what was tried.
+    /// Whether the map predicts nothing better than the best controller tried.
     pub(super) fn nothing_better(&self, on: &Environment<'_>) -> bool {
         let enough = self.plan.map.as_ref().map(|phase| phase.enough);
         let outlook = self.outlook(on.simulator).filter(|_| self.plan.method == Method::QualityDiversity);

@@ -15,8 +15,8 @@ impl Coevolution {
         self.step(on)
     }
 
-    /// The robot has judged a whole population (or the budget ended within it).
-    pub(super) fn told(
+    /// The robot has tested a whole population (or the budget ended within it).
+    pub(super) fn finish_real_generation(
         &mut self,
         on: &mut Environment<'_>,
         queue: &[ScoredController],

@@ -1,4 +1,4 @@
-//! The end of an iteration: what it found, and what speaks for or against disengagement.
+//! The end of an iteration: its record, with the evidence for or against disengagement.
 
 use super::coevolution::{Coevolution, Environment};
 use crate::coevolve::evaluate;
@@ -32,7 +32,7 @@ impl Coevolution {
                 .map(|d| d.name.clone())
                 .zip(self.state.simulation.iter().copied())
                 .collect(),
-            posterior: self.believed(on),
+            posterior: self.estimate_record(on),
             controller: controller.unwrap_or_default(),
             real_tests: self.state.ledger.spent(),
             simulated_evaluations: self.state.cost.evaluations,
@@ -40,8 +40,8 @@ impl Coevolution {
         }
     }
 
-    /// What the real tests say of S by now.
-    fn believed(&self, on: &Environment<'_>) -> Option<EstimateRecord> {
+    /// The estimate of S so far.
+    fn estimate_record(&self, on: &Environment<'_>) -> Option<EstimateRecord> {
         let (phase, estimated) = (self.plan.posterior.as_ref()?, self.state.estimated.as_ref()?);
         let space = on.simulator.simulations();
         let parameters = estimated.belief.beliefs(space, phase.resolution, estimated.explains);
@@ -49,7 +49,11 @@ impl Coevolution {
         Some(EstimateRecord {
             explained: estimated.explains,
             unpredictable: known().sum::<f64>() / known().count().max(1) as f64,
-            not_told: parameters.iter().filter(|(_, belief)| !belief.told).map(|(name, _)| name.clone()).collect(),
+            not_told: parameters
+                .iter()
+                .filter(|(_, belief)| !belief.identified)
+                .map(|(name, _)| name.clone())
+                .collect(),
             parameters,
             open_directions: estimated.belief.open_directions(space),
         })

@@ -12,7 +12,7 @@ use crate::optimize::LeastSquares;
 use crate::search::{AnySearch, MapElites, UnitPoint};
 use serde::{Deserialize, Serialize};
 
-/// Where in an iteration the run is.
+/// Phase of an iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Phase {
     /// About to begin the iteration.
@@ -21,7 +21,7 @@ pub(super) enum Phase {
     Map { generation: usize },
     /// Step 1.
     Controllers { search: AnySearch, archive: Vec<ScoredController>, generation: usize },
-    /// Step 2. `testing` is there when reality itself is the environment of the controller search.
+    /// Step 2. `testing` is the controller search when reality itself is its environment.
     Transfer { queue: Vec<ScoredController>, next: usize, testing: Option<AnySearch> },
     /// Step 3. `tried` begins with s_{i−1}.
     Simulators { search: AnySearch, tests: Vec<usize>, tried: Vec<(UnitPoint, f64)>, generation: usize },
@@ -29,7 +29,7 @@ pub(super) enum Phase {
     Refine { search: LeastSquares, tests: Vec<usize>, tried: Vec<(UnitPoint, f64)>, generation: usize },
     /// Step 3 as estimation.
     Estimate(Estimation),
-    /// S has grown: step 3 on the tests there are, before any new one is asked for; or what explains them is known.
+    /// S has grown: step 3 on the existing tests, before any new one; or an estimate that explains them is known.
     Enlarged(Option<Estimated>),
     /// About to close the iteration.
     End,
@@ -37,22 +37,22 @@ pub(super) enum Phase {
     Stopped(StopReason),
 }
 
-/// Where the estimation stands.
+/// State of an estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Estimation {
     /// The tests that count, by their place in the ledger.
     pub(super) tests: Vec<usize>,
     pub(super) belief: Posterior,
     pub(super) turn: usize,
-    /// How many starts were given up before this one.
+    /// Number of starts given up before this one.
     pub(super) start: usize,
     /// The best of those.
     pub(super) best: Option<Estimated>,
-    /// Whether what was believed explained several tests before these ones, or foretold one, and the latest came otherwise.
+    /// Whether the belief explained several earlier tests, or predicted one, and failed to predict the latest.
     pub(super) surprised: bool,
 }
 
-/// How far a run has come: all that has to be written down to go on.
+/// State of a run: all that a checkpoint holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunState {
     pub(super) seed: u64,
@@ -68,16 +68,16 @@ pub struct RunState {
     pub(super) ahead: Option<UnitPoint>,
     /// The simulator search as the last iteration left it.
     pub(super) carried: Option<AnySearch>,
-    /// s_0 on the unit cube: about what S is believed before any test.
+    /// s_0 on the unit cube: mean of the prior over S.
     pub(super) prior: UnitPoint,
-    /// What the real tests say of S, where the plan asks for a posterior.
+    /// Estimate of S, for a plan with a posterior.
     pub(super) estimated: Option<Estimated>,
-    /// Whether that explains several tests, or has foretold one that came after it.
+    /// Whether that explains several tests, or has predicted a later one.
     pub(super) confirmed: bool,
     /// Number of the first real test of the robot as it is now.
     pub(super) since: usize,
-    /// Number of the first real test that nothing explains beside those before it: an older one is repeated, to tell whether the
-    /// robot has changed or S lacks something.
+    /// Number of the first real test that no simulation explains together with those before it: an older test is repeated to
+    /// decide whether the robot has changed or S lacks something.
     pub(super) suspicion: Option<usize>,
     pub(super) rivals: Vec<Vec<f64>>,
     /// The controllers of the method that makes a map of them.
@@ -86,7 +86,7 @@ pub struct RunState {
     pub(super) ledger: Ledger,
     pub(super) history: History,
     pub(super) cost: Cost,
-    /// phi of the starting simulation on the first transfers: the yardstick of disengagement.
+    /// phi of the starting simulation on the first transfers: the reference of disengagement.
     pub(super) phi_start: Option<f64>,
     /// phi of s_{i−1} on this iteration's transfers.
     pub(super) phi_predicted: Option<f64>,

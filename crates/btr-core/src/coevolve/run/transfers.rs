@@ -5,14 +5,14 @@ use super::state::Phase;
 use crate::coevolve::correction::LinearCorrection;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
-use crate::coevolve::ledger::Entry;
+use crate::coevolve::ledger::{Entry, PredictedFitness};
 use crate::coevolve::plan::Method;
 use crate::coevolve::promise;
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, UnitPoint};
 use crate::world::Trial;
 
-/// Tests wear a robot out: where so many gave nothing, and none anything, somebody has to look before there are more.
+/// A run stops after this many tests if none returned usable data: tests wear a robot out.
 const VAIN: usize = 3;
 
 impl Coevolution {
@@ -24,14 +24,14 @@ impl Coevolution {
         testing: Option<AnySearch>,
     ) -> StepOutcome {
         let explores = testing.is_none();
-        if self.state.ledger.spent() >= VAIN && self.in_vain(on, explores) {
+        if self.state.ledger.spent() >= VAIN && self.no_usable_test(on, explores) {
             return self.stop(StopReason::NoRealData);
         }
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
-        let promised = self.promised(on, &queue[next / on.simulator.scenarios()]);
+        let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()]);
         let result =
-            on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, promised, on.reality));
+            on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
             Ok(()) => StepOutcome::Tested,
@@ -39,11 +39,11 @@ impl Coevolution {
         }
     }
 
-    /// Whether no real test gave anything that could be used: to find a simulation with, or a fitness alone.
-    fn in_vain(&self, on: &Environment<'_>, explores: bool) -> bool {
+    /// Whether no real test returned usable data: a comparable behaviour for step 3, or a fitness otherwise.
+    fn no_usable_test(&self, on: &Environment<'_>, explores: bool) -> bool {
         let compares = explores && !matches!(self.plan.method, Method::LinearCorrection | Method::QualityDiversity);
         let is_of_use = |entry: &Entry| match entry.behaviour() {
-            // What cannot be compared with itself cannot be compared with anything.
+            // A behaviour that cannot be compared with itself cannot be compared with any other.
             Some(real) if compares => on.distance.distance(real, real).is_finite(),
             Some(real) => real.fitness.is_finite(),
             None => false,
@@ -52,19 +52,21 @@ impl Coevolution {
     }
 
     /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior or a map.
-    fn promised(&mut self, on: &Environment<'_>, controller: &ScoredController) -> (Option<f64>, Option<[f64; 2]>) {
+    fn predicted(&mut self, on: &Environment<'_>, controller: &ScoredController) -> PredictedFitness {
         if self.plan.method == Method::QualityDiversity {
-            return self.promised_by_map(on, controller);
+            return self.predicted_by_map(on, controller);
         }
         if self.plan.posterior.is_none() || !controller.fitness.is_finite() {
-            return (Some(controller.fitness).filter(|fitness| fitness.is_finite()), None);
+            let value = Some(controller.fitness).filter(|fitness| fitness.is_finite());
+            return PredictedFitness { value, ci95: None };
         }
-        let draws = self.doubtful(on, Stream::Promises, promise::DRAWS);
+        let draws = self.posterior_draws(on, Stream::Promises, promise::DRAWS);
         let simulations = std::iter::once(self.state.simulation.clone()).chain(draws).collect::<Vec<_>>();
         let units = std::slice::from_ref(&controller.unit);
         let of = evaluate::fitness_in(on.simulator, &simulations, units, &mut self.state.cost).concat();
         let (fitness, draws) = of.split_at(1);
-        (fitness.first().copied().filter(|fitness| fitness.is_finite()), promise::interval(draws))
+        let value = fitness.first().copied().filter(|fitness| fitness.is_finite());
+        PredictedFitness { value, ci95: promise::interval(draws) }
     }
 
     /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
@@ -80,7 +82,7 @@ impl Coevolution {
         .collect()
     }
 
-    /// All tests of the iteration are done: tell the search that waited for them, or go on to step 3.
+    /// All tests of the iteration are done: reports them to the search in reality, or goes on to step 3.
     pub(super) fn transferred(
         &mut self,
         on: &mut Environment<'_>,
@@ -88,11 +90,11 @@ impl Coevolution {
         testing: Option<AnySearch>,
     ) -> StepOutcome {
         if let Some(search) = testing {
-            return self.told(on, queue, search);
+            return self.finish_real_generation(on, queue, search);
         }
-        // Of a map one controller is tried at a time; that the first one falls over says nothing of the others.
+        // A map's controllers are tried one at a time; a failure of the first is no evidence on the others.
         let goes_on = self.plan.method == Method::QualityDiversity && self.state.ledger.spent() > 0;
-        if !goes_on && self.in_vain(on, true) {
+        if !goes_on && self.no_usable_test(on, true) {
             return self.stop(StopReason::NoRealData);
         }
         match self.plan.method {
@@ -109,8 +111,8 @@ impl Coevolution {
         self.step(on)
     }
 
-    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: what was promised when a test was asked
-    /// for has the estimate of that time in it.
+    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: the fitness predicted before each test
+    /// contains the estimate of that time.
     fn correct(&mut self, on: &Environment<'_>) {
         let entries = self.state.ledger.entries().iter();
         let tested: Vec<(UnitPoint, f64)> = entries

@@ -1,4 +1,4 @@
-//! Whether a plan can be carried out.
+//! Validation of plans.
 
 use crate::coevolve::map::MapError;
 use crate::coevolve::plan::{Method, Plan, Rule};
@@ -19,7 +19,7 @@ pub enum PlanError {
     /// A posterior without a likelihood.
     #[error("[coevolve.posterior] needs a distance that knows the noise")]
     NoLikelihood,
-    /// A rule of transfer that goes by a posterior, without one.
+    /// A rule of transfer that needs a posterior, without one.
     #[error("the rule `informative` needs [coevolve.posterior]")]
     NoPosterior,
     /// No iteration at all.

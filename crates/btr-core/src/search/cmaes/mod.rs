@@ -2,6 +2,8 @@
 //!
 //! The strategy is Hansen's (see `run.rs`), restarted with a doubled population whenever it has converged or stagnates
 //! (A. Auger and N. Hansen, "A restart CMA evolution strategy with increasing population size", CEC 2005).
+//!
+//! It is btr's own because its state must be plain data: a checkpoint after any generation resumes with the same bits.
 
 mod run;
 mod stop;
@@ -25,10 +27,11 @@ pub struct CmaEsSettings {
     /// Standard deviation at the start, as a share of each parameter's range; 0.25.
     #[serde(deserialize_with = "settings::positive")]
     pub sigma: f64,
-    /// The same for a search that starts from a seed, which is expected to be near; like `sigma` unless given.
+    /// Standard deviation at the start of a search that starts from a seed, near which the optimum is expected; `sigma` unless
+    /// given.
     #[serde(deserialize_with = "settings::maybe_positive")]
     pub seeded_sigma: Option<f64>,
-    /// How often to start again elsewhere, each time with twice the population; 9.
+    /// Number of restarts from a random point, each with twice the population; 9.
     pub restarts: u32,
 }
 
@@ -47,8 +50,8 @@ impl CmaEsSettings {
     }
 }
 
-/// CMA-ES with restarts. The first run starts from the seed, later ones from random places; the best point ever told is
-/// kept. When the restarts are used up the last run keeps being asked, but learns nothing more.
+/// CMA-ES with restarts. The first run starts from the seed, later ones from random places; the best point of all is
+/// kept. When the restarts are used up the last run still proposes populations, but no longer learns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CmaEs {
     settings: CmaEsSettings,
@@ -67,12 +70,12 @@ impl CmaEs {
         CmaEs { settings, dims, restarts: 0, run, best: Best::default() }
     }
 
-    /// How often it has started again.
+    /// Number of restarts so far.
     pub fn restarts(&self) -> u32 {
         self.restarts
     }
 
-    /// Why it learns nothing more; `None` while there is something to find, or a restart left.
+    /// Why the search no longer learns; `None` while it does, or while a restart is left.
     pub fn ended(&self) -> Option<CmaStop> {
         let restarts_left = self.restarts < self.settings.restarts;
         if self.dims == 0 || restarts_left { None } else { self.run.ended() }

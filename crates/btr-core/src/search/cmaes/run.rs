@@ -29,7 +29,7 @@ pub(super) struct Distribution {
     lengths: DVector<f64>,
     path_sigma: DVector<f64>,
     path_c: DVector<f64>,
-    /// The steps y of the population last asked for, in units of sigma.
+    /// The steps y of the last proposed population, in units of sigma.
     steps: Vec<DVector<f64>>,
     history: CostHistory,
 }
@@ -64,7 +64,7 @@ impl Distribution {
         self.steps.iter().map(|y| (&self.mean + y * self.sigma).iter().map(|x| fold(*x)).collect()).collect()
     }
 
-    /// Learns from the costs of the population last asked for. Nothing is learnt when there is none, when the costs are
+    /// Learns from the costs of the last proposed population. Nothing is learnt when there is none, when the costs are
     /// of another one, or when everything failed.
     pub(super) fn tell(&mut self, costs: &[f64]) {
         if costs.len() != self.steps.len() || costs.is_empty() {

@@ -1,6 +1,6 @@
-//! Has the robot changed? Where nothing explains a fresh test beside those before it, although what was believed explained several
-//! or had foretold one, either the robot is another one, or the fresh test shows what S lacks. The test before it is repeated: if
-//! that comes as it was foretold once more, the robot is the same.
+//! Detection of a changed robot. Where no simulation explains a fresh test together with those before it, although the belief
+//! explained several or had predicted one, either the robot has changed, or the fresh test shows what S lacks. The test before it
+//! is repeated: if that is as predicted once more, the robot has not changed.
 
 use crate::coevolve::drift::Drift;
 use crate::coevolve::estimation::Posterior;
@@ -15,12 +15,12 @@ impl Coevolution {
         &entries[self.state.since.min(entries.len())..]
     }
 
-    /// The first real test that nothing explains beside those before it, as long as nobody knows why.
+    /// The first real test that no simulation explains together with those before it, until the cause is known.
     pub fn suspicion(&self) -> Option<&Entry> {
         self.state.ledger.entries().get(self.state.suspicion?)
     }
 
-    /// What was believed does not go with the tests of this iteration.
+    /// Marks the tests of this iteration as contradicting the belief.
     pub(in crate::coevolve::run) fn suspect(&mut self) {
         let first = self.state.ledger.of_iteration(self.state.iteration).first().map(|entry| entry.trial.number);
         self.state.suspicion = first.filter(|&first| first > self.state.since);
@@ -36,12 +36,12 @@ impl Coevolution {
         Some(ScoredController { unit, fitness: before.promised.unwrap_or(f64::NAN), generation: 0 })
     }
 
-    /// The repeated test has been made. Where it was not `as_foretold`, the robot has changed: from the suspicious test on, only
-    /// what it does now counts.
-    pub(in crate::coevolve::run) fn resolve(&mut self, as_foretold: bool) {
+    /// The repeated test is done. Unless it was `as_predicted`, the robot has changed: only the tests from the suspicious one on
+    /// count.
+    pub(in crate::coevolve::run) fn resolve(&mut self, as_predicted: bool) {
         let Some(first) = self.state.suspicion.take() else { return };
         self.state.confirmed = false;
-        if as_foretold {
+        if as_predicted {
             return;
         }
         let former = self.belief();
@@ -52,7 +52,7 @@ impl Coevolution {
         }
     }
 
-    /// Brings the record of the last change up to date with what is believed now.
+    /// Updates the record of the last change with the present estimate.
     pub(in crate::coevolve::run) fn compare_with_before(&mut self, on: &Environment<'_>) {
         let (Some(drift), Some(now)) = (self.state.history.drifts.last_mut(), &self.state.estimated) else { return };
         drift.compare(on.simulator.simulations(), &now.belief, now.explains);
@@ -76,12 +76,12 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_changes_is_told_from_one_that_does_not() {
+    fn a_robot_that_changes_is_detected() {
         let toy = Toy::driven(0.0, &[]);
         for seed in 0..4 {
             let robot = ToyRobot::new(&toy, &[1.7, 1.13], seed);
             assert_eq!(run(&toy, ToyRobot { later: None, ..robot }).history().drifts, []);
-            // Before anything was foretold, and after.
+            // Before the first prediction, and after.
             for from in [2, 4] {
                 let robot = ToyRobot::new(&toy, &[1.7, 1.13], seed);
                 let changed = run(&toy, ToyRobot { later: Some((from, vec![1.7, 1.25])), ..robot });
@@ -91,15 +91,15 @@ mod tests {
                 assert!(drift.before_test == from && drift.iteration == from + 1 && drift.explained, "{drift:?}");
                 assert_eq!(drift.changed.iter().map(|change| change.parameter.as_str()).collect::<Vec<_>>(), ["gain"]);
                 assert!((drift.changed[0].after - 1.25).abs() < 0.01, "{drift:?}");
-                // What the robot does no more is not recommended.
+                // Tests before the change are not recommended.
                 assert!(changed.best_tested().unwrap().trial.number >= from);
             }
         }
     }
 
     #[test]
-    fn what_s_lacks_in_new_motions_is_no_change_of_the_robot() {
-        // Fitter and fitter swings come into the range where the robot is stuck.
+    fn an_effect_that_s_lacks_is_not_taken_for_a_change_of_the_robot() {
+        // The search moves towards amplitudes at which the robot sticks.
         let (simulator, stuck) = (Toy::driven(0.0, &[]), Toy::driven(0.5008, &[]));
         let mut repeats = 0;
         for seed in 0..8 {
@@ -108,7 +108,7 @@ mod tests {
             let tests = run.ledger().entries();
             let again =
                 |k: usize| tests[k + 1..].iter().any(|later| later.trial.controller == tests[k].trial.controller);
-            // It may never come there; where it has, nothing explains that.
+            // It may never get there; where it does, no simulation explains the tests.
             let repeated = (0..tests.len()).any(again);
             let explained = run.history().iterations.last().unwrap().posterior.as_ref().unwrap().explained;
             assert!(!(repeated && explained));

@@ -1,6 +1,6 @@
 //! The paper's self-organising re-parametrisation (principle P3): where S cannot reproduce what the robot does, S itself grows.
-//! The run goes on with everything it has learnt; what was estimated before stands in the larger S with the new dimensions at
-//! their nominal values, which is where an effect is off.
+//! The run goes on with everything it has learnt; the earlier estimate extends to the larger S with the new dimensions at
+//! their nominal values, at which an effect is off.
 
 use crate::coevolve::estimation::{Estimated, Explanation};
 use crate::coevolve::history::{Augmentation, Side};
@@ -22,7 +22,7 @@ impl Coevolution {
         });
         self.state.simulation.extend(&off);
         self.state.start.extend(&off);
-        // The bounds of what is new are all that is known of it.
+        // Only the bounds of the new dimensions are known.
         let new_units = added.iter().zip(&off).map(|(dim, x)| dim.to_unit(*x));
         self.state.prior.extend(new_units);
         if let Some(estimated) = &mut self.state.estimated {
@@ -45,8 +45,8 @@ impl Coevolution {
         }
     }
 
-    /// Goes on from what is known to explain the real tests in this S, before any new one is asked for; a run that had stopped
-    /// makes one more iteration. False where it is not of this S, or no step 3 is due.
+    /// Continues from an estimate that explains the real tests in this S, before any new test; a run that had stopped makes one
+    /// more iteration. False where the estimate is not of this S, or no step 3 is due.
     pub fn explain(&mut self, simulations: &Space, known: &Explanation) -> bool {
         let Some(belief) = known.estimated.belief.carried(&known.space, simulations) else { return false };
         if simulations.len() != known.space.len() {
@@ -61,14 +61,14 @@ impl Coevolution {
         true
     }
 
-    /// Step 3 on the tests there are.
+    /// Step 3 on the existing tests.
     pub(in crate::coevolve::run) fn enlarged(
         &mut self,
         on: &mut Environment<'_>,
         known: Option<Estimated>,
     ) -> StepOutcome {
         if known.is_some() {
-            return self.settled(on, known);
+            return self.finish_estimation(on, known);
         }
         let tested = self.state.ledger.entries().iter().rev().find(|entry| entry.behaviour().is_some());
         let latest = tested.map_or(self.state.iteration, |entry| entry.trial.iteration);
@@ -95,13 +95,13 @@ mod tests {
         }
     }
 
-    /// How often step 3 looked.
+    /// Number of turns of step 3.
     fn turns(run: &Coevolution) -> usize {
         run.history().generations.iter().filter(|g| g.side == Side::Simulators).count()
     }
 
     #[test]
-    fn a_run_that_is_told_what_explains_its_tests_goes_on_from_there() {
+    fn a_run_continues_from_a_given_explanation_of_its_tests() {
         let truth = [1.7, 1.13, 0.05];
         let drift = Dim::new("drift.rate@toy", "1/s", -2.0, 2.0).nominal(0.0);
         let (small, larger) = (Toy::driven(0.0, &[]), Toy::driven(0.0, &[drift]));
@@ -112,7 +112,7 @@ mod tests {
             stopped(&mut run, &mut Environment { simulator: &small, distance: &distance, reality: &mut robot });
         assert_eq!(reason, StopReason::Disengaged);
 
-        // Whoever found it had the parameters in another order and within other bounds.
+        // The explanation has the parameters in another order and within other bounds.
         let of = |name, low, high| Dim::new(name, "1", low, high);
         let dims = vec![of("drift.rate@toy", -1.0, 1.0), of("gain", 0.0, 2.0), of("rate", 1.0, 3.0)];
         let space = Space::new(dims).unwrap();
@@ -122,13 +122,13 @@ mod tests {
         let known = Explanation { space, estimated };
         assert!(!run.explain(&small.space, &known), "it is of another S");
 
-        let looked = turns(&run);
+        let turns_before = turns(&run);
         run.enlarge(&larger.space);
         assert!(run.explain(&larger.space, &known));
         let reason =
             stopped(&mut run, &mut Environment { simulator: &larger, distance: &distance, reality: &mut robot });
         assert_ne!(reason, StopReason::Disengaged);
-        assert_eq!(turns(&run), looked, "what is known need not be sought");
+        assert_eq!(turns(&run), turns_before, "a known explanation needs no estimate");
         for (found, truth) in run.simulation().iter().zip(truth) {
             assert!((found - truth).abs() < 1e-9, "{found} {truth}");
         }

@@ -64,7 +64,7 @@ impl Coevolution {
         let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
         let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
         search.tell(&units, &scores);
-        self.write_down(generation, points, &scores);
+        self.record_generation(generation, points, &scores);
         tried.extend(units.into_iter().zip(scores));
         let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
         if generation < generations && !self.found(&tried) {
@@ -105,7 +105,7 @@ impl Coevolution {
         let space = on.simulator.simulations();
         let (points, scores): (Vec<_>, Vec<_>) =
             tried[from..].iter().map(|(u, phi)| (space.from_unit(u), *phi)).unzip();
-        self.write_down(generation, points, &scores);
+        self.record_generation(generation, points, &scores);
         if generation < self.plan.simulator_generations() && !self.found(&tried) {
             self.state.phase = Phase::Refine { search, tests, tried, generation: generation + 1 };
         } else {
@@ -132,7 +132,12 @@ impl Coevolution {
         residuals
     }
 
-    pub(in crate::coevolve::run) fn write_down(&mut self, generation: usize, points: Vec<Vec<f64>>, scores: &[f64]) {
+    pub(in crate::coevolve::run) fn record_generation(
+        &mut self,
+        generation: usize,
+        points: Vec<Vec<f64>>,
+        scores: &[f64],
+    ) {
         let which = (self.state.iteration, generation, Side::Simulators);
         self.state.history.generations.push(Generation::new(which, points, scores));
     }
