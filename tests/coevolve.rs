@@ -1,4 +1,4 @@
-//! What the loop finds, and when it gives up: planted truths.
+//! The loop on known truths: what it finds, and when it reports disengagement.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use btr_core::coevolve::{Coevolution, Side, StopReason, phi};
@@ -56,7 +56,7 @@ fn least_squares_finish_what_a_short_search_began() {
     assert!(error(fine.simulation()) < 1e-6, "{:?}", fine.simulation());
     let phis = |run: &Coevolution| run.history().iterations[0].phi.unwrap();
     assert!(phis(&fine) < 1e-6 * phis(&rough));
-    // A distance that is no sum of squares goes without.
+    // Other distances ignore `refine`.
     assert_eq!(short(8, "spectrum").history().generations.len(), short(0, "spectrum").history().generations.len());
 }
 
@@ -83,7 +83,8 @@ fn estimation_exploration_finds_them_and_exploits_last() {
 
 #[test]
 fn a_planted_linear_discrepancy_is_recovered_without_touching_the_simulation() {
-    // The nominal simulation is the truth but for 0.5 − 0.3·(amplitude − 1) in fitness: on the unit cube, −0.6 per unit.
+    // The nominal simulation is the truth but for 0.5 − 0.3·(amplitude − 1) in fitness: on the unit cube, −0.6 per
+    // unit.
     let mut reality = Hidden::new(Oscillator::new().unwrap(), [1.5, 0.2]).with_bonus(|c| 0.5 - 0.3 * (c[0] - 1.0));
     let (run, _) = run("method = 'linear_correction'\niterations = 5", &mut reality);
     assert_eq!(run.simulation(), run.start());
@@ -102,13 +103,13 @@ fn reality_only_spends_its_budget_and_no_simulation() {
     for budget in [1, 7, 40, 59] {
         let mut reality = honest();
         let (run, reason) = run(&format!("method = 'reality_only'\nreal_tests = {budget}"), &mut reality);
-        assert_eq!((run.ledger().spent(), reality.asked.len()), (budget, budget));
+        assert_eq!((run.ledger().spent(), reality.trials.len()), (budget, budget));
         assert_eq!((run.cost().evaluations, reason), (0, StopReason::RealTestsSpent), "budget {budget}");
     }
 }
 
 #[test]
-fn a_reality_inside_s_is_not_given_up() {
+fn a_reality_inside_s_does_not_disengage() {
     for distance in ["fitness", "rmse"] {
         let (run, reason) = run(&format!("distance = '{distance}'\niterations = 8"), &mut honest());
         assert_eq!(reason, StopReason::IterationsDone, "{distance}");
@@ -117,7 +118,7 @@ fn a_reality_inside_s_is_not_given_up() {
 }
 
 #[test]
-fn a_reality_outside_s_is_given_up_with_evidence() {
+fn a_reality_outside_s_disengages_with_evidence() {
     let world = Oscillator::new().unwrap().moved_by(0.5);
     let (run, reason) = run("distance = 'rmse'\niterations = 30", &mut Hidden::new(world, [4.5, 0.5]));
     assert_eq!(reason, StopReason::Disengaged);
@@ -133,7 +134,7 @@ fn a_reality_outside_s_is_given_up_with_evidence() {
 }
 
 #[test]
-fn a_truth_beyond_a_bound_is_seen_at_the_bound() {
+fn a_truth_beyond_a_bound_is_reported_at_the_bound() {
     let (run, _) = run("distance = 'rmse'", &mut Hidden::new(Oscillator::new().unwrap(), [3.4, 0.5]));
     assert_eq!(run.history().iterations.last().unwrap().evidence.at_bound, ["omega"], "{:?}", run.simulation());
 }
@@ -144,7 +145,7 @@ fn goals_end_the_run_and_the_search() {
     assert_eq!(reason, StopReason::GoalReached);
     assert!(run.history().iterations.len() < 10 && run.best_tested().unwrap().fitness().unwrap() >= 0.2);
 
-    // Where every iteration forgets, phi of its own transfers decides alone whether the search rests.
+    // Without memory, phi of the iteration's own transfers alone decides whether the search pauses.
     let (run, _) = self::run("phi_goal = 0.02\nmemory = 'none'", &mut honest());
     let of =
         |i: usize| run.history().generations.iter().filter(|g| g.iteration == i && g.side == Side::Simulators).count();
@@ -156,7 +157,7 @@ fn goals_end_the_run_and_the_search() {
     }
 }
 
-/// phi of a simulation on some tests, by hand.
+/// phi of a simulation on some tests, computed directly.
 fn phi_of(s: &[f64], tests: &[&btr_core::coevolve::Entry], distance: &dyn Distance) -> f64 {
     let world = Oscillator::new().unwrap();
     let of = |e: &&btr_core::coevolve::Entry| {

@@ -1,4 +1,4 @@
-//! A world small enough to reason about, for the laws of the loop: a damped oscillation that is set off by a controller.
+//! A small analytic world for tests of the loop: a damped oscillation whose amplitude and phase are the controller.
 
 use btr_core::coevolve::{Coevolution, Environment, Plan, StepOutcome, StopReason};
 use btr_core::distance::Distance;
@@ -13,15 +13,15 @@ const SAMPLE_S: f64 = 0.05;
 
 /// q(t) = amplitude·exp(−damping·t)·cos(omega·t + phase): S is (omega, damping), C is (amplitude, phase).
 ///
-/// The task is to be far out at t = 1 s for little amplitude: f = q(1 s) − 0.2·amplitude². Scenario k lets k times 0.3 s
-/// pass before the clock starts.
+/// The task is to be far out at t = 1 s for little amplitude: f = q(1 s) − 0.2·amplitude². Scenario k lets k times 0.3
+/// s pass before the clock starts.
 pub struct Oscillator {
     simulations: Space,
     controllers: Space,
     scenarios: usize,
-    /// Which controllers its simulation cannot cope with.
+    /// Controllers whose simulation fails.
     refuses: fn(&[f64]) -> bool,
-    /// Moves every q: something that no point of S can imitate.
+    /// Offset of every q, which no point of S can reproduce.
     offset: f64,
 }
 
@@ -43,14 +43,14 @@ impl Oscillator {
         })
     }
 
-    /// The same with several situations.
+    /// The same with several scenarios.
     #[must_use]
     pub fn scenarios(mut self, count: usize) -> Self {
         self.scenarios = count;
         self
     }
 
-    /// The same, blowing up for some controllers.
+    /// The same, with simulations that diverge for some controllers.
     #[must_use]
     pub fn refusing(mut self, refuses: fn(&[f64]) -> bool) -> Self {
         self.refuses = refuses;
@@ -103,22 +103,22 @@ impl Simulator for Oscillator {
     }
 }
 
-/// A reality that counts what it is asked.
+/// A reality that records its trials.
 pub struct Hidden {
     world: Oscillator,
     truth: [f64; 2],
     /// Which trials cannot be carried out.
     fails: fn(&Trial) -> bool,
-    /// Added to f on top of what the world says, as a function of the controller.
+    /// Added to f, as a function of the controller.
     bonus: fn(&[f64]) -> f64,
-    /// Every trial asked for the first time.
-    pub asked: Vec<Trial>,
+    /// Every distinct trial.
+    pub trials: Vec<Trial>,
 }
 
 impl Hidden {
     /// The oscillator of this omega and damping.
     pub fn new(world: Oscillator, truth: [f64; 2]) -> Self {
-        Hidden { world, truth, fails: |_| false, bonus: |_| 0.0, asked: Vec::new() }
+        Hidden { world, truth, fails: |_| false, bonus: |_| 0.0, trials: Vec::new() }
     }
 
     /// The same, unable to carry out some trials.
@@ -138,8 +138,8 @@ impl Hidden {
 
 impl Reality for Hidden {
     fn test(&mut self, trial: &Trial) -> Outcome {
-        if !self.asked.contains(trial) {
-            self.asked.push(trial.clone());
+        if !self.trials.contains(trial) {
+            self.trials.push(trial.clone());
         }
         if (self.fails)(trial) {
             return Outcome::Failed { why: "it fell off the table".to_owned() };

@@ -7,13 +7,13 @@ use btr_core::space::Space;
 use btr_core::world::{Behaviour, Measure, Simulator, WorldError};
 use btr_tests::{Hidden, Oscillator, finish, plan};
 
-/// The simulation as it is; what is wrong with the robot lies elsewhere.
+/// The simulation without the robot's damage.
 const TRUTH: [f64; 2] = [1.5, 0.2];
 
 const MAP: &str = "method = 'quality_diversity'\niterations = 10\nreal_tests = 10\n[map]\ngenerations = 60\npopulation = 50\n\
     cells = 10\nmutation = 0.05\nlength_scale = 0.1\n[map.descriptors]\nphase = [-3.0, 3.0]\namplitude = [0.0, 2.0]\n";
 
-/// What the damage takes away about the best phase of the simulation, −1.5 rad.
+/// The loss of fitness by the damage near the best phase of the simulation, −1.5 rad.
 fn damage(c: &[f64]) -> f64 {
     if (c[1] + 1.5).abs() < 0.7 { -c[0] } else { 0.0 }
 }
@@ -35,7 +35,7 @@ fn a_damaged_robot_finds_another_kind_of_controller() {
     let world = Oscillator::new().unwrap();
     let (run, reason, outlook) = run(MAP, &mut Hidden::new(Oscillator::new().unwrap(), TRUTH).with_bonus(damage));
     assert_eq!(reason, StopReason::NothingBetter, "{:?}", fitness(&run));
-    // What any controller of the map would have done.
+    // The real fitness of every controller of the map.
     let real = |c: &[f64]| world.behave(&TRUTH, c, 0).unwrap().fitness + damage(c);
     let best = outlook.elites.iter().map(|elite| real(&elite.controller)).fold(f64::MIN, f64::max);
     let tried = fitness(&run);
@@ -54,7 +54,7 @@ fn a_damaged_robot_finds_another_kind_of_controller() {
 }
 
 #[test]
-fn a_sound_robot_takes_the_first() {
+fn an_undamaged_robot_takes_the_first_controller() {
     let (run, reason, outlook) = run(MAP, &mut Hidden::new(Oscillator::new().unwrap(), TRUTH));
     assert_eq!((reason, run.ledger().spent()), (StopReason::NothingBetter, 1));
     assert_eq!((outlook.cells, outlook.elites.len()), (100, 100));
@@ -62,10 +62,10 @@ fn a_sound_robot_takes_the_first() {
 }
 
 #[test]
-fn failures_count_as_spent_and_drive_it_away() {
+fn failures_count_as_spent_and_repel_the_choice() {
     let mut reality = Hidden::new(Oscillator::new().unwrap(), TRUTH).failing(|trial| damage(&trial.controller) < 0.0);
     let (run, reason, _) = run(MAP, &mut reality);
-    assert_eq!(reason, StopReason::NoRealData, "three in a row: somebody has to look");
+    assert_eq!(reason, StopReason::NoRealData, "three failures in a row");
     assert_eq!(run.ledger().spent(), 3);
     let mut reality = Hidden::new(Oscillator::new().unwrap(), TRUTH).failing(|trial| trial.number == 0);
     let (run, reason, outlook) = self::run(MAP, &mut reality);
@@ -105,7 +105,7 @@ fn last(log: &Log) -> Result<f64, LogError> {
 }
 
 #[test]
-fn behaviours_are_told_apart_by_what_was_measured() {
+fn measures_of_behaviour_are_descriptors() {
     let world = MeasuredChannel(Oscillator::new().unwrap().scenarios(2));
     let changes = MAP.replace("phase = [-3.0, 3.0]", "last = [-1.0, 1.0]").replace("amplitude =", "'ampl' =");
     assert!(matches!(
@@ -131,7 +131,7 @@ fn behaviours_are_told_apart_by_what_was_measured() {
 }
 
 #[test]
-fn maps_that_cannot_be_made_are_refused() {
+fn invalid_map_settings_are_refused() {
     let refused = |changes: &str| {
         let world = Oscillator::new().unwrap();
         Coevolution::new(plan(changes).unwrap(), 1, &world).unwrap_err().to_string()

@@ -1,4 +1,4 @@
-//! Which controllers reality is asked to try, and how often: step 2 and the ledger.
+//! Step 2 and the ledger: which controllers are tried in reality, and how often.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use btr_core::coevolve::{Coevolution, Method, Side, StopReason, TestVerdict};
@@ -18,8 +18,8 @@ fn honest() -> Hidden {
     Hidden::new(Oscillator::new().unwrap(), TRUTH)
 }
 
-/// What the first iteration's transfers were promised, and the same worked out from its generations: the last generation
-/// first, fittest first, nobody twice.
+/// The predicted fitness of the first iteration's transfers, and the same computed from its generations: the last
+/// generation first, in descending fitness, none twice.
 fn promised_and_expected(run: &Coevolution, m: usize) -> (Vec<f64>, Vec<f64>) {
     let mine = run.ledger().entries().iter().filter(|e| e.trial.iteration == 1);
     let promised = mine.map(|e| e.promised.unwrap()).collect();
@@ -50,9 +50,9 @@ fn the_fittest_share_of_the_last_generation_is_tried_fittest_first() {
 
 #[test]
 fn earlier_generations_fill_up_where_too_few_can_be_transferred() {
-    // Three in four controllers blow up, as if at random.
+    // Three in four controllers diverge, pseudo-randomly.
     let world = Oscillator::new().unwrap().refusing(|c| (c[0] * 1e7).fract() > 0.25);
-    // CMA-ES asks for new points every time, so it cannot live on the few that work.
+    // CMA-ES proposes new points every time, so it cannot carry over the few that work.
     let search =
         "iterations = 1\ncontrollers = { generations = 6, search = { algorithm = 'cma_es', population = 20 } }";
     let (run, _) = run(search, 1, &world, &mut honest());
@@ -64,7 +64,7 @@ fn earlier_generations_fill_up_where_too_few_can_be_transferred() {
 }
 
 #[test]
-fn every_rule_begins_with_the_fittest_and_tries_nobody_twice() {
+fn every_rule_begins_with_the_fittest_and_tries_no_controller_twice() {
     for rule in ["fittest", "neighbourhood", "disagreement"] {
         let world = Oscillator::new().unwrap();
         let changes = format!("transfer = {{ rule = '{rule}', count = 6, rivals = 3 }}\ndistance = 'rmse'");
@@ -98,7 +98,7 @@ fn failed_real_tests_are_spent_and_do_not_stop_the_loop() {
     let world = Oscillator::new().unwrap();
     let (run, reason) = run("iterations = 5\nreal_tests = 40", 1, &world, &mut reality);
     assert_eq!(reason, StopReason::RealTestsSpent);
-    assert_eq!((run.ledger().spent(), reality.asked.len()), (40, 40));
+    assert_eq!((run.ledger().spent(), reality.trials.len()), (40, 40));
     let failed = run.ledger().entries().iter().filter(|e| matches!(e.verdict, TestVerdict::Failed { .. }));
     assert_eq!(failed.count(), 14);
     let error = run.simulation().iter().zip(TRUTH).map(|(s, t)| (s / t - 1.0).abs()).fold(0.0, f64::max);
@@ -114,7 +114,7 @@ fn a_reality_that_always_fails_ends_the_run_after_three_tests() {
 }
 
 #[test]
-fn a_world_that_copes_with_nobody_ends_without_a_real_test() {
+fn a_simulator_that_always_fails_ends_without_a_real_test() {
     let world = Oscillator::new().unwrap().refusing(|_| true);
     let (run, reason) = run("", 1, &world, &mut honest());
     assert_eq!((reason, run.ledger().spent()), (StopReason::NoRealData, 0));
@@ -152,9 +152,9 @@ proptest! {
         let mut reality = if clumsy { reality.failing(|trial| trial.number % 2 == 0) } else { reality };
         let (run, _) = run(&changes, seed, &world, &mut reality);
         let (budget, spent) = (run.plan().real_tests.unwrap(), run.ledger().spent());
-        prop_assert!(spent <= budget && reality.asked.len() == spent, "{} asked, {spent} spent of {budget}", reality.asked.len());
+        prop_assert!(spent <= budget && reality.trials.len() == spent, "{} trials, {spent} spent of {budget}", reality.trials.len());
         prop_assert!(run.ledger().entries().iter().enumerate().all(|(k, e)| e.trial.number == k));
-        // Where reality judges the search itself, its elite is asked again like everybody else.
+        // Where the search runs in reality, its elite is tested again like any other individual.
         if run.plan().method != Method::RealityOnly {
             let tried: Vec<_> = run.ledger().entries().iter().map(|e| (&e.trial.controller, e.trial.scenario)).collect();
             let twice = tried.iter().enumerate().find(|(k, a)| tried[..*k].contains(a));

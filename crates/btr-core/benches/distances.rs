@@ -1,7 +1,7 @@
-//! What a distance costs at the paper's size: N = 4024 samples of 22 commands and 22 sensors.
+//! Time of a distance at the paper's size: N = 4024 samples of 22 commands and 22 sensors.
 //!
 //! `cargo bench -p btr-core`.
-#![allow(clippy::expect_used, reason = "a benchmark has nobody to report to")]
+#![allow(clippy::expect_used, reason = "a benchmark has no caller to report to")]
 
 use btr_core::distance::{DISTANCES, DistanceSpec};
 use btr_core::log::{Log, Role};

@@ -16,7 +16,8 @@
 //! - [`random`], [`parallel`]: reproducible random streams, and batches of parallel work
 //!
 //! # Quick start
-//! A search proposes points of the unit cube and learns from their costs; a [`space::Space`] gives the points their units:
+//! A search proposes points of the unit cube and learns from their costs; a [`space::Space`] gives the points their
+//! units:
 //!
 //! ```
 //! use btr_core::random::stream;
@@ -59,9 +60,9 @@
 //! ```
 //!
 //! # Reproducibility
-//! The same input and seed give the same bits, for any number of threads and after any resume. Random numbers belong to their
-//! consumer ([`random`]), populations are evaluated in parallel and collected in order, nothing iterates over a hash map, and
-//! no wall-clock time enters a result.
+//! The same input and seed give the same bits, for any number of threads and after any resume. Random numbers belong to
+//! their consumer ([`random`]), populations are evaluated in parallel and collected in order, nothing iterates over a
+//! hash map, and no wall-clock time enters a result.
 
 pub mod coevolve;
 pub mod distance;

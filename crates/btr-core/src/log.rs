@@ -11,7 +11,8 @@ pub enum Role {
     Command,
     /// A sensor's reading (the paper's sensor history I).
     Measured,
-    /// A quantity that no sensor of the robot measures, but a tracker or the simulator knows (base pose, ball, true torque).
+    /// A quantity that no sensor of the robot measures, but a tracker or the simulator knows (base pose, ball, true
+    /// torque).
     Truth,
 }
 
@@ -148,8 +149,8 @@ impl Log {
         Log { clock_s: self.clock_s[samples.clone()].to_vec(), channels }
     }
 
-    /// The usual time between two samples, in seconds: the mean, in which jitter cancels, over all steps that are no gaps
-    /// (longer than one and a half medians). `None` with fewer than two samples.
+    /// The usual time between two samples, in seconds: the mean, in which jitter cancels, over all steps that are no
+    /// gaps (longer than one and a half medians). `None` with fewer than two samples.
     pub fn usual_step_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let middle = steps.len() / 2;
@@ -231,8 +232,8 @@ pub fn interpolate(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
     })
 }
 
-/// Interpolation of `(x, y)` at increasing `at` by the cubics that have these slopes at the samples (C. Hermite); held beyond
-/// the ends.
+/// Interpolation of `(x, y)` at increasing `at` by the cubics that have these slopes at the samples (C. Hermite); held
+/// beyond the ends.
 pub fn interpolate_smoothly(x: &[f64], y: &[f64], slopes: &[f64], at: &[f64]) -> Vec<f64> {
     sweep(x, y, at, |i, t| {
         let long = x[i + 1] - x[i];

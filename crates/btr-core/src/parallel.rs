@@ -1,7 +1,7 @@
 //! Batch sizes of parallel work.
 
-/// Batch size for `jobs` of which up to `most` run best side by side: all threads get equal work in as few turns as possible.
-/// The batch size affects time only, never results.
+/// Batch size for `jobs` of which up to `most` run best side by side: all threads get equal work in as few turns as
+/// possible. The batch size affects time only, never results.
 pub fn side_by_side(most: usize, jobs: usize) -> usize {
     shared_among(rayon::current_num_threads(), most.max(1), jobs)
 }

@@ -1,10 +1,11 @@
 //! Spaces of parameters: names, units, bounds and scales of what is searched.
 //!
-//! A simulator is a family of models indexed by parameters, and a physical effect is a named group of parameters with an off
-//! value. Fitting a mass, adding friction and re-parametrising the search space are therefore one operation on one space.
+//! A simulator is a family of models indexed by parameters, and a physical effect is a named group of parameters with
+//! an off value. Fitting a mass, adding friction and re-parametrising the search space are therefore one operation on
+//! one space.
 //!
-//! A [`Space`] is the paper's S (simulations) or C (controllers): an ordered list of named dimensions. Searches see only
-//! the unit cube; [`Space::to_unit`] and [`Space::from_unit`] translate.
+//! A [`Space`] is the paper's S (simulations) or C (controllers): an ordered list of named dimensions. Searches see
+//! only the unit cube; [`Space::to_unit`] and [`Space::from_unit`] translate.
 
 use serde::{Deserialize, Serialize};
 

@@ -83,13 +83,13 @@ pub trait Simulator: Sync {
     fn side_by_side(&self) -> usize {
         1
     }
-    /// What [`run`](Self::run) gives for each job, bit by bit, in the order of the jobs. Those that follow each other in one
-    /// scenario may be simulated side by side.
+    /// What [`run`](Self::run) gives for each job, bit by bit, in the order of the jobs. Those that follow each other
+    /// in one scenario may be simulated side by side.
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         jobs.iter().map(|job| self.run(job.s, job.c, job.scenario)).collect()
     }
-    /// The requested output of each job, in the order of the jobs. An executor in another process need not send back whole
-    /// behaviours where only a number is requested.
+    /// The requested output of each job, in the order of the jobs. An executor in another process need not send back
+    /// whole behaviours where only a number is requested.
     fn evaluate_all(&self, jobs: &[Job], requests: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
         self.run_all(jobs).into_iter().zip(requests).map(|(behaviour, request)| Ok(request.of(behaviour?))).collect()
     }
@@ -119,7 +119,8 @@ pub struct Reference<'a> {
     pub compare: &'a (dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
 }
 
-/// How far a behaviour is from another one, with the residuals of which that is the sum of squares, a block per channel.
+/// How far a behaviour is from another one, with the residuals of which that is the sum of squares, a block per
+/// channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
     /// The distance.
@@ -204,8 +205,8 @@ pub trait Reality {
         Ok(())
     }
 
-    /// Carries out one test. For a trial that was carried out before, it returns the same behaviour without moving the robot
-    /// again.
+    /// Carries out one test. For a trial that was carried out before, it returns the same behaviour without moving the
+    /// robot again.
     fn test(&mut self, trial: &Trial) -> Outcome;
 
     /// The behaviour of a test that was carried out before; never moves a robot.

@@ -2,14 +2,14 @@
 //!
 //! The verdict needs all of: phi has stopped falling, it has stopped well above agreement and above the goal that was
 //! set for it, and the simulation keeps mispredicting fresh transfers. The ranks and the pressures are reported as
-//! further evidence. With a posterior the verdict is direct: no simulation of S explains the tests to the noise, from any
-//! start, even where everything that is unpredictable counts as noise.
+//! further evidence. With a posterior the verdict is direct: no simulation of S explains the tests to the noise, from
+//! any start, even where everything that is unpredictable counts as noise.
 
 use super::history::Iteration;
 use super::plan::DisengagementRule;
 
-/// Whether the last iterations amount to disengagement. Where phi was at its goal in one of them, there was nothing left to
-/// learn, and a phi that no longer falls is no evidence.
+/// Whether the last iterations amount to disengagement. Where phi was at its goal in one of them, there was nothing
+/// left to learn, and a phi that no longer falls is no evidence.
 pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi_goal: Option<f64>) -> bool {
     let lately = &iterations[iterations.len().saturating_sub(rule.patience)..];
     if iterations.last().is_some_and(|it| it.posterior.is_some()) {
@@ -31,8 +31,8 @@ pub(super) fn disengaged(iterations: &[Iteration], rule: &DisengagementRule, phi
     stalled && disagrees && mispredicts
 }
 
-/// Whether an estimate from several starts does not explain its tests, with all that is unpredictable counted as noise. Tests
-/// are then chosen by expected information, so that each iteration has fresh ones.
+/// Whether an estimate from several starts does not explain its tests, with all that is unpredictable counted as noise.
+/// Tests are then chosen by expected information, so that each iteration has fresh ones.
 fn unexplained(iteration: &Iteration) -> bool {
     iteration.posterior.as_ref().is_some_and(|estimate| !estimate.explained)
 }

@@ -1,8 +1,8 @@
 //! A robot that changes during a run: a payload was added, a motor has worn.
 //!
-//! Where a belief about S predicted earlier tests and then fails on a fresh one, either the belief was overconfident, or the
-//! robot has changed. It has changed if no simulation explains the old tests and the new ones together, and the new ones alone
-//! contradict the belief. From then on only the new tests count.
+//! Where a belief about S predicted earlier tests and then fails on a fresh one, either the belief was overconfident,
+//! or the robot has changed. It has changed if no simulation explains the old tests and the new ones together, and the
+//! new ones alone contradict the belief. From then on only the new tests count.
 
 use super::estimation::Posterior;
 use super::ledger::Entry;
@@ -20,8 +20,8 @@ pub struct Drift {
     pub before_test: usize,
     /// The iteration in which it was noticed.
     pub iteration: usize,
-    /// Parameters of S that differ significantly by the tests since then, most certain first. Empty where S does not hold what
-    /// has changed.
+    /// Parameters of S that differ significantly by the tests since then, most certain first. Empty where S does not
+    /// hold what has changed.
     pub changed: Vec<Change>,
     /// Whether a simulation of S explains the tests since then.
     pub explained: bool,

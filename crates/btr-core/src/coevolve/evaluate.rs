@@ -60,8 +60,9 @@ pub(super) fn fitness_in(
 /// A quantile of each controller's fitness over some simulations; −∞ where simulations that failed reach up to it.
 pub(super) fn fitness_over(
     simulator: &dyn Simulator,
-    (simulations, quantile): (&[Vec<f64>], f64),
+    simulations: &[Vec<f64>],
     controllers: &[UnitPoint],
+    quantile: f64,
     cost: &mut Cost,
 ) -> Vec<f64> {
     fitness_in(simulator, simulations, controllers, cost).into_iter().map(|row| quantile_of(row, quantile)).collect()
@@ -129,26 +130,50 @@ pub(super) fn distances(
         distance: distance.distance(real, simulated),
         residuals: None,
     };
-    let results = compare_all(simulator, simulations, tests, false, &compare);
+    let results = compare_all(simulator, simulations, tests, Comparison::Distance, &compare);
     cost.count(&results);
     let one =
         |compared: &Result<Compared, WorldError>| compared.as_ref().map_or(f64::INFINITY, |c| worst_if_nan(c.distance));
     results.chunks(tests.len()).map(|row| row.iter().map(one).collect()).collect()
 }
 
-/// How far each simulation is from the real tests, as phi and as residuals; ∞ and `None` where it failed on any of them.
+/// A distance that is a sum of squares, in both of its forms.
+#[derive(Clone, Copy)]
+pub(super) struct ResidualDistance<'a> {
+    distance: &'a dyn Distance,
+    squares: &'a dyn SumOfSquares,
+}
+
+impl<'a> ResidualDistance<'a> {
+    /// `None` for a distance that is not a sum of squares.
+    pub(super) fn of(distance: &'a dyn Distance) -> Option<Self> {
+        distance.as_squares().map(|squares| ResidualDistance { distance, squares })
+    }
+}
+
+/// Output of a comparison with a real test.
+#[derive(Clone, Copy, PartialEq)]
+enum Comparison {
+    /// The distance alone.
+    Distance,
+    /// The distance and the residuals.
+    Residuals,
+}
+
+/// How far each simulation is from the real tests, as phi and as residuals; ∞ and `None` where it failed on any of
+/// them.
 pub(super) fn residuals(
     simulator: &dyn Simulator,
-    (distance, squares): (&dyn Distance, &dyn SumOfSquares),
+    distance: ResidualDistance<'_>,
     simulations: &[Vec<f64>],
     tests: &[&Entry],
     cost: &mut Cost,
 ) -> Vec<(f64, Option<Residuals>)> {
     let compare = |real: &Behaviour, simulated: &Behaviour| Compared {
-        distance: distance.distance(real, simulated),
-        residuals: Some(squares.residuals(real, simulated)),
+        distance: distance.distance.distance(real, simulated),
+        residuals: Some(distance.squares.residuals(real, simulated)),
     };
-    let results = compare_all(simulator, simulations, tests, true, &compare);
+    let results = compare_all(simulator, simulations, tests, Comparison::Residuals, &compare);
     cost.count(&results);
     let mut results = results.into_iter().map(|compared| compared.unwrap_or_else(|_| no_behaviour()));
     let one_simulation = |_: &Vec<f64>| {
@@ -169,7 +194,7 @@ fn compare_all(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
     tests: &[&Entry],
-    squares: bool,
+    comparison: Comparison,
     compare: &(dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
 ) -> Vec<Result<Compared, WorldError>> {
     let (mut which, mut requested) = (Vec::new(), Vec::new());
@@ -177,7 +202,7 @@ fn compare_all(
         let Some(real) = entry.behaviour() else { continue };
         let Trial { number: test, controller, scenario, .. } = &entry.trial;
         which.push(k);
-        let against = Reference { test: *test, real, squares, compare };
+        let against = Reference { test: *test, real, squares: comparison == Comparison::Residuals, compare };
         requested.push((Job { s, c: controller, scenario: *scenario }, OutputRequest::Distance(against)));
     }
     let (jobs, requests): (Vec<Job>, Vec<OutputRequest>) = requested.into_iter().unzip();

@@ -1,5 +1,5 @@
-//! A toy whose truth is known, for the tests of estimates: two parameters of an oscillation, with a jump and, optionally, a
-//! chaotic part.
+//! A toy whose truth is known, for the tests of estimates: two parameters of an oscillation, with a jump and,
+//! optionally, a chaotic part.
 #![allow(clippy::unwrap_used)]
 
 use super::ledger::{Ledger, Memory, PredictedFitness};
@@ -15,8 +15,8 @@ use crate::world::{Behaviour, Outcome, Reality, Simulator, Trial, WorldError};
 const SIGMA: f64 = 0.02;
 const ROWS: usize = 300;
 
-/// `rate` and `gain` of an oscillation, and its drift; in its second half, optionally, a motion that depends chaotically on
-/// both.
+/// `rate` and `gain` of an oscillation, and its drift; in its second half, optionally, a motion that depends
+/// chaotically on both.
 pub(super) struct Toy {
     pub(super) space: Space,
     controllers: Space,

@@ -36,12 +36,17 @@ pub struct Generation {
     pub points: Vec<Vec<f64>>,
 }
 
+/// Place of a generation in a run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GenerationLabel {
+    pub iteration: usize,
+    pub generation: usize,
+    pub side: Side,
+}
+
 impl Generation {
-    pub(super) fn new(
-        (iteration, generation, side): (usize, usize, Side),
-        points: Vec<Vec<f64>>,
-        scores: &[f64],
-    ) -> Self {
+    pub(super) fn new(label: GenerationLabel, points: Vec<Vec<f64>>, scores: &[f64]) -> Self {
+        let GenerationLabel { iteration, generation, side } = label;
         let finite: Vec<f64> = scores.iter().copied().filter(|x| x.is_finite()).collect();
         let best = match side {
             Side::Controllers => finite.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -57,9 +62,11 @@ impl Generation {
 /// Estimate of S from the real tests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimateRecord {
-    /// Whether simulations explain the tests to the noise. Otherwise S lacks something, or the estimate has not converged.
+    /// Whether simulations explain the tests to the noise. Otherwise S lacks something, or the estimate has not
+    /// converged.
     pub explained: bool,
-    /// The part of the readings that simulations of the posterior cannot predict, in multiples of the noise: mostly chaos.
+    /// The part of the readings that simulations of the posterior cannot predict, in multiples of the noise: mostly
+    /// chaos.
     pub unpredictable: f64,
     /// Each parameter by name.
     pub parameters: IndexMap<String, Belief>,
@@ -81,8 +88,8 @@ pub struct Evidence {
     /// Pressure of the controllers on the simulations: spread of phi, (mean − best)/mean, over the first generation of
     /// step 3. Near 0 no simulation is better than another.
     pub pressure_on_simulations: Option<f64>,
-    /// Pressure of the simulations on the controllers: 1 − Kendall's tau-b between the transfers' fitness in s_{i−1} and in
-    /// s_i, halved. At 0 the new simulation ranks controllers like the old one.
+    /// Pressure of the simulations on the controllers: 1 − Kendall's tau-b between the transfers' fitness in s_{i−1}
+    /// and in s_i, halved. At 0 the new simulation ranks controllers like the old one.
     pub pressure_on_controllers: Option<f64>,
     /// Parameters of s_i that lie on a bound of S.
     pub at_bound: Vec<String>,

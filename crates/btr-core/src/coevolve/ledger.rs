@@ -115,7 +115,8 @@ impl Ledger {
         self.entries.iter().any(|e| e.trial.controller == controller)
     }
 
-    /// Carries out a trial and records it. A trial that is still pending stays out of the ledger; what it waits for is returned.
+    /// Carries out a trial and records it. A trial that is still pending stays out of the ledger; what it waits for is
+    /// returned.
     pub(super) fn carry_out(
         &mut self,
         trial: Trial,

@@ -1,14 +1,14 @@
 //! The Back-to-Reality loop (the paper's section 3.3), its baselines, and their common ledger of real tests.
 //!
-//! A run is a [`Coevolution`]: plain data that does one unit of work per [`step`](Coevolution::step) - a generation, a real
-//! test, the end of an iteration - and can be saved and resumed between any two steps. A kill therefore costs at most the step
-//! in progress and never a real test. Random numbers belong to (seed, step, iteration, generation), so that a resumed run
-//! continues bit for bit.
+//! A run is a [`Coevolution`]: plain data that does one unit of work per [`step`](Coevolution::step) - a generation, a
+//! real test, the end of an iteration - and can be saved and resumed between any two steps. A kill therefore costs at
+//! most the step in progress and never a real test. Random numbers belong to (seed, step, iteration, generation), so
+//! that a resumed run continues bit for bit.
 //!
-//! - [`Plan`]: all settings. [`Ledger`]: every real test, its prediction and its outcome. [`History`]: records of generations
-//!   and iterations, with the [`Evidence`] on disengagement.
-//! - [`Posterior`]: the belief about S, estimated by statistical linearisation of each test; [`Abduction`] asks which larger S
-//!   explains tests that S does not.
+//! - [`Plan`]: all settings. [`Ledger`]: every real test, its prediction and its outcome. [`History`]: records of
+//!   generations and iterations, with the [`Evidence`] on disengagement.
+//! - [`Posterior`]: the belief about S, estimated by statistical linearisation of each test; [`Abduction`] asks which
+//!   larger S explains tests that S does not.
 //! - [`MapPhase`]: transfer by quality diversity. [`Drift`]: a robot that changes during the run.
 //!
 //! Inside searches costs are minimised; fitness is maximised wherever it is reported.

@@ -15,15 +15,16 @@ pub enum Method {
     /// The paper's loop: controllers evolve in the best simulation, a few are tried, simulations evolve to match.
     #[default]
     BackToReality,
-    /// Bongard and Lipson: the next real test is the one on which rival simulations disagree most; simulations evolve to
-    /// explain all tests. Controllers are evolved for fitness in the last iteration only.
+    /// Bongard and Lipson: the next real test is the one on which rival simulations disagree most; simulations evolve
+    /// to explain all tests. Controllers are evolved for fitness in the last iteration only.
     EstimationExploration,
     /// Hemker and colleagues: the simulation stays as it is, a linear estimate of the fitness discrepancy corrects it.
     LinearCorrection,
     /// No simulation at all: the same controller search spends its evaluations in reality.
     RealityOnly,
-    /// Cully, Clune, Tarapore and Mouret: a map of diverse controllers is made in the unchanged simulation; real tests, one per
-    /// iteration, find those that do well in reality. For a robot that is damaged, or otherwise differs from its model.
+    /// Cully, Clune, Tarapore and Mouret: a map of diverse controllers is made in the unchanged simulation; real tests,
+    /// one per iteration, find those that do well in reality. For a robot that is damaged, or otherwise differs from
+    /// its model.
     QualityDiversity,
 }
 
@@ -47,13 +48,14 @@ pub struct SearchPhase {
     pub generations: usize,
     /// The algorithm and its settings.
     pub search: SearchSpec,
-    /// Whether the simulator search continues from its state at the end of the last iteration (with its whole distribution or
-    /// population) instead of starting anew from s_{i−1}. The real tests that count may have changed since.
+    /// Whether the simulator search continues from its state at the end of the last iteration (with its whole
+    /// distribution or population) instead of starting anew from s_{i−1}. The real tests that count may have changed
+    /// since.
     #[serde(default)]
     pub carry_over: bool,
-    /// Turns of least squares that follow the simulator search, from its best point and, once that is exhausted, from new
-    /// starts near the best one. Each costs 2·dims + 5 simulations per real test. Only with a distance that is a sum of
-    /// squares (`rmse`); ignored with others.
+    /// Turns of least squares that follow the simulator search, from its best point and, once that is exhausted, from
+    /// new starts near the best one. Each costs 2·dims + 5 simulations per real test. Only with a distance that is a
+    /// sum of squares (`rmse`); ignored with others.
     #[serde(default)]
     pub refine: usize,
 }
@@ -69,10 +71,10 @@ pub enum Rule {
     Neighbourhood,
     /// The fittest, and those on which rival simulations disagree most (Klaus, Glette and Tørresen).
     Disagreement,
-    /// Needs `[coevolve.posterior]`. As long as some parameter is not identified to the `resolution`, or simulations do not
-    /// explain the tests: the one of `candidates` controllers (the fittest of the search, and others drawn from C that are no
-    /// worse than half of those) with the largest expected gain of information about S; unpredictable motion gains nothing.
-    /// After that: the fittest.
+    /// Needs `[coevolve.posterior]`. As long as some parameter is not identified to the `resolution`, or simulations do
+    /// not explain the tests: the one of `candidates` controllers (the fittest of the search, and others drawn from C
+    /// that are no worse than half of those) with the largest expected gain of information about S; unpredictable
+    /// motion gains nothing. After that: the fittest.
     Informative,
 }
 
@@ -102,8 +104,8 @@ impl Default for Transfer {
     }
 }
 
-/// Step 3 as estimation: a posterior over S instead of one best simulation; controllers are evaluated over the posterior. The
-/// distance must be `whitened`.
+/// Step 3 as estimation: a posterior over S instead of one best simulation; controllers are evaluated over the
+/// posterior. The distance must be `whitened`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PosteriorPhase {
@@ -121,11 +123,12 @@ pub struct PosteriorPhase {
     /// Simulations drawn from the posterior in which each controller of the search is evaluated.
     #[serde(deserialize_with = "settings::at_least_one")]
     pub samples: usize,
-    /// The quantile of a controller's fitness over those simulations that the search maximises: 0 is the worst, 1 the best.
+    /// The quantile of a controller's fitness over those simulations that the search maximises: 0 is the worst, 1 the
+    /// best.
     #[serde(deserialize_with = "settings::probability")]
     pub quantile: f64,
-    /// Least standard deviation of the simulations in which controllers are evaluated, as a share of the bounds' width: S never
-    /// holds all that is uncertain.
+    /// Least standard deviation of the simulations in which controllers are evaluated, as a share of the bounds' width:
+    /// S never holds all that is uncertain.
     #[serde(deserialize_with = "settings::probability")]
     pub least_doubt: f64,
 }
@@ -229,8 +232,8 @@ impl Plan {
         m.max(1)
     }
 
-    /// Generations of the simulator search per iteration, with the turns of least squares that follow where the distance
-    /// allows for them.
+    /// Generations of the simulator search per iteration, with the turns of least squares that follow where the
+    /// distance allows for them.
     pub fn simulator_generations(&self) -> usize {
         let refines = self.distance.build().as_squares().is_some();
         self.simulators.as_ref().map_or(0, |phase| phase.generations + if refines { phase.refine } else { 0 })

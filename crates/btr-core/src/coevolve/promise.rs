@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 /// (n − 1)/(n + 1), here 95 %, whatever the distribution is.
 pub(crate) const DRAWS: usize = 39;
 
-/// A 95 % prediction interval of a controller's fitness, from its fitness in [`DRAWS`] simulations of the posterior; `None`
-/// where one of them failed.
+/// A 95 % prediction interval of a controller's fitness, from its fitness in [`DRAWS`] simulations of the posterior;
+/// `None` where one of them failed.
 pub(crate) fn interval(draws: &[f64]) -> Option<[f64; 2]> {
     let known = draws.iter().all(|fitness| fitness.is_finite()) && !draws.is_empty();
     let least = draws.iter().copied().fold(f64::INFINITY, f64::min);

@@ -23,8 +23,8 @@ pub(super) struct ScoredController {
     pub generation: usize,
 }
 
-/// The controllers of an iteration that could be transferred: those whose simulation did not fail and that reality has not
-/// seen, each once. The last generation comes first, in descending fitness; earlier generations follow.
+/// The controllers of an iteration that could be transferred: those whose simulation did not fail and that reality has
+/// not seen, each once. The last generation comes first, in descending fitness; earlier generations follow.
 pub(super) fn transferable(
     archive: &[ScoredController],
     ledger: &Ledger,
@@ -109,8 +109,8 @@ impl TransferChoice<'_> {
     }
 }
 
-/// Up to `count` rival simulations: the best first, each at least one percent of the bounds away from those before it in
-/// some parameter; closer ones fill up where there are not enough.
+/// Up to `count` rival simulations: the best first, each at least one percent of the bounds away from those before it
+/// in some parameter; closer ones fill up where there are not enough.
 pub(super) fn rivals(simulations: &[(UnitPoint, f64)], count: usize) -> Vec<UnitPoint> {
     let mut order: Vec<&(UnitPoint, f64)> = simulations.iter().filter(|(_, phi)| phi.is_finite()).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));

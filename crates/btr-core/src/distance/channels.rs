@@ -4,26 +4,26 @@ use crate::log::{Log, Role, hold, interpolate};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// The channels that a distance compares, by name; `*` stands for any characters (`q_*`, `*_knee`), once per pattern. No
-/// pattern at all means every channel.
+/// The channels that a distance compares, by name; `*` stands for any characters (`q_*`, `*_knee`), once per pattern.
+/// No pattern at all means every channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(transparent)]
 pub struct Channels(pub Vec<String>);
 
 impl Channels {
-    /// True when the channel of that name is looked at.
+    /// True when the channel of that name is compared.
     pub fn contains(&self, name: &str) -> bool {
         self.0.is_empty() || self.0.iter().any(|pattern| matches(pattern, name))
     }
 
-    /// The patterns that no channel of the log matches: misspelt, most likely.
+    /// The patterns that match no channel of the log: most likely misspelt.
     pub fn unmatched(&self, log: &Log) -> Vec<&str> {
         let idle = |pattern: &&String| !log.channels().any(|(name, _)| matches(pattern, name));
         self.0.iter().filter(idle).map(String::as_str).collect()
     }
 
     /// The channels both logs have, in the real log's order, the simulated ones on the real clock (commands held,
-    /// measurements interpolated, both held beyond the ends). [`Role::Truth`] is left out: no robot knows it.
+    /// measurements interpolated, both held beyond the ends). [`Role::Truth`] is left out: no robot measures it.
     pub(super) fn pairs<'a>(&'a self, real: &'a Log, sim: &'a Log) -> impl Iterator<Item = ChannelPair<'a>> {
         let same_clock = real.clock_s() == sim.clock_s();
         real.channels().filter_map(move |(name, channel)| {
@@ -53,8 +53,9 @@ impl Channels {
         errors.filter_map(|(pair, scale)| error(pair.real, &pair.sim).map(|e| e / scale)).collect()
     }
 
-    /// The errors of every sample of every measured channel, scaled so that the sum of their squares is the mean over the
-    /// channels of the squared error, each as a share of its channel's [scale](scales). NaN where a sample is missing.
+    /// The errors of every sample of every measured channel, scaled so that the sum of their squares is the mean over
+    /// the channels of the squared error, each as a share of its channel's [scale](scales). NaN where a sample is
+    /// missing.
     pub(super) fn scaled_residuals(&self, real: &Log, sim: &Log) -> Vec<Vec<f64>> {
         let pairs: Vec<ChannelPair> = self.pairs(real, sim).filter(|pair| pair.role == Role::Measured).collect();
         let counts: Vec<f64> = pairs.iter().map(|pair| sum_pairs(pair.real, &pair.sim, |a, b| a - b).1).collect();
@@ -76,10 +77,10 @@ pub(super) struct ChannelPair<'a> {
     pub(super) sim: Cow<'a, [f64]>,
 }
 
-/// What an error of each channel is measured by, so that units mix: the standard deviation of the real channel.
+/// The scale of each channel's errors, so that units mix: the standard deviation of the real channel.
 ///
-/// A channel that hardly moves (a held joint) would make its sensor noise the measure of all things. Its scale is therefore
-/// at least a tenth of the liveliest compared channel of the same unit; where all of them stand still it is 1 SI unit.
+/// The noise of a channel that hardly moves (a held joint) would dominate. Its scale is therefore at least a tenth of
+/// that of the compared channel of the same unit that moves most; where none of them moves it is 1 SI unit.
 fn scales(pairs: &[ChannelPair]) -> Vec<f64> {
     const FLOOR: f64 = 0.1;
     const STANDSTILL: f64 = 1e-9;
@@ -95,7 +96,7 @@ fn scales(pairs: &[ChannelPair]) -> Vec<f64> {
     pairs.iter().zip(&spreads).map(scale).collect()
 }
 
-/// Standard deviation of what is there; NaN of nothing.
+/// Standard deviation of the present samples; NaN without any.
 fn spread(x: &[f64]) -> f64 {
     let (sum, count) = sum_pairs(x, x, |v, _| v);
     let mean = sum / count;
@@ -103,7 +104,7 @@ fn spread(x: &[f64]) -> f64 {
     (squares / count).sqrt()
 }
 
-/// The sum of `f` over all pairs for which it is a number, and how many these are.
+/// The sum of `f` over all pairs for which it is a number, and the number of these pairs.
 ///
 /// Eight sums side by side, because one alone would wait for every addition to finish before it starts the next.
 pub(super) fn sum_pairs(x: &[f64], y: &[f64], f: impl Fn(f64, f64) -> f64) -> (f64, f64) {
@@ -130,7 +131,7 @@ pub(super) fn root_mean_square(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// Whether a name fits a pattern, in which `*` stands for any characters once.
+/// Whether a name matches a pattern, in which `*` stands for any characters once.
 pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_held_joint_is_measured_by_its_livelier_fellows() {
+    fn a_held_joint_has_the_scale_of_joints_that_move() {
         let real = measured(&[
             ("q_a", "rad", &[-1.0, 1.0, -1.0, 1.0]),
             ("q_held", "rad", &[0.3, 0.3, 0.3, 0.3]),

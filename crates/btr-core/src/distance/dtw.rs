@@ -1,7 +1,7 @@
-//! Dynamic time warping: the difference that is left when one series may hurry or lag a little.
+//! Dynamic time warping: the difference that remains when one series may run ahead or lag a little.
 //!
-//! H. Sakoe and S. Chiba, "Dynamic programming algorithm optimization for spoken word recognition", IEEE Transactions on
-//! Acoustics, Speech and Signal Processing 26, 1978: here without slope constraint, with their band.
+//! H. Sakoe and S. Chiba, "Dynamic programming algorithm optimization for spoken word recognition", IEEE Transactions
+//! on Acoustics, Speech and Signal Processing 26, 1978: here without slope constraint, with their band.
 
 use super::channels::root_mean_square;
 use super::{Channels, Distance, comparable};
@@ -9,16 +9,16 @@ use crate::settings;
 use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 
-/// Root mean square over the measured channels of their [`dtw`] distance, each divided by the standard deviation of the real
-/// channel (held joints by a tenth of the liveliest of their unit). Each channel is warped by itself, by sample number:
-/// the clock should be even.
+/// Root mean square over the measured channels of their [`dtw`] distance, each divided by the standard deviation of the
+/// real channel (held joints by a tenth of the largest one of their unit). Each channel is warped by itself, by sample
+/// number: the clock should be even.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Dtw {
-    /// How far a sample may be moved, as a share of the whole series; 0.1.
+    /// Largest shift of a sample, as a share of the whole series; 0.1.
     #[serde(deserialize_with = "settings::share")]
     pub band: f64,
-    /// Longer series are averaged in blocks down to at most so many samples; 512. The work grows with its square.
+    /// Longer series are averaged in blocks down to at most this many samples; 512. The work grows with its square.
     #[serde(deserialize_with = "settings::at_least_two")]
     pub samples: usize,
     /// Channels to compare; all sensors unless given.
@@ -45,9 +45,9 @@ impl Distance for Dtw {
     }
 }
 
-/// The warping distance of two series of equal length without missing samples, in their unit: the root of the least sum of
-/// squares along any path within the band (a share of the length), divided by the length. Never above the root mean square
-/// error, which is the straight path. `None` for empty or unequal series.
+/// The warping distance of two series of equal length without missing samples, in their unit: the root of the least sum
+/// of squares along any path within the band (a share of the length), divided by the length. Never above the root mean
+/// square error, which is the straight path. `None` for empty or unequal series.
 pub fn dtw(x: &[f64], y: &[f64], band: f64) -> Option<f64> {
     let n = x.len();
     if n == 0 || y.len() != n {
@@ -55,7 +55,7 @@ pub fn dtw(x: &[f64], y: &[f64], band: f64) -> Option<f64> {
     }
     // The cast saturates: NaN and negative bands are 0, a large one is the whole series.
     let reach = ((band * n as f64).ceil() as usize).min(n);
-    // Index j + 1 holds the cheapest way to (i, j); what is out of the band is infinitely dear.
+    // Index j + 1 holds the cheapest way to (i, j); outside the band the cost is infinite.
     let (mut before, mut now) = (vec![f64::INFINITY; n + 1], vec![f64::INFINITY; n + 1]);
     before[0] = 0.0;
     for (i, &a) in x.iter().enumerate() {
@@ -74,13 +74,13 @@ pub fn dtw(x: &[f64], y: &[f64], band: f64) -> Option<f64> {
     Some((before[n] / n as f64).sqrt())
 }
 
-/// Averages over blocks so that at most `most` samples are left; samples that either side misses are left out.
+/// Averages over blocks so that at most `most` samples remain; samples that either side misses are left out.
 fn thin(x: &[f64], y: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
     let block = x.len().div_ceil(most.max(1)).max(1);
     let average = |(x, y): (&[f64], &[f64])| {
-        let there = || x.iter().zip(y).filter(|(a, b)| !(*a - *b).is_nan());
-        let count = there().count() as f64;
-        let sums = there().fold((0.0, 0.0), |sum, (a, b)| (sum.0 + a, sum.1 + b));
+        let present = || x.iter().zip(y).filter(|(a, b)| !(*a - *b).is_nan());
+        let count = present().count() as f64;
+        let sums = present().fold((0.0, 0.0), |sum, (a, b)| (sum.0 + a, sum.1 + b));
         (count > 0.0).then(|| (sums.0 / count, sums.1 / count))
     };
     x.chunks(block).zip(y.chunks(block)).filter_map(average).unzip()
@@ -110,10 +110,10 @@ mod tests {
         fn equals_the_definition(rows in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 1..8), reach in 0usize..8) {
             let (x, y): (Vec<f64>, Vec<f64>) = rows.into_iter().unzip();
             let n = x.len();
-            let wanted = (cheapest(&x, &y, reach, n - 1, n - 1) / n as f64).sqrt();
+            let expected = (cheapest(&x, &y, reach, n - 1, n - 1) / n as f64).sqrt();
             // A little below the exact share, so that rounding up cannot reach one sample further.
             let got = dtw(&x, &y, (reach as f64 - 1e-9) / n as f64).unwrap();
-            prop_assert!((got - wanted).abs() < 1e-12, "{got} {wanted}");
+            prop_assert!((got - expected).abs() < 1e-12, "{got} {expected}");
         }
 
         #[test]

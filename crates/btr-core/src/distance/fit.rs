@@ -36,8 +36,8 @@ impl Distance for NormalisedRmse {
     }
 }
 
-/// The fit of `model` to `real` in percent: 100 is perfect, 0 no better than the mean of `real`, negative worse than that.
-/// `None` when no sample is there on both sides or `real` is constant.
+/// The fit of `model` to `real` in percent: 100 is perfect, 0 no better than the mean of `real`, negative worse than
+/// that. `None` when no sample is present on both sides or `real` is constant.
 pub fn fit_percent(real: &[f64], model: &[f64]) -> Option<f64> {
     let both = |a: f64, b: f64, value: f64| if (a - b).is_nan() { f64::NAN } else { value };
     let (sum, count) = sum_pairs(real, model, |a, b| both(a, b, a));

@@ -1,4 +1,4 @@
-//! The paper's delta_k = |f_s - f_r| (eq. 3): only what the experimenter thinks of the two behaviours. Averaged over the
+//! The paper's delta_k = |f_s - f_r| (eq. 3): it compares only the fitness of the two behaviours. Averaged over the
 //! controllers that were tried it is phi_1 (eq. 4).
 
 use super::{Distance, comparable};

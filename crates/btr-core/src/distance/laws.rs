@@ -1,4 +1,4 @@
-//! What every distance keeps.
+//! Invariants of every distance.
 #![allow(clippy::unwrap_used)]
 
 use super::{DISTANCES, Distance, DistanceSpec};
@@ -17,7 +17,7 @@ fn named(name: &str) -> Box<dyn Distance> {
     toml::from_str::<Section>(&format!("distance = {name:?}")).unwrap().distance.build()
 }
 
-/// A behaviour of joints that swing, with a command and something no robot knows.
+/// A behaviour of oscillating joints, with a command and a channel that no robot measures.
 fn behaviour(draw: u64, samples: usize, joints: usize) -> Behaviour {
     let mut rng = stream(draw, &[]);
     let clock_s: Vec<f64> = (0..samples).map(|i| 0.01 * i as f64).collect();
@@ -109,7 +109,7 @@ fn nothing_in_common_is_infinitely_far() {
 }
 
 #[test]
-fn what_no_robot_knows_does_not_count() {
+fn channels_that_no_robot_measures_do_not_count() {
     let real = behaviour(2, 100, 2);
     let sim = changed(&real, |name, v| if name == "base_x" { vec![1e3; v.len()] } else { v });
     for (name, _) in DISTANCES {

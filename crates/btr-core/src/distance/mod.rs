@@ -1,8 +1,8 @@
-//! How far a simulated behaviour is from the real one.
+//! Distances between simulated and real behaviours.
 //!
-//! All distances that look at logs do so in the same way (see [`Channels`]): only channels that both logs have, commands
-//! and sensors but never outside knowledge, the simulated log on the real log's clock, a sample that is missing on either
-//! side ignored on both.
+//! All distances on logs follow the same rules (see [`Channels`]): they compare only channels that both logs have,
+//! commands and sensors but no [`Truth`](crate::log::Role::Truth) channels, with the simulated log on the real log's
+//! clock; a sample that is missing on either side is ignored on both.
 
 mod channels;
 mod dtw;
@@ -30,7 +30,7 @@ pub use whitened::Whitened;
 use crate::optimize::Residuals;
 use crate::world::Behaviour;
 
-/// A distance between what really happened and what a simulation says.
+/// A distance between a real and a simulated behaviour.
 pub trait Distance: Send + Sync {
     /// Its name in experiment files.
     fn name(&self) -> &'static str;
@@ -40,21 +40,21 @@ pub trait Distance: Send + Sync {
     fn as_squares(&self) -> Option<&dyn SumOfSquares> {
         None
     }
-    /// Whether it counts errors in multiples of the sensors' noise: chi-squared per sample is then its square, and what it
-    /// says of a simulation is a likelihood.
+    /// Whether it counts errors in multiples of the sensors' noise: chi-squared per sample is then its square, and it
+    /// defines a likelihood.
     fn whitens(&self) -> bool {
         false
     }
 }
 
-/// A distance whose square is a sum of squares: what a least-squares search can go by.
+/// A distance whose square is a sum of squares: the input of a least-squares search.
 pub trait SumOfSquares: Send + Sync {
-    /// The signed errors, simulated minus real, whose squares add up to the square of the distance; a block per channel,
-    /// NaN where a sample is missing.
+    /// The signed errors, simulated minus real, whose squares add up to the square of the distance; a block per
+    /// channel, NaN where a sample is missing.
     fn residuals(&self, real: &Behaviour, sim: &Behaviour) -> Residuals;
 }
 
-/// NaN is no distance: where the numbers allow none, the behaviours cannot be compared.
+/// NaN becomes infinite: the behaviours cannot be compared.
 fn comparable(distance: f64) -> f64 {
     if distance.is_nan() { f64::INFINITY } else { distance }
 }

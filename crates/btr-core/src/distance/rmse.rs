@@ -6,8 +6,9 @@ use crate::optimize::Residuals;
 use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 
-/// Root mean square error over all measured channels, each divided by the standard deviation of the real channel so that
-/// units mix (held joints by a tenth of the liveliest of their unit). 0 is perfect; a model that stays at the mean scores 1.
+/// Root mean square error over all measured channels, each divided by the standard deviation of the real channel so
+/// that units mix (held joints by a tenth of the largest one of their unit). 0 is perfect; a model that stays at the
+/// mean scores 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rmse {
@@ -35,7 +36,7 @@ impl SumOfSquares for Rmse {
     }
 }
 
-/// Root mean square of x - y in their unit; `None` when no sample is there on both sides.
+/// Root mean square of x - y in their unit; `None` when no sample is present on both sides.
 pub fn rmse(x: &[f64], y: &[f64]) -> Option<f64> {
     let (squares, count) = sum_pairs(x, y, |a, b| (a - b) * (a - b));
     (count > 0.0).then(|| (squares / count).sqrt())

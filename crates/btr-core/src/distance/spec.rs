@@ -18,8 +18,8 @@ pub const DISTANCES: &[(&str, &str)] = &[
 ];
 
 /// A distance and its settings: a plain name (`"rmse"`), or a table (`{ name = "information", bins = 16, channels =
-/// ["q_*"] }`). What is left out has the default documented with it. `phi_1` and `phi_2` are other names of `fitness` and
-/// `information`.
+/// ["q_*"] }`). What is left out has the default documented with it. `phi_1` and `phi_2` are other names of `fitness`
+/// and `information`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", tag = "name", rename_all = "snake_case")]
 pub enum DistanceSpec {

@@ -1,7 +1,7 @@
-//! Difference of amplitude spectra: how strongly each frequency is there, not when.
+//! Difference of amplitude spectra: the strength of each frequency, not its phase.
 //!
-//! A gait that starts a moment later is the same gait. Spectra are taken through a Hann window (F. J. Harris, "On the use of
-//! windows for harmonic analysis with the discrete Fourier transform", Proceedings of the IEEE 66, 1978).
+//! A gait that starts a moment later is the same gait. Spectra are taken through a Hann window (F. J. Harris, "On the
+//! use of windows for harmonic analysis with the discrete Fourier transform", Proceedings of the IEEE 66, 1978).
 
 use super::channels::{root_mean_square, sum_pairs};
 use super::{Channels, Distance, comparable};
@@ -11,8 +11,8 @@ use crate::world::Behaviour;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Root mean square over the measured channels of their [`spectral_difference`], each divided by the standard deviation of
-/// the real channel (held joints by a tenth of the liveliest of their unit).
+/// Root mean square over the measured channels of their [`spectral_difference`], each divided by the standard deviation
+/// of the real channel (held joints by a tenth of the largest one of their unit).
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Spectrum {
@@ -32,9 +32,10 @@ impl Distance for Spectrum {
     }
 }
 
-/// Difference of the amplitude spectra of two series on one increasing clock (seconds), in the unit of the series: the root
-/// mean square a signal would have whose spectrum is the difference, the means included. It does not see phase, and never
-/// exceeds the root mean square of the windowed difference. `None` when fewer than four samples are there on both sides.
+/// Difference of the amplitude spectra of two series on one increasing clock (seconds), in the unit of the series: the
+/// root mean square a signal would have whose spectrum is the difference, the means included. It does not see phase,
+/// and never exceeds the root mean square of the windowed difference. `None` when fewer than four samples are present
+/// on both sides.
 pub fn spectral_difference(clock_s: &[f64], x: &[f64], y: &[f64]) -> Option<f64> {
     Analyser::new(clock_s)?.difference(x, y)
 }
@@ -90,22 +91,22 @@ impl<'a> Analyser<'a> {
         Some((squares / (points as f64 * window) + (mean_x - mean_y).powi(2)).sqrt())
     }
 
-    /// The mean through the window, which a swing cut off in mid-course hardly shifts.
+    /// The mean through the window, which an oscillation cut off in mid-period hardly shifts.
     fn mean(&self, x: &[f64]) -> f64 {
         let (weighted, _) = sum_pairs(x, &self.window, |x, w| x * w);
         weighted / self.window.iter().sum::<f64>()
     }
 
-    /// Both series on the even grid, across the samples that both have.
+    /// Both series on the even grid, across the samples present on both sides.
     fn on_grid(&self, x: &[f64], y: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         if x.iter().zip(y).all(|(a, b)| !(a - b).is_nan()) {
             return Some((interpolate(self.clock_s, x, &self.grid_s), interpolate(self.clock_s, y, &self.grid_s)));
         }
-        let there: Vec<usize> = (0..self.clock_s.len()).filter(|&i| !(x[i] - y[i]).is_nan()).collect();
-        if there.len() < FEWEST_SAMPLES {
+        let present: Vec<usize> = (0..self.clock_s.len()).filter(|&i| !(x[i] - y[i]).is_nan()).collect();
+        if present.len() < FEWEST_SAMPLES {
             return None;
         }
-        let pick = |s: &[f64]| -> Vec<f64> { there.iter().map(|&i| s[i]).collect() };
+        let pick = |s: &[f64]| -> Vec<f64> { present.iter().map(|&i| s[i]).collect() };
         let clock_s = pick(self.clock_s);
         Some((interpolate(&clock_s, &pick(x), &self.grid_s), interpolate(&clock_s, &pick(y), &self.grid_s)))
     }

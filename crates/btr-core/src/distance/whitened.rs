@@ -9,16 +9,17 @@ use crate::world::Behaviour;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// Root mean square over all samples of all measured channels, each error divided by the standard deviation of its sensor's
-/// noise: the square root of chi-squared per sample. A simulation that explains everything but the noise scores 1.
+/// Root mean square over all samples of all measured channels, each error divided by the standard deviation of its
+/// sensor's noise: the square root of chi-squared per sample. A simulation that explains everything but the noise
+/// scores 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Whitened {
     /// Channels to compare; all sensors unless given.
     pub channels: Channels,
     /// Standard deviation of the noise by channel, each in its channel's unit; `*` stands for any characters (`"q_*" =
-    /// 0.0005`), the first pattern that fits counts. What is not stated here is taken from the file's `[noise]`, and what is
-    /// not stated there is estimated from the real log's own readings.
+    /// 0.0005`), the first pattern that matches counts. Channels without a value here take it from the file's
+    /// `[noise]`, and channels without a value there from an estimate on the real log's own readings.
     pub noise: IndexMap<String, f64>,
 }
 
@@ -97,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_stated_is_read_off_the_real_log() {
+    fn noise_that_is_not_stated_is_estimated_from_the_real_log() {
         let mut rng = crate::random::stream(7, &[]);
         let mut rough = |i: usize| 0.5 * (i as f64 / 9.0).sin() + 0.01 * crate::search::normal(&mut rng);
         let real = behaviour((0..200).map(&mut rough).collect(), vec![f64::NAN; 200]);

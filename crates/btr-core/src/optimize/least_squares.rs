@@ -1,10 +1,11 @@
 //! Least squares within bounds, for distances that are sums of squares.
 //!
-//! Levenberg and Marquardt's method uses every sample with its sign, where a search with one cost per point uses
-//! their sum only; it needs a hundredth of the evaluations to separate parameters that act alike. Two things carry it over a
-//! rough landscape, such as that of a walk, whose touchdowns jump by a whole time step. Differences are taken over a wide
-//! reach at first, which shrinks with the steps. And samples far off the usual error of their channel count less (Cauchy's
-//! weights): they have just jumped, and say nothing about the slope. The caller judges the points by the distance itself.
+//! Levenberg and Marquardt's method uses every sample with its sign, where a search with one cost per point uses their
+//! sum only; it needs a hundredth of the evaluations to separate parameters that act alike. Two things carry it over a
+//! rough landscape, such as that of a walk, whose touchdowns jump by a whole time step. Differences are taken over a
+//! wide reach at first, which shrinks with the steps. And samples far off the usual error of their channel count less
+//! (Cauchy's weights): they have just jumped, and say nothing about the slope. The caller judges the points by the
+//! distance itself.
 
 use crate::random::Rng;
 use crate::search::UnitPoint;
@@ -25,8 +26,8 @@ const DISTURBANCE: [f64; 2] = [0.005, 0.15];
 const DAMPING: [f64; 3] = [1e-3, 1e-9, 1e3];
 /// What is tried in each turn: a factor of the damping, and one of the step it gives.
 const TRIES: [(f64, f64); 4] = [(0.1, 2.0), (0.1, 1.0), (0.1, 0.4), (10.0, 1.0)];
-/// A fall of the cost by a smaller share is no progress; under noise, the last percents of the parameters are worth less
-/// than a thousandth of it.
+/// A fall of the cost by a smaller share is no progress; under noise, the last percents of the parameters are worth
+/// less than a thousandth of it.
 const PROGRESS: f64 = 1e-7;
 /// No block counts for more than if its usual error were this share of the largest block's.
 const LEAST_SCALE: f64 = 0.01;
@@ -83,8 +84,8 @@ impl LeastSquares {
         std::iter::once(self.here.clone()).chain(sides).collect()
     }
 
-    /// Linearises the residuals about this point; `None` where the point itself could not be evaluated. A parameter with no valid probe on either
-    /// side is held.
+    /// Linearises the residuals about this point; `None` where the point itself could not be evaluated. A parameter
+    /// with no valid probe on either side is held.
     pub fn linearise(&mut self, probes: &[UnitPoint], residuals: &[Option<Residuals>]) -> Option<Linear> {
         let Some(here) = residuals.first().and_then(Option::as_ref) else {
             self.done = true;
@@ -163,8 +164,8 @@ impl Linear {
     }
 }
 
-/// The residuals on both sides of a point in one parameter, and how far away they are; a side that is missing is the point
-/// itself.
+/// The residuals on both sides of a point in one parameter, and how far away they are; a side that is missing is the
+/// point itself.
 struct Sides<'a> {
     above: &'a Residuals,
     below: &'a Residuals,

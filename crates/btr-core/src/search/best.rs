@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Best(Option<(UnitPoint, f64)>);
 
 impl Best {
-    /// Updates the best point from an evaluated population. Of equal costs the first one stays; failures (infinite or NaN) do not count.
+    /// Updates the best point from an evaluated population. Of equal costs the first one stays; failures (infinite or
+    /// NaN) do not count.
     pub(crate) fn see(&mut self, population: &[UnitPoint], costs: &[f64]) {
         for (point, &cost) in population.iter().zip(costs) {
             let better = self.0.as_ref().is_none_or(|(_, best)| cost < *best);

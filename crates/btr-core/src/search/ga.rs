@@ -1,9 +1,9 @@
 //! The paper's genetic algorithm: parameters as Gray-coded bits, mutated bit by bit.
 //!
 //! Zagal, Delpiano and Ruiz-del-Solar (Robotics and Autonomous Systems 57, 2009) start a population by mutating a seed
-//! with probability p_m per bit. They name neither crossover nor selection; here these are one-point crossover on the whole
-//! bit string and tournaments, as in D. E. Goldberg, "Genetic algorithms in search, optimization and machine learning",
-//! 1989, and the best individuals are carried over.
+//! with probability p_m per bit. They name neither crossover nor selection; here these are one-point crossover on the
+//! whole bit string and tournaments, as in D. E. Goldberg, "Genetic algorithms in search, optimization and machine
+//! learning", 1989, and the best individuals are carried over.
 
 use super::best::Best;
 use super::pool::Pool;
@@ -111,8 +111,8 @@ impl Search for Ga {
     }
 }
 
-/// `count` mutants of a seed, each bit flipped with probability `p`: the paper's neighbourhood of a controller, from which
-/// the tests of step 2 are topped up (there called p'_m). The seed itself is not among them, unless by chance.
+/// `count` mutants of a seed, each bit flipped with probability `p`: the paper's neighbourhood of a controller, from
+/// which the tests of step 2 are topped up (there called p'_m). The seed itself is not among them, unless by chance.
 pub fn neighbours(seed: &[f64], count: usize, p: f64, bits: u32, rng: &mut Rng) -> Vec<UnitPoint> {
     let genome = encode(seed, bits);
     (0..count).map(|_| decode(&mutate(genome.clone(), p, bits, rng), bits)).collect()

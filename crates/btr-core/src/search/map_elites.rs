@@ -1,9 +1,9 @@
 //! MAP-Elites: not one best point but the best of each kind.
 //!
 //! J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. A point is reported with its cost
-//! and its descriptor, which says of what kind it is; a grid over the descriptors keeps the best point in each of its cells.
-//! Children are made as in V. Vassiliades and J.-B. Mouret, "Discovering the elite hypervolume by leveraging interspecies
-//! correlation", GECCO 2018: a small step in all directions, and one along the line to another elite.
+//! and its descriptor, which says of what kind it is; a grid over the descriptors keeps the best point in each of its
+//! cells. Children are made as in V. Vassiliades and J.-B. Mouret, "Discovering the elite hypervolume by leveraging
+//! interspecies correlation", GECCO 2018: a small step in all directions, and one along the line to another elite.
 
 use super::{UnitPoint, sample};
 use crate::random::Rng;
@@ -41,8 +41,8 @@ impl Grid {
         (self.cells as u64).pow(self.axes as u32)
     }
 
-    /// The number of the cell in which a descriptor lies: its place along the first axis counts most. The upper edge of the
-    /// grid belongs to the last cells.
+    /// The number of the cell in which a descriptor lies: its place along the first axis counts most. The upper edge of
+    /// the grid belongs to the last cells.
     pub fn cell(&self, descriptor: &[f64]) -> u64 {
         let place = |x: &f64| ((x.clamp(0.0, 1.0) * self.cells as f64) as usize).min(self.cells - 1) as u64;
         descriptor.iter().take(self.axes).fold(0, |cell, x| cell * self.cells as u64 + place(x))

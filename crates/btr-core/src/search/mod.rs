@@ -1,9 +1,9 @@
 //! Searches on the unit cube, with an ask-and-tell interface.
 //!
-//! A search proposes a population ([`Search::ask`]), the caller evaluates it - on two cores or on a slow robot - and reports
-//! the costs ([`Search::tell`]). Costs are minimised; a failed evaluation costs `f64::INFINITY`. The state of a search is
-//! plain data, so that a run can be stopped and resumed at any generation. Points whose evaluation failed are never kept,
-//! hence a state holds finite numbers only and survives text formats as well.
+//! A search proposes a population ([`Search::ask`]), the caller evaluates it - on two cores or on a slow robot - and
+//! reports the costs ([`Search::tell`]). Costs are minimised; a failed evaluation costs `f64::INFINITY`. The state of a
+//! search is plain data, so that a run can be stopped and resumed at any generation. Points whose evaluation failed are
+//! never kept, hence a state holds finite numbers only and survives text formats as well.
 
 mod best;
 pub mod cmaes;

@@ -15,9 +15,9 @@ impl<G> Default for Pool<G> {
 }
 
 impl<G: Clone + PartialEq> Pool<G> {
-    /// Replaces the pool by an evaluated generation, except that the `elite` best of the old pool stay with their cost. A good
-    /// individual is therefore not lost when it is not proposed again, or fails when it is. Failures (infinite or
-    /// NaN cost) are dropped; when everything failed the old pool stays whole.
+    /// Replaces the pool by an evaluated generation, except that the `elite` best of the old pool stay with their cost.
+    /// A good individual is therefore not lost when it is not proposed again, or fails when it is. Failures (infinite
+    /// or NaN cost) are dropped; when everything failed the old pool stays whole.
     pub(crate) fn succeed(&mut self, evaluated: impl Iterator<Item = (G, f64)>, elite: usize, size: usize) {
         let mut next: Vec<(G, f64)> = evaluated.filter(|(_, cost)| cost.is_finite()).collect();
         if next.is_empty() {

@@ -1,6 +1,7 @@
 //! A genetic algorithm on real numbers: simulated binary crossover and Gaussian mutation.
 //!
-//! Crossover: K. Deb and R. B. Agrawal, "Simulated binary crossover for continuous search space", Complex Systems 9, 1995.
+//! Crossover: K. Deb and R. B. Agrawal, "Simulated binary crossover for continuous search space", Complex Systems 9,
+//! 1995.
 
 use super::best::Best;
 use super::pool::Pool;

@@ -14,8 +14,8 @@ pub const SEARCHES: &[(&str, &str)] = &[
     ("cma_es", "CMA-ES with restarts: the most exact where parameters act jointly and the landscape is smooth"),
 ];
 
-/// A search and its settings: `{ algorithm = "ga", population = 20, mutation = 0.02 }`. What is left out has the default
-/// documented with it.
+/// A search and its settings: `{ algorithm = "ga", population = 20, mutation = 0.02 }`. What is left out has the
+/// default documented with it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "algorithm", rename_all = "snake_case")]
 pub enum SearchSpec {
@@ -28,9 +28,9 @@ pub enum SearchSpec {
 }
 
 impl SearchSpec {
-    /// Starts a search in `dims` dimensions. The seed is a point of the unit cube: the genetic algorithms begin with it and
-    /// mutants of it, CMA-ES takes it for its first mean. Without a seed the first population is random (CMA-ES: about the
-    /// middle of the cube).
+    /// Starts a search in `dims` dimensions. The seed is a point of the unit cube: the genetic algorithms begin with it
+    /// and mutants of it, CMA-ES takes it for its first mean. Without a seed the first population is random (CMA-ES:
+    /// about the middle of the cube).
     pub fn start(&self, dims: usize, seed: Option<&[f64]>) -> AnySearch {
         match self {
             SearchSpec::Ga(settings) => AnySearch::Ga(Ga::new(settings.clone(), dims, seed)),

@@ -3,17 +3,19 @@
 //! J. W. Cooley and J. W. Tukey, "An algorithm for the machine calculation of complex Fourier series", Mathematics of
 //! Computation 19, 1965; in place, decimation in time.
 //!
-//! It is btr's own because results must have the same bits on every machine: `rustfft` rounds differently (most bits of random
-//! transforms of 64 points and more change), and chooses its algorithm by the processor's vector instructions.
+//! It is btr's own because results must have the same bits on every machine: `rustfft` rounds differently (most bits of
+//! random transforms of 64 points and more change), and chooses its algorithm by the processor's vector instructions.
 
 use std::f64::consts::TAU;
 
-/// Largest number of time bins in the search for a rate, and the factor of zero padding that refines its frequency grid.
+/// Largest number of time bins in the search for a rate, and the factor of zero padding that refines its frequency
+/// grid.
 const BINS: usize = 16_384;
 const PADDING: usize = 4;
 
-/// The rate in rad/s at which samples (time in s, value) oscillate most: the peak of their power spectrum, from one period over
-/// the whole duration up to half the Nyquist rate of samples every `step_s`. Several samples may share one time.
+/// The rate in rad/s at which samples (time in s, value) oscillate most: the peak of their power spectrum, from one
+/// period over the whole duration up to half the Nyquist rate of samples every `step_s`. Several samples may share one
+/// time.
 pub fn peak_rate(samples: &[(f64, f64)], step_s: f64) -> Option<f64> {
     let last_s = samples.iter().map(|(t, _)| *t).fold(0.0, f64::max);
     let bin_s = step_s.max(last_s / BINS as f64);

@@ -1,28 +1,28 @@
 //! The time shift between two series, finer than their clock.
 //!
-//! The derivatives are correlated at every shift of whole steps, so that constants and slow drifts count for nothing; a
+//! The derivatives are correlated at every shift of whole steps, so that constants and slow drifts do not matter; a
 //! parabola through the three highest correlations gives the fraction of a step (C. H. Knapp and G. C. Carter, "The
-//! generalized correlation method for estimation of time delay", IEEE Transactions on Acoustics, Speech and Signal Processing
-//! 24, 1976, for the method and its accuracy).
+//! generalized correlation method for estimation of time delay", IEEE Transactions on Acoustics, Speech and Signal
+//! Processing 24, 1976, for the method and its accuracy).
 
 use super::smooth::{Motion, smooth};
 
-/// How much later one series says what another one says.
+/// Time shift between two series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
     /// In s; positive when the second series comes later.
     pub seconds: f64,
-    /// How alike the series are when shifted by it, 0 to 1: the confidence. Below one half the lag means little.
+    /// Correlation of the series when shifted by it, 0 to 1: the confidence. Below one half the lag means little.
     pub correlation: f64,
-    /// Standard deviation of the lag, in s, were the unlike part noise.
+    /// Standard deviation of the lag, in s, if the uncorrelated part is noise.
     pub sd_s: f64,
 }
 
-/// Fewest pairs of samples that a correlation is believed from.
+/// Fewest pairs of samples of a correlation.
 const FEWEST: usize = 20;
 
-/// By how much `late` comes after `early`, both on one clock, looked for up to `most_s` in both directions. NaN and gaps are
-/// skipped. `None` where one of them does not move, too little is there, or they are most alike at the end of the range.
+/// The lag of `late` behind `early`, both on one clock, within `most_s` in both directions. NaN and gaps are skipped.
+/// `None` where a series is constant, too few samples are present, or the correlation peaks at the end of the range.
 pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<Lag> {
     let step_s = usual_step_s(clock_s)?;
     if !moves(early) || !moves(late) {
@@ -34,7 +34,8 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
     };
     let (early, late) = (slopes(early), slopes(late));
     let most = (most_s / step_s).ceil().min(early.len() as f64 / 2.0) as isize;
-    let correlation: Vec<f64> = (-most..=most).map(|shift| alike(&early, &late, shift).unwrap_or(f64::NAN)).collect();
+    let correlation: Vec<f64> =
+        (-most..=most).map(|shift| correlation_at(&early, &late, shift).unwrap_or(f64::NAN)).collect();
     let best = (0..correlation.len())
         .filter(|i| !correlation[*i].is_nan())
         .max_by(|a, b| correlation[*a].total_cmp(&correlation[*b]))?;
@@ -45,7 +46,8 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
     }
     let fraction = 0.5 * (right - left) / curvature;
     let pairs = early.iter().filter(|x| !x.is_nan()).count() as f64;
-    // The peak of the correlation is as sharp as the series are fast; about one stretch of that length is one observation.
+    // The width of the correlation's peak is the series' time scale; a stretch of that length counts as one
+    // observation.
     let rate = curvature.sqrt();
     let observations = (pairs * rate.min(1.0)).max(1.0);
     let unlike = (1.0 / (peak * peak) - 1.0).max(0.0);
@@ -57,7 +59,7 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
 }
 
 /// Correlation of `early` with `late` moved back by `shift` steps.
-fn alike(early: &[f64], late: &[f64], shift: isize) -> Option<f64> {
+fn correlation_at(early: &[f64], late: &[f64], shift: isize) -> Option<f64> {
     let from = shift.unsigned_abs();
     let (early, late) = if shift >= 0 { (early, late.get(from..)?) } else { (early.get(from..)?, late) };
     let pairs = early.iter().zip(late).filter(|(a, b)| !(**a * **b).is_nan());
@@ -66,10 +68,10 @@ fn alike(early: &[f64], late: &[f64], shift: isize) -> Option<f64> {
     (n >= FEWEST && ee > 0.0 && ll > 0.0).then(|| el / (ee * ll).sqrt())
 }
 
-/// Whether there is more in a series than one value and its rounding errors.
+/// Whether a series varies by more than rounding errors.
 fn moves(values: &[f64]) -> bool {
-    let there = values.iter().filter(|x| x.is_finite());
-    let (low, high) = there.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let present = values.iter().filter(|x| x.is_finite());
+    let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     high - low > 1e-9 * low.abs().max(high.abs())
 }
 
@@ -130,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_does_not_disturb_it_and_strangers_have_none() {
+    fn a_gap_does_not_matter_and_unrelated_series_have_no_lag() {
         let clock: Vec<f64> = (0..1600).map(|i| 0.005 * f64::from(i) + if i > 700 { 2.0 } else { 0.0 }).collect();
         let early: Vec<f64> = clock.iter().map(|t| motion(*t)).collect();
         let mut late: Vec<f64> = clock.iter().map(|t| motion(*t - 0.0137)).collect();

@@ -1,16 +1,16 @@
-//! What a log does not say, and for how long: lost messages, torque that was off, gaps.
+//! Missing samples of a log: lost messages, torque that was off, gaps.
 //!
-//! A command that is missing for a moment was lost on its way to the log: servos do not let go of a joint and take it up again
-//! within 50 ms, while messages get lost one by one or a few in a row. The last command is held over such a moment. What is
-//! missing for longer was not commanded. Where whole samples are missing for longer than a moment, nobody knows what the robot
-//! was told nor where it went: what follows is a log of its own.
+//! A command that is missing for a moment was lost on its way to the log: servos do not release a joint and engage it
+//! again within 50 ms, while messages get lost one by one or a few in a row. The last command is held over such a loss.
+//! A command that is missing for longer was not sent. Where whole samples are missing for longer, both commands and
+//! motion are unknown: the log is split there.
 
 use crate::log::Log;
 use std::ops::Range;
 
-/// A command may be lost for so long, in s, or for so many samples of a slow log.
+/// Longest loss of a command, in s, or in samples of a slow log.
 const LOST: (f64, f64) = (0.05, 3.0);
-/// Samples that are further apart than this, in s, or than so many usual steps of a slow log, have a gap between them.
+/// Least distance of samples that counts as a gap, in s, or in usual steps of a slow log.
 const GAP: (f64, f64) = (0.1, 5.0);
 
 /// A run of missing values.
@@ -22,7 +22,7 @@ pub struct Gap {
     pub start_s: f64,
     /// Until the next value, by the log's clock in s.
     pub end_s: f64,
-    /// Whether it is short enough to be a loss; nothing was commanded otherwise.
+    /// Whether it is short enough to be a loss; otherwise nothing was commanded.
     pub lost: bool,
 }
 
@@ -46,7 +46,7 @@ pub fn spells(log: &Log, values: &[f64]) -> Vec<Gap> {
     spells
 }
 
-/// Commands without their losses: the last value is held, and before the first one that one.
+/// Commands with losses filled: the last value is held, and the first one before it.
 pub fn held(log: &Log, values: &[f64]) -> Vec<f64> {
     let mut held = values.to_vec();
     for Gap { samples, .. } in spells(log, values).into_iter().filter(|spell| spell.lost) {

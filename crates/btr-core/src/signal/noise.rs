@@ -1,21 +1,21 @@
-//! The noise floor of a measured series: how far its readings are from what they measure.
+//! The noise floor of a measured series: the standard deviation of its readings' errors.
 //!
-//! Motion is smooth, white noise is not. Differences of order p take away every polynomial of a lower degree and weaken a
-//! motion of frequency w by (w·dt)^p, while white noise only grows by the root of the binomial C(2p, p) (J. von Neumann, R. H.
-//! Kent, H. R. Bellinson and B. I. Hart, "The mean square successive difference", Annals of Mathematical Statistics 12, 1941,
-//! for p = 1). The lowest estimate over several orders is taken, so that fast motion is no noise; the median over short blocks,
-//! so that impacts and steps are none.
+//! Motion is smooth, white noise is not. Differences of order p take away every polynomial of a lower degree and weaken
+//! a motion of frequency w by (w·dt)^p, while white noise only grows by the root of the binomial C(2p, p) (J. von
+//! Neumann, R. H. Kent, H. R. Bellinson and B. I. Hart, "The mean square successive difference", Annals of Mathematical
+//! Statistics 12, 1941, for p = 1). The lowest estimate over several orders is taken, so that fast motion does not
+//! count as noise; and the median over short blocks, so that impacts and steps do not.
 
-/// What is known of a sensor's errors.
+/// Estimate of a sensor's errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseEstimate {
     /// Standard deviation of the white noise without quantisation, in the unit of the series.
     pub white: f64,
     /// Step of the readings; 0 where there is none.
     pub quantum: f64,
-    /// Least standard deviation that is believed; above zero.
+    /// Lower bound of the standard deviation; above zero.
     least: f64,
-    /// What is taken for it where the readings show none.
+    /// Standard deviation assumed where the readings show no noise.
     assumed: f64,
 }
 
@@ -23,22 +23,22 @@ pub struct NoiseEstimate {
 const ORDERS: std::ops::RangeInclusive<usize> = 3..=10;
 /// Differences in a block.
 const BLOCK: usize = 32;
-/// No sensor resolves a smaller share of the range it shows.
+/// Assumed best resolution of a sensor, as a share of the range of its readings.
 const FINEST: f64 = 1e-5;
-/// A channel that stands still has no range; in SI units a good sensor's is about one, of which 13 bits resolve this.
+/// Assumed resolution of a constant channel: 13 bits of a range of 1 SI unit.
 const ASSUMED: f64 = 1e-4;
 
 impl NoiseEstimate {
-    /// Estimated from readings alone; NaN are missing samples. `None` when fewer than a dozen readings are there.
+    /// Estimated from readings alone; NaN are missing samples. `None` with fewer than a dozen readings.
     pub fn of(values: &[f64]) -> Option<Self> {
-        let there: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
-        if there.len() < 12 {
+        let present: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
+        if present.len() < 12 {
             return None;
         }
-        let (low, high) = there.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-        let quantum = quantum(there).unwrap_or(0.0);
+        let (low, high) = present.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        let quantum = quantum(present).unwrap_or(0.0);
         let rough = ORDERS.filter_map(|order| roughness(values, order)).fold(f64::INFINITY, f64::min);
-        // The differences see quantisation as well, as soon as the motion runs through its steps.
+        // The differences contain quantisation as well, as soon as the motion passes through its steps.
         let white = if rough.is_finite() { (rough * rough - quantum * quantum / 12.0).max(0.0).sqrt() } else { 0.0 };
         let least = FINEST * (high - low).max(FINEST * high.abs().max(low.abs())).max(f64::MIN_POSITIVE / FINEST);
         let assumed = if high > low { least } else { ASSUMED };
@@ -50,18 +50,18 @@ impl NoiseEstimate {
         (self.white.powi(2) + self.quantum.powi(2) / 12.0).sqrt().max(self.least)
     }
 
-    /// What errors are measured in: the standard deviation, or one that is assumed where the readings show no noise.
+    /// The unit of errors: the standard deviation, or an assumed one where the readings show no noise.
     pub fn floor(&self) -> f64 {
         if self.is_negligible() { self.assumed.max(self.sigma()) } else { self.sigma() }
     }
 
-    /// True for readings that err by nothing that could be noticed: those of a simulation.
+    /// True for readings without noticeable errors: those of a simulation.
     pub fn is_negligible(&self) -> bool {
         self.sigma() <= self.least
     }
 }
 
-/// Standard deviation of white noise that would make the differences of this order as large as they are: the median over
+/// Standard deviation of white noise whose differences of this order would be as large as observed: the median over
 /// blocks. `None` when no stretch of samples is long enough.
 fn roughness(values: &[f64], order: usize) -> Option<f64> {
     let mut blocks = Vec::new();
@@ -84,12 +84,12 @@ fn median(values: &mut [f64]) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The step that all readings are multiples of, up to a common offset and the digits they were written with; `None` where
-/// there is none, or where the readings lie too far apart to tell.
+/// The step that all readings are multiples of, up to a common offset and the digits they were written with; `None`
+/// where there is none, or where the readings are too far apart.
 pub fn quantum(mut readings: Vec<f64>) -> Option<f64> {
     /// Gaps of more steps than this are too uncertain to count.
     const FAR: f64 = 20.0;
-    /// Root mean square distance from a multiple, in steps. Numbers that know no step have 0.29.
+    /// Root mean square distance from a multiple, in steps. Numbers without a step have 0.29.
     const OFF: f64 = 0.1;
     readings.sort_by(f64::total_cmp);
     let range = readings.last()? - readings.first()?;
@@ -100,7 +100,7 @@ pub fn quantum(mut readings: Vec<f64>) -> Option<f64> {
     if gaps.len() < 2 || 2 * near(step).count() < gaps.len() {
         return None;
     }
-    // The smallest gap errs most, relative to its size; the others know the step better.
+    // The smallest gap has the largest relative error; the others give the step more precisely.
     let (along, square) = near(step).fold((0.0, 0.0), |(along, square), gap| {
         let steps = (gap / step).round();
         (along + steps * gap, square + steps * steps)
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_and_jumps_are_no_noise() {
+    fn holes_and_jumps_do_not_count_as_noise() {
         let mut values = noisy(3000, 1e-3, 0.0);
         values.iter_mut().step_by(211).for_each(|x| *x = f64::NAN);
         values[1000..].iter_mut().for_each(|x| *x += 0.7);

@@ -1,20 +1,20 @@
-//! Smoothing by local quadratic fits: value, velocity and acceleration of a series that was only sampled, with noise.
+//! Smoothing by local quadratic fits: value, velocity and acceleration of a sampled, noisy series.
 //!
 //! A. Savitzky and M. J. E. Golay, "Smoothing and differentiation of data by simplified least squares procedures",
-//! Analytical Chemistry 36, 1964; here with the samples' own times, so that irregular clocks and missing samples are no
-//! special case.
+//! Analytical Chemistry 36, 1964; here with the samples' own times, so that irregular clocks and missing samples need
+//! no special case.
 
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
 /// A parabola needs three points; one more, so that noise has something to average over.
 const FEWEST: usize = 4;
-/// Samples to each side of the fit, at least.
+/// Least number of samples to each side of the fit.
 const REACH_SAMPLES: f64 = 4.0;
-/// Time to each side of the fit, at least, in s: fast clocks need more samples for the same velocity.
+/// Least time to each side of the fit, in s: fast clocks need more samples for the same velocity.
 const REACH_S: f64 = 0.02;
 
-/// A slope of fewer standard deviations than this is none, if nothing else is known.
+/// A slope of fewer standard deviations than this counts as rest, if nothing else is known.
 const TELLING: f64 = 2.0;
 
 /// A smoothed sample.
@@ -29,19 +29,19 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// What is not known.
+    /// An unknown motion.
     pub const MISSING: Motion = Motion { value: f64::NAN, velocity: f64::NAN, acceleration: f64::NAN };
 }
 
-/// The parabola that fits the samples of `range` best, at time `at_s`; `None` with fewer than four samples that are there.
+/// The parabola that fits the samples of `range` best, at time `at_s`; `None` with fewer than four present samples.
 pub fn parabola(clock_s: &[f64], values: &[f64], range: Range<usize>, at_s: f64) -> Option<Motion> {
-    let there = || range.clone().filter(|i| values[*i].is_finite());
-    let reach = there().map(|i| (clock_s[i] - at_s).abs()).fold(0.0, f64::max);
-    if there().count() < FEWEST || reach <= 0.0 {
+    let present = || range.clone().filter(|i| values[*i].is_finite());
+    let reach = present().map(|i| (clock_s[i] - at_s).abs()).fold(0.0, f64::max);
+    if present().count() < FEWEST || reach <= 0.0 {
         return None;
     }
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for i in there() {
+    for i in present() {
         // In units of the reach all three columns are of size one.
         let t = (clock_s[i] - at_s) / reach;
         let row = Vector3::new(1.0, t, t * t);
@@ -63,10 +63,10 @@ pub fn in_place(clock_s: &[f64], values: &mut [f64]) {
     values.iter_mut().zip(smoothed).for_each(|(value, motion)| *value = motion.value);
 }
 
-/// The same as [`smooth`] with fits that reach just far enough: four samples to each side. For motions whose accelerations
-/// must not be rounded off more than need be.
+/// The same as [`smooth`] with the shortest fits: four samples to each side. For motions whose accelerations should be
+/// smoothed as little as possible.
 pub fn finely(clock_s: &[f64], values: &[f64]) -> Vec<Motion> {
-    // Rounded stamps must not lose the outermost sample.
+    // Rounded time stamps must not lose the outermost sample.
     within(clock_s, values, usual_step_s(clock_s).map_or(REACH_S, |step| (REACH_SAMPLES + 0.1) * step))
 }
 
@@ -80,18 +80,18 @@ fn within(clock_s: &[f64], values: &[f64], reach_s: f64) -> Vec<Motion> {
             while to < clock_s.len() && clock_s[to] <= clock_s[i] + reach_s {
                 to += 1;
             }
-            let there = values[i].is_finite();
-            there.then(|| parabola(clock_s, values, from..to, clock_s[i])).flatten().unwrap_or(Motion::MISSING)
+            let present = values[i].is_finite();
+            present.then(|| parabola(clock_s, values, from..to, clock_s[i])).flatten().unwrap_or(Motion::MISSING)
         })
         .collect()
 }
 
 /// The state in which a series begins, at the very first tick of its clock; `sigma` is the standard deviation of its
-/// readings. At rest where the slope of the first readings could as well be noise: most recordings begin so, and a
-/// servo set in motion by noise would swing for long. Else released from rest, if a cubic with its vertex at the first
-/// tick fits nearly as many of the first samples as any parabola does, which has as many numbers; else by that one. A
-/// velocity that was `measured` there, late and rough as it may be, decides between the two. `None` where too few
-/// samples are there.
+/// readings. At rest where the slope of the first readings may be noise: most recordings begin so, and a servo set in
+/// motion by noise would oscillate for long. Otherwise released from rest, if a cubic with its vertex at the first tick
+/// fits nearly as many of the first samples as any parabola does, which has as many coefficients; otherwise the
+/// parabola's. A velocity that was `measured` present, even if late and rough, decides between the two. `None` where
+/// too few samples are present.
 pub fn start(clock_s: &[f64], values: &[f64], sigma: f64, measured: Option<f64>) -> Option<Motion> {
     let first_s = *clock_s.first()?;
     let within = |long_s: f64| 0..clock_s.partition_point(|t| *t <= first_s + long_s);
@@ -102,26 +102,26 @@ pub fn start(clock_s: &[f64], values: &[f64], sigma: f64, measured: Option<f64>)
     }
 }
 
-/// The mean of the first readings; `None` where they are fewer than three, or have a slope beyond so many standard deviations
-/// of what noise alone would give them.
-pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, telling: f64) -> Option<f64> {
+/// The mean of the first readings; `None` where they are fewer than three, or have a slope of more than `threshold`
+/// standard deviations of the slope by noise alone.
+pub fn resting(clock_s: &[f64], values: &[f64], sigma: f64, threshold: f64) -> Option<f64> {
     let first_s = *clock_s.first()?;
-    // Short, as a command may come at once.
+    // Short, as a command may come at the start.
     let last_s = first_s + REACH_S.max(0.5 * reach_s(clock_s));
     let readings = clock_s.iter().zip(values).take_while(|(t, _)| **t <= last_s);
-    let there: Vec<(f64, f64)> = readings.map(|(t, x)| (*t, *x)).filter(|(_, x)| x.is_finite()).collect();
-    let n = there.len() as f64;
-    let (time, value) = there.iter().fold((0.0, 0.0), |(time, value), (t, x)| (time + t / n, value + x / n));
-    let (along, square) = there
+    let present: Vec<(f64, f64)> = readings.map(|(t, x)| (*t, *x)).filter(|(_, x)| x.is_finite()).collect();
+    let n = present.len() as f64;
+    let (time, value) = present.iter().fold((0.0, 0.0), |(time, value), (t, x)| (time + t / n, value + x / n));
+    let (along, square) = present
         .iter()
         .fold((0.0, 0.0), |(along, square), (t, x)| (along + (t - time) * (x - value), square + (t - time).powi(2)));
     // The slope has the deviation sigma/sqrt(sum of squared times).
-    (there.len() >= 3 && along.abs() <= telling * sigma * square.sqrt()).then_some(value)
+    (present.len() >= 3 && along.abs() <= threshold * sigma * square.sqrt()).then_some(value)
 }
 
-/// The motion at the first tick, of a curve through as many samples as it fits to `sigma`.
+/// The motion at the first tick of the longest curve that fits the samples to `sigma`.
 fn moving(series: SampledSeries, most: usize, sigma: f64, measured: Option<f64>) -> Option<Motion> {
-    /// Released from rest is believed if it fits this share of the samples that any parabola fits.
+    /// A release from rest is accepted if it fits this share of the samples that any parabola fits.
     const NEARLY: f64 = 0.7;
     let (clock_s, values) = series;
     let free = |to: usize| Some(Cubic { motion: parabola(clock_s, values, 0..to, clock_s[0])?, jerk: 0.0 });
@@ -131,7 +131,7 @@ fn moving(series: SampledSeries, most: usize, sigma: f64, measured: Option<f64>)
     };
     let rests = match measured {
         Some(velocity) => velocity.abs() <= (free.cubic.motion.velocity - velocity).abs(),
-        // Too fast for the clock: what leaves less of the very first samples.
+        // Too fast for the clock: the curve with the smaller residuals on the very first samples.
         None if free.samples + rest.samples == 0 => rest.left <= free.left,
         None => rest.samples as f64 >= NEARLY * free.samples as f64,
     };
@@ -147,25 +147,26 @@ struct Cubic {
     jerk: f64,
 }
 
-/// A curve and how far it fits.
+/// A curve and the samples that it fits.
 struct FittedCurve {
     cubic: Cubic,
-    /// How many of the first samples it fits to their noise; none where even the fewest are too many.
+    /// Number of first samples that it fits to their noise; 0 where it does not fit even the fewest.
     samples: usize,
-    /// What it leaves of those that it was fitted to: the sum of squares.
+    /// Sum of squared residuals of the fit.
     left: f64,
 }
 
 impl FittedCurve {
-    /// The curve of a kind through as many samples, `most` at most, as it fits to `sigma`; else that through the fewest.
+    /// The longest curve of a kind, over `most` samples at most, that fits to `sigma`; else that over the fewest
+    /// samples.
     fn longest(series: SampledSeries, most: usize, sigma: f64, fit: impl Fn(usize) -> Option<Cubic>) -> Option<Self> {
-        /// A fit is good while what it leaves is no more than so many sigma.
+        /// Largest residual of a good fit, in sigma.
         const GOOD: f64 = 1.3;
         let fitted = |to: usize| {
             let cubic = fit(to)?;
             let left = cubic.left(series, to);
-            let there = series.1[..to].iter().filter(|x| x.is_finite()).count() as f64;
-            let samples = if left <= (GOOD * sigma).powi(2) * (there - 3.0) { to } else { 0 };
+            let present = series.1[..to].iter().filter(|x| x.is_finite()).count() as f64;
+            let samples = if left <= (GOOD * sigma).powi(2) * (present - 3.0) { to } else { 0 };
             Some(FittedCurve { cubic, samples, left })
         };
         let good = (FEWEST..=most).rev().filter_map(fitted).find(|it| it.samples > 0);
@@ -174,7 +175,7 @@ impl FittedCurve {
 }
 
 impl Cubic {
-    /// What it leaves of the first `to` samples: the sum of squares.
+    /// Sum of squared residuals of the first `to` samples.
     fn left(&self, (clock_s, values): SampledSeries, to: usize) -> f64 {
         let Motion { value, velocity, acceleration } = self.motion;
         let at = |t: f64| value + t * (velocity + t * (0.5 * acceleration + t * self.jerk / 6.0));
@@ -183,16 +184,16 @@ impl Cubic {
     }
 }
 
-/// The cubic with its vertex at the first tick that is nearest to the first `to` samples: who is told at once to be elsewhere
-/// begins with an acceleration that soon falls.
+/// The cubic with its vertex at the first tick that fits the first `to` samples best: a step command at the start gives
+/// an acceleration that soon falls.
 fn released((clock_s, values): SampledSeries, to: usize) -> Option<Cubic> {
-    let there = || (0..to).filter(|&i| values[i].is_finite());
-    let reach = there().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);
-    if there().count() < FEWEST || reach <= 0.0 {
+    let present = || (0..to).filter(|&i| values[i].is_finite());
+    let reach = present().map(|i| clock_s[i] - clock_s[0]).fold(0.0, f64::max);
+    if present().count() < FEWEST || reach <= 0.0 {
         return None;
     }
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for i in there() {
+    for i in present() {
         let t = (clock_s[i] - clock_s[0]) / reach;
         let row = Vector3::new(1.0, t * t, t * t * t);
         normal += row * row.transpose();
@@ -203,9 +204,9 @@ fn released((clock_s, values): SampledSeries, to: usize) -> Option<Cubic> {
     Some(Cubic { motion, jerk: 6.0 * fit[2] / reach.powi(3) })
 }
 
-/// How far a fit reaches to each side.
+/// Reach of a fit to each side, in s.
 fn reach_s(clock_s: &[f64]) -> f64 {
-    // A little more, so that rounded stamps do not lose the outermost sample.
+    // A little more, so that rounded time stamps do not lose the outermost sample.
     usual_step_s(clock_s).map_or(REACH_S, |usual| (REACH_SAMPLES * usual).max(REACH_S) + 0.1 * usual)
 }
 
@@ -241,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rests_at_first_is_not_set_in_motion_by_what_comes_later() {
+    fn a_series_at_rest_first_begins_at_rest_whatever_follows() {
         let law = |t: f64| if t < 0.06 { 0.0 } else { 40.0 * (t - 0.06).powi(2) };
         let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
@@ -254,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn what_falls_from_rest_has_no_velocity_yet() {
+    fn a_fall_from_rest_begins_without_velocity() {
         let error = |i: u32| 1e-3 * (f64::from(i) * 12.9898).sin();
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let falling: Vec<f64> = (0..40).map(|i| 0.1 + 12.0 * clock[i as usize].powi(2) + error(i)).collect();
@@ -263,8 +264,8 @@ mod tests {
     }
 
     #[test]
-    fn who_is_told_at_once_to_be_elsewhere_begins_at_rest() {
-        // A servo of 19 rad/s, damped to a fifth, that is told to be 0.2 rad further.
+    fn a_step_command_at_the_start_begins_at_rest() {
+        // A servo of 19 rad/s, damped to a fifth, with a step command of 0.2 rad.
         let error = |i: u32| 7e-4 * (f64::from(i) * 12.9898).sin();
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let swings = |t: f64| 0.2 * (1.0 - (-4.0 * t).exp() * ((18.6 * t).cos() + 0.215 * (18.6 * t).sin()));
@@ -274,17 +275,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_fast_for_its_clock_is_not_set_in_motion_backwards() {
+    fn a_motion_too_fast_for_its_clock_does_not_begin_backwards() {
         // A light joint that sticks for a moment and then follows: readings without noise.
         let clock: Vec<f64> = (0..40).map(|i| 0.01 * f64::from(i)).collect();
         let values: Vec<f64> = clock.iter().map(|t| 0.4 * (1.0 - (-(t / 0.06f64).powf(3.6)).exp())).collect();
         let begin = start(&clock, &values, 1e-6, None).unwrap();
         assert!(begin.velocity.abs() < 1e-12 && begin.value.abs() < 2e-3, "{begin:?}");
-        let told = start(&clock, &values, 1e-6, Some(-0.4)).unwrap();
-        assert!(told.velocity < -0.2, "what a sensor says decides: {told:?}");
+        let with_sensor = start(&clock, &values, 1e-6, Some(-0.4)).unwrap();
+        assert!(with_sensor.velocity < -0.2, "the sensor decides: {with_sensor:?}");
     }
 
-    /// Of 400 motions that begin at some speed with any acceleration, how many are said to begin at rest.
+    /// Of 400 motions that begin at some speed with any acceleration, how many are taken to begin at rest.
     fn taken_for_rest(speed: f64, rate: f64, sigma: f64, measured: Option<f64>) -> usize {
         let mut rng = crate::random::stream(7, &[]);
         let mut even = move || rand::RngExt::random::<f64>(&mut rng);
@@ -302,18 +303,18 @@ mod tests {
     }
 
     #[test]
-    fn rest_and_motion_are_told_apart() {
+    fn rest_and_motion_are_distinguished() {
         for rate in [3.0, 6.0, 12.0, 20.0] {
             assert!(taken_for_rest(0.0, rate, 1e-3, None) > 390);
             assert!(taken_for_rest(1.0, rate, 3e-4, None) == 0 && taken_for_rest(3.0, rate, 1e-3, None) == 0);
             assert!(taken_for_rest(1.0, rate, 1e-3, None) < 20);
-            // Where noise hides a slow motion, a sensor of velocity tells.
+            // Where noise hides a slow motion, a velocity sensor shows it.
             assert!(taken_for_rest(0.3, rate, 1e-3, Some(0.3)) < taken_for_rest(0.3, rate, 1e-3, None) / 2);
         }
     }
 
     #[test]
-    fn nothing_is_made_up_where_samples_are_missing() {
+    fn missing_samples_stay_missing() {
         let clock: Vec<f64> = (0..30).map(|i| 0.01 * f64::from(i) + if i >= 15 { 5.0 } else { 0.0 }).collect();
         let mut values = vec![1.0; 30];
         values[5..15].fill(f64::NAN);

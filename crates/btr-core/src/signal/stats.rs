@@ -15,7 +15,7 @@ pub fn std(x: &[f64]) -> f64 {
 /// M. G. Kendall, "The treatment of ties in ranking problems", Biometrika 33, 1945.
 ///
 /// `None` where it is not defined: unequal lengths, fewer than two pairs, a series that is constant or holds a NaN.
-/// Every pair is looked at, O(n²): meant for populations, not for logs.
+/// Compares all pairs, O(n²): meant for populations, not for logs.
 pub fn kendall_tau_b(x: &[f64], y: &[f64]) -> Option<f64> {
     if x.len() != y.len() || x.iter().chain(y).any(|v| v.is_nan()) {
         return None;
@@ -41,7 +41,7 @@ fn order(a: f64, b: f64) -> i64 {
     i64::from(a > b) - i64::from(a < b)
 }
 
-/// How many samples of the lagged product are there, and its sum, around the means of what is there. NaN are skipped.
+/// Number of samples of the lagged product, and its sum, about the means of the present samples. NaN are skipped.
 fn lagged_product(x: &[f64], y: &[f64], lag: usize) -> (f64, f64) {
     let pairs = x.iter().zip(y.iter().skip(lag));
     pairs.map(|(a, b)| a * b).filter(|product| !product.is_nan()).fold((0.0, 0.0), |(n, sum), p| (n + 1.0, sum + p))
@@ -53,27 +53,27 @@ pub fn centred(x: &[f64]) -> Vec<f64> {
     x.iter().map(|v| v - sum / n).collect()
 }
 
-/// Autocorrelation at lags 0 to `most`, with the usual normalisation that keeps it within -1 and 1 (G. E. P. Box and G. M.
-/// Jenkins, "Time Series Analysis: Forecasting and Control", 1970). NaN are samples that are missing; where they are, a lag's
-/// sum is scaled up to what it would be without holes. Empty for a series that is constant or holds nothing.
+/// Autocorrelation at lags 0 to `most`, with the usual normalisation that keeps it within -1 and 1 (G. E. P. Box and G.
+/// M. Jenkins, "Time Series Analysis: Forecasting and Control", 1970). NaN are samples that are missing; where they
+/// are, a lag's sum is scaled up to what it would be without holes. Empty for a series that is constant or empty.
 pub fn autocorrelation(x: &[f64], most: usize) -> Vec<f64> {
     let x = centred(x);
-    let (there, squares) = lagged_product(&x, &x, 0);
+    let (count, squares) = lagged_product(&x, &x, 0);
     if squares.is_nan() || squares <= 0.0 {
         return Vec::new();
     }
     let at = |lag: usize| {
         let (pairs, sum) = lagged_product(&x, &x, lag);
         // With n samples and no hole there are n - lag pairs.
-        let whole = (there - lag as f64).max(0.0);
+        let whole = (count - lag as f64).max(0.0);
         if pairs > 0.0 { sum / squares * (whole / pairs) } else { 0.0 }
     };
     (0..=most.min(x.len().saturating_sub(1))).map(at).collect()
 }
 
-/// The integrated autocorrelation time tau = 1 + 2·sum of rho_k in samples: that many samples tell as much as one that is
-/// independent. The sum ends at the first lag k >= 5·tau (A. D. Sokal, "Monte Carlo methods in statistical mechanics:
-/// foundations and new algorithms", 1997). At least 1.
+/// The integrated autocorrelation time tau = 1 + 2·sum of rho_k in samples: that many samples carry as much information
+/// as one independent sample. The sum ends at the first lag k >= 5·tau (A. D. Sokal, "Monte Carlo methods in
+/// statistical mechanics: foundations and new algorithms", 1997). At least 1.
 pub fn autocorrelation_time(x: &[f64]) -> f64 {
     const WINDOW: f64 = 5.0;
     let x = centred(x);
@@ -91,17 +91,17 @@ pub fn autocorrelation_time(x: &[f64]) -> f64 {
     tau.max(1.0)
 }
 
-/// What a test of whiteness found; tests of several stretches add up.
+/// Result of a test of whiteness; results of several stretches add up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Whiteness {
     /// Q = n(n + 2)·sum of rho_k²/(n - k): chi-squared distributed if the series is white.
     pub q: f64,
-    /// How many autocorrelations are in it.
+    /// Number of autocorrelations in it.
     pub lags: f64,
 }
 
 impl Whiteness {
-    /// Of a series; NaN are missing samples. Says nothing (no lags) about fewer than twenty. G. M. Ljung and G. E. P.
+    /// Of a series; NaN are missing samples. No lags for fewer than twenty. G. M. Ljung and G. E. P.
     /// Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978.
     pub fn of(x: &[f64]) -> Self {
         const MOST: usize = 25;
@@ -121,8 +121,9 @@ impl Whiteness {
         Whiteness { q: self.q + other.q, lags: self.lags + other.lags }
     }
 
-    /// Whether nothing speaks against a white series, at the level of 1 %. The quantile is the cube-root approximation of E. B.
-    /// Wilson and M. M. Hilferty, "The distribution of chi-square", Proceedings of the National Academy of Sciences 17, 1931.
+    /// Whether whiteness is not rejected at the level of 1 %. The quantile is the cube-root approximation of E. B.
+    /// Wilson and M. M. Hilferty, "The distribution of chi-square", Proceedings of the National Academy of Sciences 17,
+    /// 1931.
     pub fn is_white(&self) -> bool {
         const QUANTILE_99: f64 = 2.326;
         let spread = 2.0 / (9.0 * self.lags);
@@ -130,7 +131,8 @@ impl Whiteness {
     }
 }
 
-/// Pearson's correlation of what is there on both sides; `None` with fewer than three pairs or where one side is constant.
+/// Pearson's correlation of the samples present on both sides; `None` with fewer than three pairs or where one side is
+/// constant.
 pub fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
     let pairs = || x.iter().zip(y).filter(|(a, b)| a.is_finite() && b.is_finite());
     let n = pairs().count() as f64;
@@ -145,11 +147,11 @@ pub fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
     (n >= 3.0 && varies(xx, mean_x) && varies(yy, mean_y)).then(|| (xy / (xx * yy).sqrt()).clamp(-1.0, 1.0))
 }
 
-/// The largest correlation of a residual with an input now or up to `most` samples earlier, in standard deviations of what two
-/// independent series of the same autocorrelation would show: the independence test of residual analysis (L. Ljung, "System
-/// Identification: Theory for the User", 1999), with M. S. Bartlett's variance of a correlation, (1/n)·sum over k of
-/// rho_x(k)·rho_y(k) ("Some aspects of the time-correlation problem", Journal of the Royal Statistical Society 98, 1935).
-/// 0 where one of them is constant or nothing is there.
+/// The largest correlation of a residual with an input now or up to `most` samples earlier, in standard deviations of
+/// what two independent series of the same autocorrelation would show: the independence test of residual analysis (L.
+/// Ljung, "System Identification: Theory for the User", 1999), with M. S. Bartlett's variance of a correlation,
+/// (1/n)·sum over k of rho_x(k)·rho_y(k) ("Some aspects of the time-correlation problem", Journal of the Royal
+/// Statistical Society 98, 1935). 0 where one of them is constant or empty.
 pub fn dependence(residual: &[f64], input: &[f64], most: usize) -> f64 {
     let both: Vec<bool> = residual.iter().zip(input).map(|(a, b)| a.is_finite() && b.is_finite()).collect();
     let masked = |x: &[f64]| -> Vec<f64> { x.iter().zip(&both).map(|(v, b)| if *b { *v } else { f64::NAN }).collect() };
@@ -206,7 +208,7 @@ mod tests {
         }
 
         #[test]
-        fn tau_is_symmetric_and_knows_reversal(pairs in pairs()) {
+        fn tau_is_symmetric_and_changes_sign_on_reversal(pairs in pairs()) {
             let (x, y): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
             let reversed: Vec<f64> = y.iter().map(|v| -v).collect();
             prop_assert_eq!(kendall_tau_b(&x, &y), kendall_tau_b(&y, &x));
@@ -262,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_an_input_depends_on_it_and_what_is_slow_does_not_by_itself() {
+    fn a_response_depends_on_its_input_and_a_slow_series_does_not_by_itself() {
         let input = autoregressive(0.9, 3000, 21);
         let noise = autoregressive(0.0, 3000, 22);
         let follows: Vec<f64> = (0..3000).map(|i| if i < 4 { 0.0 } else { 0.2 * input[i - 4] } + noise[i]).collect();

@@ -1,14 +1,15 @@
-//! Abduction: which extension of S explains what the robot did. The paper's principle P3 with the means of step 3: the same
-//! tests, the same noise, the same posterior, in spaces that have a few dimensions more.
+//! Abduction: which extension of S explains what the robot did. The paper's principle P3 with the means of step 3: the
+//! same tests, the same noise, the same posterior, in spaces that have a few dimensions more.
 //!
-//! Screening runs each extension once per probe where the present estimate stands, and computes how far a multiple of its change
-//! and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all of S free.
+//! Screening runs each extension once per probe where the present estimate stands, and computes how far a multiple of
+//! its change and a step in S together would lower chi-squared. Fitting then estimates the most promising ones with all
+//! of S free.
 
 use super::posterior::{Estimated, Posterior};
 use super::predictive::PriorPredictive;
 use super::probe::ProbedTest;
 use super::problem::{EstimationContext, EstimationProblem};
-use crate::coevolve::evaluate::{self, Cost};
+use crate::coevolve::evaluate::{self, Cost, ResidualDistance};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::distance::Distance;
@@ -21,18 +22,19 @@ use rayon::prelude::*;
 
 /// Least and greatest multiple of a probe for which its linearisation is trusted.
 const MULTIPLES: (f64, f64) = (0.15, 4.0);
-/// Width of the belief about S around its nominal values, as a share of its bounds': a missing effect may have biased S.
+/// Width of the belief about S around its nominal values, as a share of its bounds': a missing effect may have biased
+/// S.
 const BIAS_SHARE: f64 = 0.35;
-/// Initial standard deviation of an extension's own parameters: a share of their start's distance from the prior mean, and the
-/// least value, on the unit cube.
+/// Initial standard deviation of an extension's own parameters: a share of their start's distance from the prior mean,
+/// and the least value, on the unit cube.
 const BEGIN: (f64, f64) = (0.5, 0.01);
 
 /// A search for extensions of S that explain tests which S does not.
 pub struct Abduction<'a> {
     /// A likelihood: see [`Distance::whitens`].
     pub distance: &'a dyn Distance,
-    /// Training tests: growing parts from their beginnings on, the last one whole. A fall is unpredictable before the parameters
-    /// are known; what causes it shows before.
+    /// Training tests: growing parts from their beginnings on, the last one whole. A fall is unpredictable before the
+    /// parameters are known; what causes it shows before.
     pub learn: Vec<Vec<&'a Entry>>,
     /// Held-out tests.
     pub held_out: Vec<&'a Entry>,
@@ -51,8 +53,8 @@ pub struct Extension<'a> {
 }
 
 impl Extension<'_> {
-    /// A multiple of a probe, on the unit cube: parameters with a nominal value (off) are scaled about it; others keep the
-    /// probe's value.
+    /// A multiple of a probe, on the unit cube: parameters with a nominal value (off) are scaled about it; others keep
+    /// the probe's value.
     fn at(&self, known: usize, probe: &[f64], multiple: f64) -> Vec<f64> {
         let place = |(dim, value): (&Dim, &f64)| match dim.nominal {
             Some(off) => dim.to_unit(off + multiple * (value - off)),
@@ -123,7 +125,8 @@ impl Abduction<'_> {
         })
     }
 
-    /// Estimates from the tests' beginnings to the whole tests, each from the one before: returns the first and the last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
+    /// Estimates from the tests' beginnings to the whole tests, each from the one before: returns the first and the
+    /// last. Where a beginning is not explained, the whole tests are estimated at once, and are not explained either.
     fn settle(
         &self,
         simulator: &dyn Simulator,
@@ -219,21 +222,21 @@ impl Abduction<'_> {
         let members = self.phase.members(belief.mean().len());
         let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();
-        let squares = self.distance.as_squares()?;
-        let results = evaluate::residuals(simulator, (self.distance, squares), &points, &[entry], cost);
+        let distance = ResidualDistance::of(self.distance)?;
+        let results = evaluate::residuals(simulator, distance, &points, &[entry], cost);
         let errors: Option<Vec<Residuals>> = results.into_iter().map(|(_, residuals)| residuals).collect();
         ProbedTest::of(&draws, &errors?, belief.mean())
     }
 
     fn residuals(&self, of: &Extension, here: &[f64], entry: &Entry, cost: &mut Cost) -> Vec<Option<Residuals>> {
-        let Some(squares) = self.distance.as_squares() else { return vec![None; of.probes.len()] };
+        let Some(distance) = ResidualDistance::of(self.distance) else { return vec![None; of.probes.len()] };
         let points: Vec<Vec<f64>> = of.probes.iter().map(|probe| [here, probe].concat()).collect();
-        let results = evaluate::residuals(of.simulator, (self.distance, squares), &points, &[entry], cost);
+        let results = evaluate::residuals(of.simulator, distance, &points, &[entry], cost);
         results.into_iter().map(|(_, residuals)| residuals).collect()
     }
 
-    /// The initial belief about a larger S: the belief of the screening, and the suspect's own parameters about their expected
-    /// values.
+    /// The initial belief about a larger S: the belief of the screening, and the suspect's own parameters about their
+    /// expected values.
     pub fn beginning(&self, belief: &Posterior, suspect: &Suspect, prior: &Posterior) -> Posterior {
         let mean: Vec<f64> = belief.mean().iter().copied().chain(suspect.start.iter().copied()).collect();
         let mut covariance = prior.covariance().clone();

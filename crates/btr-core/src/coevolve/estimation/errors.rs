@@ -1,7 +1,7 @@
 //! The errors of an ensemble on one real test.
 //!
-//! Errors have tens of thousands of samples, ensembles some tens of members: all that the rest of the estimate needs of a test
-//! is the Gram matrix of its members' errors.
+//! Errors have tens of thousands of samples, ensembles some tens of members: all that the rest of the estimate needs of
+//! a test is the Gram matrix of its members' errors.
 
 use super::ensemble::{CHUNK, Ensemble};
 use super::metric::{NoiseMetric, add_scaled, dot};
@@ -80,8 +80,8 @@ impl EnsembleErrors {
     }
 }
 
-/// Covariance of the gradient of half chi-squared by the sensors' noise alone, whose variance is a share 1 / (1 + variance)
-/// of the total one of each sample.
+/// Covariance of the gradient of half chi-squared by the sensors' noise alone, whose variance is a share 1 / (1 +
+/// variance) of the total one of each sample.
 fn gradient_noise(ensemble: &Ensemble, rows: &[Vec<f64>], variances: &[f64], gram: &DMatrix<f64>) -> DMatrix<f64> {
     let metric = NoiseMetric::of(&ensemble.projection, gram, ensemble.freedom);
     let combined = &ensemble.slopes - &ensemble.projection * &metric.weight * &metric.projected * &ensemble.slopes;

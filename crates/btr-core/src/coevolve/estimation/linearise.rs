@@ -1,12 +1,12 @@
 //! The information of a real test about S, by statistical linearisation.
 //!
-//! Simulations drawn from a belief run on a test, and their errors, in multiples of the noise, are regressed on their points
-//! in S. The slopes give the test's information. The regression's residuals are the part of the motion that the belief's
-//! width makes unpredictable: a foot that lands earlier, a walk that grows chaotic, curvature. They count as further noise,
-//! sample by sample and with the correlation that the ensemble shows, so that a chaotic test teaches with its beginning while
-//! the belief is wide, and with more and more of it as the belief narrows. Linearising a likelihood about the posterior
-//! itself, again and again, is the approach of D. M. Steinberg and E. V. Bonilla, "Extended and Unscented Gaussian Processes"
-//! (NeurIPS 2014); the unpredictable part is btr's.
+//! Simulations drawn from a belief run on a test, and their errors, in multiples of the noise, are regressed on their
+//! points in S. The slopes give the test's information. The regression's residuals are the part of the motion that the
+//! belief's width makes unpredictable: a foot that lands earlier, a walk that grows chaotic, curvature. They count as
+//! further noise, sample by sample and with the correlation that the ensemble shows, so that a chaotic test teaches
+//! with its beginning while the belief is wide, and with more and more of it as the belief narrows. Linearising a
+//! likelihood about the posterior itself, again and again, is the approach of D. M. Steinberg and E. V. Bonilla,
+//! "Extended and Unscented Gaussian Processes" (NeurIPS 2014); the unpredictable part is btr's.
 //!
 //! Whether a test is explained is a posterior predictive check: simulations that took no part in a regression take the
 //! robot's place (A. Gelman, X.-L. Meng, H. Stern, "Posterior predictive assessment of model fitness via realized
@@ -55,8 +55,8 @@ pub(crate) struct Prediction {
     pub chi2: f64,
     /// Effective number of samples of `chi2`.
     pub samples: f64,
-    /// The [`PREDICTED`] quantile of how much chi-squared of a left-out member exceeds what noise leaves: the unpredictable
-    /// part is not as normal as assumed, and has more directions than there are members.
+    /// The [`PREDICTED`] quantile of how much chi-squared of a left-out member exceeds what noise leaves: the
+    /// unpredictable part is not as normal as assumed, and has more directions than there are members.
     pub excess: f64,
     /// Minus twice the logarithm of the likelihood, less a constant. Calling more of the motion unpredictable lowers
     /// chi-squared but does not raise the likelihood.
@@ -82,15 +82,16 @@ impl Prediction {
     }
 }
 
-/// Mean outer product of the gradients that left-out members cause by what no slope predicts. `None` for an ensemble with
-/// too few members to leave some out.
+/// Mean outer product of the gradients that left-out members cause by what no slope predicts. `None` for an ensemble
+/// with too few members to leave some out.
 fn unpredicted_covariance(ensemble: &Ensemble, errors: &EnsembleErrors) -> Option<DMatrix<f64>> {
     let gradients: Vec<DMatrix<f64>> = left_out(ensemble, errors).iter().map(LeftOut::gradients).collect();
     let count: usize = gradients.iter().map(DMatrix::ncols).sum();
     (count > 0).then(|| gradients.iter().map(|columns| columns * columns.transpose() / count as f64).sum())
 }
 
-/// Cross-validation: every member once with a regression that it took no part in. Empty for an ensemble with too few members.
+/// Cross-validation: every member once with a regression that it took no part in. Empty for an ensemble with too few
+/// members.
 fn left_out(ensemble: &Ensemble, errors: &EnsembleErrors) -> Vec<LeftOut> {
     // Draws come in pairs about the mean, which stay together.
     let of_fold = |fold: usize| (0..ensemble.points.nrows()).partition(|i| i / 2 % FOLDS != fold);

@@ -1,9 +1,10 @@
-//! The inner product in which errors are compared: the sensors' noise plus the unpredictable part of an ensemble's errors.
+//! The inner product in which errors are compared: the sensors' noise plus the unpredictable part of an ensemble's
+//! errors.
 
 use nalgebra::DMatrix;
 
-/// An inner product of combinations of members' errors, weighted by the inverse of 1 + the covariance of the regression's
-/// residuals (Woodbury's identity; the noise is white and of size 1).
+/// An inner product of combinations of members' errors, weighted by the inverse of 1 + the covariance of the
+/// regression's residuals (Woodbury's identity; the noise is white and of size 1).
 pub(crate) struct NoiseMetric<'a> {
     gram: &'a DMatrix<f64>,
     /// The regression's residual projection times the Gram matrix.

@@ -1,7 +1,7 @@
 //! The posterior over a space of simulations, estimated from real tests.
 //!
-//! A turn draws an ensemble from a belief, runs it on every test and linearises the tests about it ([`linearise`]). The belief
-//! moves and narrows by a bounded factor per turn, until a turn leaves it where it was ([`problem`]).
+//! A turn draws an ensemble from a belief, runs it on every test and linearises the tests about it ([`linearise`]). The
+//! belief moves and narrows by a bounded factor per turn, until a turn leaves it where it was ([`problem`]).
 
 mod abduction;
 mod ensemble;

@@ -1,4 +1,5 @@
-//! The belief about S: a normal distribution on the unit cube, from the bounds alone to the posterior of the real tests.
+//! The belief about S: a normal distribution on the unit cube, from the bounds alone to the posterior of the real
+//! tests.
 
 use crate::random::Rng;
 use crate::search::{UnitPoint, normal};
@@ -121,8 +122,8 @@ impl Posterior {
         larger
     }
 
-    /// The belief about the parameters of another space, marginalised over those that it lacks; bounds may differ. `None` where it
-    /// has further ones.
+    /// The belief about the parameters of another space, marginalised over those that it lacks; bounds may differ.
+    /// `None` where it has further ones.
     pub fn carried(&self, from: &Space, to: &Space) -> Option<Self> {
         let place = |dim: &Dim| from.dims().iter().position(|known| known.name == dim.name);
         let places: Vec<usize> = to.dims().iter().map(place).collect::<Option<_>>()?;
@@ -135,7 +136,8 @@ impl Posterior {
         Some(Posterior { mean, covariance: DMatrix::from_fn(places.len(), places.len(), of) })
     }
 
-    /// Points of the cube drawn from it; each has a partner on the other side of the mean, so that the sample is centred.
+    /// Points of the cube drawn from it; each has a partner on the other side of the mean, so that the sample is
+    /// centred.
     pub(crate) fn draws(&self, count: usize, rng: &mut Rng) -> Vec<UnitPoint> {
         let root = root(&self.covariance);
         let mut draws = Vec::with_capacity(count + 1);

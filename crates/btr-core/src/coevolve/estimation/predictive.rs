@@ -4,12 +4,12 @@ use super::ensemble::Ensemble;
 use super::errors::EnsembleErrors;
 use super::linearise::Prediction;
 
-/// chi-squared per sample may exceed 1 by so many of its standard errors, and by [`ROUNDED`] for the rounding of sensors'
-/// statements.
+/// chi-squared per sample may exceed 1 by so many of its standard errors, and by [`ROUNDED`] for the rounding of
+/// sensors' statements.
 const STANDARD_ERRORS: f64 = 5.0;
 const ROUNDED: f64 = 0.01;
-/// Largest chi of a single test that counts as explained: many tests that are explained would hide one that is not. A chaotic
-/// motion comes near it now and then, as its unpredictable part is not as normal as assumed.
+/// Largest chi of a single test that counts as explained: many tests that are explained would hide one that is not. A
+/// chaotic motion comes near it now and then, as its unpredictable part is not as normal as assumed.
 const WORST: f64 = 1.1;
 
 /// An ensemble and its errors on one test.

@@ -50,8 +50,8 @@ impl ProbedTest {
         self.noise().product(&self.ensemble.slopes, &self.here).column(0).into_owned()
     }
 
-    /// The change of the errors from the point to a simulation with these: its product with itself, with the errors at the
-    /// point, and with the slopes of S. `None` where it cannot be compared.
+    /// The change of the errors from the point to a simulation with these: its product with itself, with the errors at
+    /// the point, and with the slopes of S. `None` where it cannot be compared.
     pub(crate) fn along(&self, residuals: &Residuals) -> Option<(f64, f64, DVector<f64>)> {
         let flat = residuals.concat();
         let WhitenedErrors { rows, samples, scale, variances, .. } = &self.weighted;

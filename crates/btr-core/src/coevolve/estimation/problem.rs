@@ -5,7 +5,7 @@ use super::errors::EnsembleErrors;
 use super::linearise::{Prediction, TestInformation};
 use super::posterior::{Estimated, Posterior, root};
 use super::predictive::{TestView, as_predicted, explained};
-use crate::coevolve::evaluate::{self, Cost};
+use crate::coevolve::evaluate::{self, Cost, ResidualDistance};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::distance::Distance;
@@ -23,8 +23,8 @@ const SHRINK: f64 = 2.5;
 const GROW: f64 = 1.4;
 /// A belief whose mean moves by less standard deviations, and whose width changes by less than this factor, is settled.
 const SETTLED: (f64, f64) = (0.5, 1.6);
-/// Width of ensembles in multiples of the belief's width. Jumps just beside the belief (a foot that lands a time step earlier)
-/// would not show within it, and the belief would be too certain.
+/// Width of ensembles in multiples of the belief's width. Jumps just beside the belief (a foot that lands a time step
+/// earlier) would not show within it, and the belief would be too certain.
 pub(in crate::coevolve) const WIDENING: f64 = 1.5;
 /// An estimate stops after so many turns that bring unexplained tests no nearer to the noise.
 const STALLED: usize = 3;
@@ -55,7 +55,8 @@ pub(in crate::coevolve) struct TurnResult {
 }
 
 impl EstimationProblem<'_> {
-    /// Turns from a belief until it settles, the turns run out or they no longer help. `None` where nothing could be simulated.
+    /// Turns from a belief until it settles, the turns run out or they no longer help. `None` where nothing could be
+    /// simulated.
     pub(super) fn settle(
         &self,
         from: &Posterior,
@@ -66,8 +67,8 @@ impl EstimationProblem<'_> {
         self.go_on(first, context, cost).map(|turn| turn.estimated)
     }
 
-    /// Like [`settle`](Self::settle), from a belief that explains parts of these tests. Where all tests are as it predicts, the
-    /// belief does not widen: chaotic remainders of tests, which would only widen it, are ignored.
+    /// Like [`settle`](Self::settle), from a belief that explains parts of these tests. Where all tests are as it
+    /// predicts, the belief does not widen: chaotic remainders of tests, which would only widen it, are ignored.
     pub(super) fn narrow(
         &self,
         from: &Posterior,
@@ -116,8 +117,8 @@ impl EstimationProblem<'_> {
         self.turn(belief, &self.run_ensemble(&draws, cost).0)
     }
 
-    /// Runs an ensemble on the tests: its view of each test (`None` where too few members could be simulated), and each member's
-    /// phi.
+    /// Runs an ensemble on the tests: its view of each test (`None` where too few members could be simulated), and each
+    /// member's phi.
     pub(in crate::coevolve) fn run_ensemble(
         &self,
         draws: &[UnitPoint],
@@ -125,9 +126,9 @@ impl EstimationProblem<'_> {
     ) -> (Vec<Option<TestView>>, Vec<f64>) {
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| self.simulator.simulations().from_unit(unit)).collect();
         let mut phis = vec![0.0; draws.len()];
-        let Some(squares) = self.distance.as_squares() else { return (Vec::new(), phis) };
+        let Some(distance) = ResidualDistance::of(self.distance) else { return (Vec::new(), phis) };
         let run = |entry: &&Entry| {
-            let results = evaluate::residuals(self.simulator, (self.distance, squares), &points, &[*entry], cost);
+            let results = evaluate::residuals(self.simulator, distance, &points, &[*entry], cost);
             phis.iter_mut().zip(&results).for_each(|(sum, (phi, _))| *sum += phi / self.tests.len() as f64);
             view(draws, results.into_iter().map(|(_, residuals)| residuals).collect())
         };

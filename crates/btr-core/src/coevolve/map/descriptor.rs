@@ -47,7 +47,8 @@ impl DescriptorAxis {
     }
 }
 
-/// The axis of this name: what the simulator measures under it, or parameters of the controller; `None` where it is neither.
+/// The axis of this name: what the simulator measures under it, or parameters of the controller; `None` where it is
+/// neither.
 pub(super) fn axis(name: &str, bounds: [f64; 2], simulator: &dyn Simulator) -> Option<DescriptorAxis> {
     if let Some(measure) = simulator.measure(name) {
         return Some(DescriptorAxis { of: DescriptorQuantity::Behaviour(measure), bounds });
@@ -57,8 +58,8 @@ pub(super) fn axis(name: &str, bounds: [f64; 2], simulator: &dyn Simulator) -> O
     (!fitting.is_empty()).then_some(DescriptorAxis { of: DescriptorQuantity::Controller(fitting), bounds })
 }
 
-/// Of each controller in a simulation: the mean fitness over all scenarios, −∞ where one of them failed, and the mean place
-/// on each axis, 0 and 1 at its bounds; no place where one of them failed.
+/// Of each controller in a simulation: the mean fitness over all scenarios, −∞ where one of them failed, and the mean
+/// place on each axis, 0 and 1 at its bounds; no place where one of them failed.
 pub(in crate::coevolve) fn judged(
     simulator: &dyn Simulator,
     (s, axes): (&[f64], &[DescriptorAxis]),

@@ -19,10 +19,19 @@ pub(super) struct GaussianProcess {
     deviation: f64,
 }
 
+/// Settings of a Gaussian process.
+#[derive(Clone, Copy)]
+pub(super) struct KernelSettings {
+    pub length_scale: f64,
+    /// Standard deviation of a test's noise, as a share of the process'.
+    pub noise: f64,
+}
+
 impl GaussianProcess {
-    /// Learns differences, each with its descriptor, in [0, 1] per axis; `deviation` is how large they are expected to be
-    /// before any of them is known, `noise` is that of a test as a share of the process' standard deviation.
-    pub(super) fn new((length_scale, noise): (f64, f64), deviation: f64, tests: &[(&[f64], f64)]) -> Self {
+    /// Learns differences, each with its descriptor, in [0, 1] per axis; `deviation` is how large they are expected to
+    /// be before any of them is known, `noise` is that of a test as a share of the process' standard deviation.
+    pub(super) fn new(settings: KernelSettings, deviation: f64, tests: &[(&[f64], f64)]) -> Self {
+        let KernelSettings { length_scale, noise } = settings;
         let at: Vec<Vec<f64>> = tests.iter().map(|(descriptor, _)| descriptor.to_vec()).collect();
         let mut process = GaussianProcess { length_scale, noise, at, solved: None, deviation };
         let differences = DVector::from_iterator(tests.len(), tests.iter().map(|(_, difference)| *difference));
@@ -70,7 +79,7 @@ mod tests {
     #[test]
     fn it_reproduces_its_tests_and_predicts_nothing_far_away() {
         let tests: [(&[f64], f64); 2] = [(&[0.2, 0.2], -1.0), (&[0.8, 0.2], 0.5)];
-        let process = GaussianProcess::new((0.1, 0.0), 1.0, &tests);
+        let process = GaussianProcess::new(KernelSettings { length_scale: 0.1, noise: 0.0 }, 1.0, &tests);
         for (descriptor, difference) in tests {
             let (mean, deviation) = process.at(descriptor);
             assert!((mean - difference).abs() < 1e-6 && deviation < 1e-3, "{mean} ± {deviation}");
@@ -87,7 +96,7 @@ mod tests {
         let deviation_after = |difference: f64| {
             let at: Vec<Vec<f64>> = (0..20).map(|k| vec![100.0 * f64::from(k)]).collect();
             let tests: Vec<(&[f64], f64)> = at.iter().map(|at| (at.as_slice(), difference)).collect();
-            GaussianProcess::new((0.1, 0.0), 1.0, &tests).deviation
+            GaussianProcess::new(KernelSettings { length_scale: 0.1, noise: 0.0 }, 1.0, &tests).deviation
         };
         assert!((deviation_after(1.0) - 1.0).abs() < 1e-6);
         assert!((deviation_after(3.0) - (184.0_f64 / 24.0).sqrt()).abs() < 1e-6);
@@ -97,10 +106,14 @@ mod tests {
     #[test]
     fn noise_keeps_it_from_trusting_a_single_test() {
         let tests: [(&[f64], f64); 1] = [(&[0.5], -1.0)];
-        let process = GaussianProcess::new((0.4, 1.0), 1.0, &tests);
+        let process = GaussianProcess::new(KernelSettings { length_scale: 0.4, noise: 1.0 }, 1.0, &tests);
         let (mean, deviation) = process.at(&[0.5]);
         assert!((mean + 0.5).abs() < 1e-6 && process.of_a_test(deviation) > process.deviation);
         // The same place twice is no reason to fail.
-        assert!(GaussianProcess::new((0.4, 0.0), 1.0, &[tests[0], tests[0]]).solved.is_some());
+        assert!(
+            GaussianProcess::new(KernelSettings { length_scale: 0.4, noise: 0.0 }, 1.0, &[tests[0], tests[0]])
+                .solved
+                .is_some()
+        );
     }
 }

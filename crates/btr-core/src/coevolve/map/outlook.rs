@@ -1,7 +1,7 @@
 //! Predictions for the controllers of a map, by the real tests so far.
 
 use super::descriptor::DescriptorAxis;
-use super::gaussian_process::GaussianProcess;
+use super::gaussian_process::{GaussianProcess, KernelSettings};
 use super::phase::MapPhase;
 use crate::coevolve::ledger::Entry;
 use crate::search::map_elites::Elite;
@@ -78,21 +78,23 @@ impl Outlook {
             })
             .collect();
         // Before any test, reality may differ from the map by as much as the map's controllers do from each other.
-        let process = GaussianProcess::new((phase.length_scale, phase.noise), stats::std(&simulated), &differences);
+        let kernel = KernelSettings { length_scale: phase.length_scale, noise: phase.noise };
+        let process = GaussianProcess::new(kernel, stats::std(&simulated), &differences);
         let elites =
             known.into_iter().map(|(elite, controller, tried)| promise(&process, &axes, elite, controller, &tried));
         Outlook { cells: map.grid().count(), elites: elites.collect() }
     }
 
-    /// The controller to try next, of those that were not tried yet: the largest prediction plus `explore` standard deviations.
-    /// The first one among equals.
+    /// The controller to try next, of those that were not tried yet: the largest prediction plus `explore` standard
+    /// deviations. The first one among equals.
     pub(in crate::coevolve) fn next(&self, explore: f64) -> Option<&Promise> {
         let worth = |promise: &Promise| promise.promised + explore * promise.deviation;
         let untried = self.elites.iter().filter(|promise| !promise.tried);
         untried.reduce(|best, other| if worth(other) > worth(best) { other } else { best })
     }
 
-    /// Whether nothing is left to try, or the best real fitness is at least the share `enough` of the largest prediction.
+    /// Whether nothing is left to try, or the best real fitness is at least the share `enough` of the largest
+    /// prediction.
     pub(in crate::coevolve) fn satisfied(&self, enough: f64) -> bool {
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
         let real = most(&mut self.elites.iter().filter_map(|promise| promise.real));

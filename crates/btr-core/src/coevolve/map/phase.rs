@@ -9,12 +9,13 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// An archive of diverse controllers, and how controllers are chosen from it for real tests (`method = "quality_diversity"`).
+/// An archive of diverse controllers, and how controllers are chosen from it for real tests (`method =
+/// "quality_diversity"`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapPhase {
-    /// The axes of the map by descriptor, each with its least and its greatest value. A descriptor is a fitness term or a
-    /// parameter of C; with a `*` for any characters it is the mean of the parameters that match.
+    /// The axes of the map by descriptor, each with its least and its greatest value. A descriptor is a fitness term or
+    /// a parameter of C; with a `*` for any characters it is the mean of the parameters that match.
     pub descriptors: IndexMap<String, [f64; 2]>,
     /// Cells along each axis; each keeps the fittest controller of its kind.
     #[serde(deserialize_with = "settings::at_least_one")]
@@ -34,8 +35,8 @@ pub struct MapPhase {
     /// Length scale of the Gaussian process, where each axis of the map has length 1.
     #[serde(deserialize_with = "settings::positive")]
     pub length_scale: f64,
-    /// Standard deviation of a real test's fitness over repetitions, as a share of the standard deviation between reality and
-    /// the map.
+    /// Standard deviation of a real test's fitness over repetitions, as a share of the standard deviation between
+    /// reality and the map.
     #[serde(deserialize_with = "settings::not_negative")]
     pub noise: f64,
     /// The next test is that of the controller with the largest predicted fitness plus this many standard deviations.

@@ -3,7 +3,7 @@
 use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index, stream};
 use super::state::Phase;
 use crate::coevolve::evaluate;
-use crate::coevolve::history::{Generation, Side};
+use crate::coevolve::history::{Generation, GenerationLabel, Side};
 use crate::coevolve::plan::{Method, Rule};
 use crate::coevolve::transfer::{self, ScoredController, TransferChoice};
 use crate::search::uniform;
@@ -23,7 +23,7 @@ impl Coevolution {
         let best = best_index(&scores.iter().map(|f| -f).collect::<Vec<_>>());
         let point = on.simulator.controllers().from_unit(&units[best]);
         self.state.history.generations.push(Generation::new(
-            (self.state.iteration, generation, Side::Controllers),
+            GenerationLabel { iteration: self.state.iteration, generation, side: Side::Controllers },
             vec![point],
             &scores,
         ));

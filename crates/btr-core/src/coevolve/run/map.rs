@@ -2,7 +2,7 @@
 
 use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
 use super::state::Phase;
-use crate::coevolve::history::{Generation, Side};
+use crate::coevolve::history::{Generation, GenerationLabel, Side};
 use crate::coevolve::ledger::{Entry, PredictedFitness};
 use crate::coevolve::map::{self, Outlook};
 use crate::coevolve::plan::Method;
@@ -10,8 +10,8 @@ use crate::coevolve::transfer::ScoredController;
 use crate::world::Simulator;
 
 impl Coevolution {
-    /// The map, where the method makes one, and its predictions by all real tests so far. `simulator` is the one that the
-    /// run acts on.
+    /// The map, where the method makes one, and its predictions by all real tests so far. `simulator` is the one that
+    /// the run acts on.
     pub fn outlook(&self, simulator: &dyn Simulator) -> Option<Outlook> {
         self.outlook_after(simulator, self.state.iteration)
     }
@@ -55,7 +55,7 @@ impl Coevolution {
         map.tell(&units, &costs, &places);
         self.state.map = Some(map);
         let best = on.simulator.controllers().from_unit(&units[best_index(&costs)]);
-        let label = (self.state.iteration, generation, Side::Controllers);
+        let label = GenerationLabel { iteration: self.state.iteration, generation, side: Side::Controllers };
         self.state.history.generations.push(Generation::new(label, vec![best], &scores));
         self.state.phase =
             if generation < generations { Phase::Map { generation: generation + 1 } } else { Phase::Begin };

@@ -2,7 +2,7 @@
 
 use super::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
 use super::state::Phase;
-use crate::coevolve::history::{Generation, Side, StopReason};
+use crate::coevolve::history::{Generation, GenerationLabel, Side, StopReason};
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, Search, UnitPoint};
 
@@ -36,7 +36,7 @@ impl Coevolution {
             self.state.controller = Some(units[best].clone());
             self.state.ahead = self.state.controller.clone();
             let point = on.simulator.controllers().from_unit(&units[best]);
-            let label = (self.state.iteration, 1, Side::Controllers);
+            let label = GenerationLabel { iteration: self.state.iteration, generation: 1, side: Side::Controllers };
             self.state.history.generations.push(Generation::new(label, vec![point], &fitness));
         }
         let record = self.record(on);

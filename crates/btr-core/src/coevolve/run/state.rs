@@ -76,8 +76,8 @@ pub struct RunState {
     pub(super) confirmed: bool,
     /// Number of the first real test of the robot as it is now.
     pub(super) since: usize,
-    /// Number of the first real test that no simulation explains together with those before it: an older test is repeated to
-    /// decide whether the robot has changed or S lacks something.
+    /// Number of the first real test that no simulation explains together with those before it: an older test is
+    /// repeated to decide whether the robot has changed or S lacks something.
     pub(super) suspicion: Option<usize>,
     pub(super) rivals: Vec<Vec<f64>>,
     /// The controllers of the method that makes a map of them.

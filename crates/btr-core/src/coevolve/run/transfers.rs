@@ -111,8 +111,8 @@ impl Coevolution {
         self.step(on)
     }
 
-    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: the fitness predicted before each test
-    /// contains the estimate of that time.
+    /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: the fitness predicted before each
+    /// test contains the estimate of that time.
     fn correct(&mut self, on: &Environment<'_>) {
         let entries = self.state.ledger.entries().iter();
         let tested: Vec<(UnitPoint, f64)> = entries

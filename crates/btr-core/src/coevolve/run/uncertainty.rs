@@ -1,5 +1,5 @@
-//! The choice of controllers under a posterior over S: their fitness over the posterior, and the expected information of their
-//! tests.
+//! The choice of controllers under a posterior over S: their fitness over the posterior, and the expected information
+//! of their tests.
 
 use super::coevolution::{Coevolution, Environment, Stream, stream};
 use crate::coevolve::estimation::root;
@@ -28,7 +28,7 @@ impl Coevolution {
         };
         // The same draws for all generations of an iteration, so that differences between draws do not matter.
         let simulations = self.posterior_draws(on, Stream::Doubts, phase.samples);
-        evaluate::fitness_over(on.simulator, (&simulations, phase.quantile), units, &mut self.state.cost)
+        evaluate::fitness_over(on.simulator, &simulations, units, phase.quantile, &mut self.state.cost)
     }
 
     /// Simulations drawn from the posterior.
@@ -69,7 +69,8 @@ impl Coevolution {
         first.clone().into_iter().chain(others).take(count).collect()
     }
 
-    /// Candidates of the informative rule: the fittest, and those of others drawn from C that are no worse than half of these.
+    /// Candidates of the informative rule: the fittest, and those of others drawn from C that are no worse than half of
+    /// these.
     fn candidates(&mut self, on: &Environment<'_>, fittest: &[ScoredController]) -> Vec<ScoredController> {
         let count = self.plan.transfer.candidates.max(1);
         let best: Vec<ScoredController> = fittest.iter().take(count.div_ceil(FITTEST)).cloned().collect();
@@ -115,8 +116,8 @@ struct ExpectedGain {
 }
 
 impl ExpectedGain {
-    /// More information is better. The regression is unreliable for motions that are mostly unpredictable: such tests come last,
-    /// the most predictable of them first.
+    /// More information is better. The regression is unreliable for motions that are mostly unpredictable: such tests
+    /// come last, the most predictable of them first.
     fn order(&self, other: &Self) -> Ordering {
         let excess = |gain: &ExpectedGain| (gain.unpredictable - PREDICTABLE).max(0.0);
         excess(other).total_cmp(&excess(self)).then(self.gain_nats.total_cmp(&other.gain_nats))

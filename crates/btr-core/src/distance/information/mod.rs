@@ -1,12 +1,12 @@
 //! The paper's phi_2 (eqs. 5 and 6): d(X,Y) = H(X|Y) + H(Y|X) in bits, summed over the motors and the sensors.
 //!
-//! d is a metric on series of symbols: J. P. Crutchfield, "Information and its metric", in Nonlinear Structures in Physical
-//! Systems, Springer 1990. Real-valued series become symbols by binning, and here lie its traps:
+//! d is a metric on series of symbols: J. P. Crutchfield, "Information and its metric", in Nonlinear Structures in
+//! Physical Systems, Springer 1990. Real-valued series become symbols by binning, with these pitfalls:
 //!
 //! * Both series share their bins, which span both ranges. With bins of its own each series would be scaled to the same
 //!   symbols, and a wrong gain or offset would not show at all.
-//! * A one-to-one exchange of symbols costs nothing. A sign flip of a symmetric series remains invisible even with shared
-//!   bins, and so does an offset by whole bins of a series that fills only part of them, or between constants.
+//! * A one-to-one exchange of symbols costs nothing. A sign flip of a symmetric series remains invisible even with
+//!   shared bins, and so does an offset by whole bins of a series that fills only part of them, or between constants.
 //! * A little noise or delay costs much: near the edges of bins it decides the symbol.
 //!
 //! So pair it with a distance of amplitudes when the numbers themselves matter.
@@ -52,9 +52,9 @@ impl Distance for Information {
 /// Entropies of two series of symbols, in bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InformationDistance {
-    /// H(X|Y): what Y leaves open about X.
+    /// H(X|Y): the uncertainty about X given Y.
     pub h_x_given_y: f64,
-    /// H(Y|X): what X leaves open about Y.
+    /// H(Y|X): the uncertainty about Y given X.
     pub h_y_given_x: f64,
     /// H(X).
     pub h_x: f64,
@@ -69,8 +69,8 @@ impl InformationDistance {
     }
 }
 
-/// The information distance of two series of equal length in `bins` (1 to 1024) equal bins that both share. Pairs with a
-/// missing or infinite sample are ignored; `None` when nothing is left.
+/// The information distance of two series of equal length in `bins` (1 to 1024) equal bins that both share. Pairs with
+/// a missing or infinite sample are ignored; `None` when none remain.
 pub fn information_distance(x: &[f64], y: &[f64], bins: usize) -> Option<InformationDistance> {
     let shared = Bins::spanning(x, y, bins)?;
     let mut joint = JointHistogram::new(bins);

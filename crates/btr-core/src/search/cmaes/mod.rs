@@ -27,8 +27,8 @@ pub struct CmaEsSettings {
     /// Standard deviation at the start, as a share of each parameter's range; 0.25.
     #[serde(deserialize_with = "settings::positive")]
     pub sigma: f64,
-    /// Standard deviation at the start of a search that starts from a seed, near which the optimum is expected; `sigma` unless
-    /// given.
+    /// Standard deviation at the start of a search that starts from a seed, near which the optimum is expected; `sigma`
+    /// unless given.
     #[serde(deserialize_with = "settings::maybe_positive")]
     pub seeded_sigma: Option<f64>,
     /// Number of restarts from a random point, each with twice the population; 9.
@@ -81,7 +81,8 @@ impl CmaEs {
         if self.dims == 0 || restarts_left { None } else { self.run.ended() }
     }
 
-    /// Where the search is on the unit cube: the mean of its distribution, and the standard deviation along each dimension.
+    /// Where the search is on the unit cube: the mean of its distribution, and the standard deviation along each
+    /// dimension.
     pub fn distribution(&self) -> (UnitPoint, Vec<f64>) {
         self.run.distribution()
     }

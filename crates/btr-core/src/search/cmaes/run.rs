@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 /// A distribution N(mean, sigma²·C) over unbounded points, and its memory.
 ///
 /// **Bounds.** The unbounded axis is folded onto [0, 1] like a strip of paper (... 0 -> 1 -> 0 -> 1 ...). Compared with
-/// repairing points and adding a penalty, every cost stays a true cost (nothing to weigh against it, infinite costs do no
-/// harm), no point is drawn twice as resampling would, and an optimum on the bound becomes an ordinary optimum with
+/// repairing points and adding a penalty, every cost stays a true cost (nothing to weigh against it, infinite costs do
+/// no harm), no point is drawn twice as resampling would, and an optimum on the bound becomes an ordinary optimum with
 /// descent from both sides. pycma folds in the same way, except that it also rounds the crease.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Distribution {
@@ -128,8 +128,8 @@ impl Distribution {
         self.decompose();
     }
 
-    /// C = B·D²·Bᵀ. Rounding may leave eigenvalues at or below zero; they are kept a little above it. A matrix that does
-    /// not decompose keeps the old axes, and [`Distribution::ended`] ends the run.
+    /// C = B·D²·Bᵀ. Rounding may leave eigenvalues at or below zero; they are kept a little above it. A matrix that
+    /// does not decompose keeps the old axes, and [`Distribution::ended`] ends the run.
     fn decompose(&mut self) {
         let symmetric = (&self.covariance + self.covariance.transpose()) * 0.5;
         match SymmetricEigen::try_new(symmetric.clone(), f64::EPSILON, 1000) {

@@ -1,7 +1,7 @@
 //! The constants of CMA-ES, which follow from dimension and population alone.
 //!
-//! N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772, table 1, with negative weights (active update).
-//! Names are the tutorial's.
+//! N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772, table 1, with negative weights (active
+//! update). Names are the tutorial's.
 
 /// Constants of one run.
 pub(super) struct Weights {

@@ -1,6 +1,6 @@
-//! Detection of a changed robot. Where no simulation explains a fresh test together with those before it, although the belief
-//! explained several or had predicted one, either the robot has changed, or the fresh test shows what S lacks. The test before it
-//! is repeated: if that is as predicted once more, the robot has not changed.
+//! Detection of a changed robot. Where no simulation explains a fresh test together with those before it, although the
+//! belief explained several or had predicted one, either the robot has changed, or the fresh test shows what S lacks.
+//! The test before it is repeated: if that is as predicted once more, the robot has not changed.
 
 use crate::coevolve::drift::Drift;
 use crate::coevolve::estimation::Posterior;
@@ -36,8 +36,8 @@ impl Coevolution {
         Some(ScoredController { unit, fitness: before.promised.unwrap_or(f64::NAN), generation: 0 })
     }
 
-    /// The repeated test is done. Unless it was `as_predicted`, the robot has changed: only the tests from the suspicious one on
-    /// count.
+    /// The repeated test is done. Unless it was `as_predicted`, the robot has changed: only the tests from the
+    /// suspicious one on count.
     pub(in crate::coevolve::run) fn resolve(&mut self, as_predicted: bool) {
         let Some(first) = self.state.suspicion.take() else { return };
         self.state.confirmed = false;

@@ -1,6 +1,6 @@
-//! The paper's self-organising re-parametrisation (principle P3): where S cannot reproduce what the robot does, S itself grows.
-//! The run goes on with everything it has learnt; the earlier estimate extends to the larger S with the new dimensions at
-//! their nominal values, at which an effect is off.
+//! The paper's self-organising re-parametrisation (principle P3): where S cannot reproduce what the robot does, S
+//! itself grows. The run goes on with everything it has learnt; the earlier estimate extends to the larger S with the
+//! new dimensions at their nominal values, at which an effect is off.
 
 use crate::coevolve::estimation::{Estimated, Explanation};
 use crate::coevolve::history::{Augmentation, Side};
@@ -45,8 +45,8 @@ impl Coevolution {
         }
     }
 
-    /// Continues from an estimate that explains the real tests in this S, before any new test; a run that had stopped makes one
-    /// more iteration. False where the estimate is not of this S, or no step 3 is due.
+    /// Continues from an estimate that explains the real tests in this S, before any new test; a run that had stopped
+    /// makes one more iteration. False where the estimate is not of this S, or no step 3 is due.
     pub fn explain(&mut self, simulations: &Space, known: &Explanation) -> bool {
         let Some(belief) = known.estimated.belief.carried(&known.space, simulations) else { return false };
         if simulations.len() != known.space.len() {

@@ -1,6 +1,6 @@
-//! Step 3 as estimation: a posterior over S instead of one best point. Where an estimate does not explain the tests, it is
-//! repeated from other starts; where earlier tests had confirmed the belief, [`detect_drift`](super::detect_drift) decides
-//! whether the robot has changed.
+//! Step 3 as estimation: a posterior over S instead of one best point. Where an estimate does not explain the tests, it
+//! is repeated from other starts; where earlier tests had confirmed the belief, [`detect_drift`](super::detect_drift)
+//! decides whether the robot has changed.
 
 use crate::coevolve::estimation::Posterior;
 use crate::coevolve::estimation::{Estimated, EstimationProblem, PriorPredictive, TurnResult, WIDENING};
@@ -11,8 +11,8 @@ use crate::coevolve::run::state::{Estimation, Phase};
 use nalgebra::DVector;
 
 impl Coevolution {
-    /// Begins step 3 on all tests that count, from the present belief. Nothing is estimated where all of S is identified already
-    /// and the fresh tests are as predicted.
+    /// Begins step 3 on all tests that count, from the present belief. Nothing is estimated where all of S is
+    /// identified already and the fresh tests are as predicted.
     pub(in crate::coevolve::run) fn begin_estimation(&mut self, on: &Environment<'_>, mut tests: Vec<usize>) -> Phase {
         let Some(phase) = self.plan.posterior.clone() else { return Phase::End };
         let is_fresh = |&k: &usize| self.state.ledger.entries()[k].trial.iteration == self.state.iteration;

@@ -1,7 +1,7 @@
 //! Step 3: the search for the simulation that explains the real tests best.
 
-use crate::coevolve::evaluate;
-use crate::coevolve::history::{Generation, Side};
+use crate::coevolve::evaluate::{self, ResidualDistance};
+use crate::coevolve::history::{Generation, GenerationLabel, Side};
 use crate::coevolve::ledger::{Entry, Ledger};
 use crate::coevolve::plan::Initial;
 use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome, Stream, best_index};
@@ -122,12 +122,11 @@ impl Coevolution {
         units: &[UnitPoint],
         tried: &mut Vec<(UnitPoint, f64)>,
     ) -> Vec<Option<Residuals>> {
-        let Some(squares) = on.distance.as_squares() else { return vec![None; units.len()] };
+        let Some(distance) = ResidualDistance::of(on.distance) else { return vec![None; units.len()] };
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
         let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
-        let both = (on.distance, squares);
         let (phis, residuals): (Vec<f64>, Vec<_>) =
-            evaluate::residuals(on.simulator, both, &points, &entries, &mut self.state.cost).into_iter().unzip();
+            evaluate::residuals(on.simulator, distance, &points, &entries, &mut self.state.cost).into_iter().unzip();
         tried.extend(units.iter().cloned().zip(phis));
         residuals
     }
@@ -138,8 +137,8 @@ impl Coevolution {
         points: Vec<Vec<f64>>,
         scores: &[f64],
     ) {
-        let which = (self.state.iteration, generation, Side::Simulators);
-        self.state.history.generations.push(Generation::new(which, points, scores));
+        let label = GenerationLabel { iteration: self.state.iteration, generation, side: Side::Simulators };
+        self.state.history.generations.push(Generation::new(label, points, scores));
     }
 
     /// Whether what was tried is good enough.
