@@ -36,7 +36,7 @@ class Counted:
         with self.lock:
             self.sent.append(len(batch))
             self.answered.append(len(answer))
-            self.payloads |= {parcel.key: len(parcel.content) for parcel in payloads}
+            self.payloads |= {payload.key: len(payload.content) for payload in payloads}
         return answer
 
     def answer(self, payloads: Sequence, batch: bytes) -> bytes:

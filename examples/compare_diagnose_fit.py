@@ -26,12 +26,12 @@ print(f"{arm!r}\n{len(learn)} logs to learn from, {len(held_out)} to judge on")
 
 # %% [markdown]
 # ## Are the logs good?
-# Clocks, sensors, delays, signs and units, before anything is concluded from them; and how many of the numbers in doubt they
+# Clocks, sensors, delays, signs and units, before anything is concluded from them; and how many of the free parameters they
 # tell.
 
 # %%
 checked = btr.check(arm, learn)
-print(f"\n{checked!r}\nthese logs tell {checked.rank} of {len(checked.parameters)} numbers in doubt")
+print(f"\n{checked!r}\nthese logs tell {checked.rank} of {len(checked.parameters)} free parameters")
 
 # %% [markdown]
 # ## Where does the model fail?
@@ -43,7 +43,7 @@ print(f"\nbefore: {before!r}")
 
 # %% [markdown]
 # ## What is missing?
-# Every effect of the library is tried at every place, while the numbers in doubt may adapt; what is named was confirmed by the
+# Every effect of the library is tried at every site, with the free parameters refitted; what is named was confirmed by the
 # held-out logs. `tell` hears how the error falls on the way.
 
 
@@ -58,7 +58,7 @@ print(answer.verdict, answer.names)
 
 # %% [markdown]
 # ## With it, how far off is the model?
-# The effect is added, and all that is in doubt is fitted beside it.
+# The effect is added, and all free parameters are fitted together with it.
 
 # %%
 fitted = btr.fit(arm, learn, held_out=held_out, add=answer.names)

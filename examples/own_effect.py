@@ -35,7 +35,7 @@ def main() -> None:
     arm = btr.load_model(ROBOTS / "arm.toml")
     tell("as its maker thinks it is", btr.fit(arm, LEARN, held_out=HELD_OUT))
 
-    # `a` is in doubt between 0 and 2 N·m, `b` (in rad/s) is known. The saved file is one that the command line understands.
+    # `a` is a free parameter between 0 and 2 N·m, `b` (in rad/s) is known. The saved file is one that the command line understands.
     rubbing = arm.add_law("-a*tanh(dq/b)", site="yaw", a=(0.0, 2.0), b=0.01)
     tell("with an expression", btr.fit(rubbing, LEARN, held_out=HELD_OUT))
 

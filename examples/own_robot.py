@@ -52,7 +52,7 @@ def urdf(thigh_kg: float, shank_kg: float) -> str:
 
 # %% [markdown]
 # ## 2. What is known of it
-# Servos, sensors, and what is in doubt, by how much. The robot takes a command every `control_s`, in so many steps of the
+# Servos, sensors, and the free parameters with their bounds. The robot takes a command every `control_s`, in so many steps of the
 # simulation. This recorder has names of its own, a clock in ms and angles in degrees; `[channels]` translates them.
 
 # %%

@@ -5,7 +5,7 @@
     venv/bin/python studies/beside_mujoco_sysid.py [--frictions 0.2,0.5,1.0] [--seed 1000]
 
 Reality is the arm of `robots/arm5.toml` in MuJoCo, with other rotor inertias and dampings, noisy encoders, and a
-frictionloss on its shoulder. mujoco.sysid fits what is in doubt (five armatures, five dampings) with MuJoCo itself: it has
+frictionloss on its shoulder. mujoco.sysid fits the free parameters (five armatures, five dampings) with MuJoCo itself: it has
 reality's own integrator, step and initial states. With `--by-hand` it is then told what to look for: a frictionloss is
 fitted to one joint after the other, and the best of five is taken. btr gets the model file and the logs: `fit`, then
 `compare` of what was fitted, and `diagnose` and `fit --add` from the model file again. An interval is a parameter's 95 %
@@ -167,7 +167,7 @@ def sequences(arm: Arm, spec: mujoco.MjSpec, episodes: list[Episode]) -> sysid.M
 
 
 def parameters(arm: Arm, rubbing: str | None) -> sysid.ParameterDict:
-    """What is in doubt, and the dry friction of one joint where it is looked for."""
+    """The free parameters, and optionally the dry friction of one joint."""
 
     def damp(spec: mujoco.MjSpec, parameter: sysid.Parameter, joint: str) -> None:
         spec.joint(joint).damping[0] = parameter.value[0]

@@ -28,7 +28,7 @@ HELD_OUT = [str(log) for log in sorted((ROOT / "robots" / "arm").glob("held_out_
 TEN = range(1, 11)
 
 
-class Bench:
+class Measurements:
     """Where claims are measured; what several claims need is done once."""
 
     def __init__(self, btr: str, out: Path) -> None:
@@ -79,7 +79,7 @@ class Claim:
     text: str
     command: str
     claimed: float
-    measure: Callable[[Bench], float]
+    measure: Callable[[Measurements], float]
     tolerance: float
     slow: bool = False
 
@@ -94,18 +94,18 @@ class ByHand:
     why: str
 
 
-def ladder(step: int, key: str) -> Callable[[Bench], float]:
+def ladder(step: int, key: str) -> Callable[[Measurements], float]:
     """An error on the way down of the desk arm's diagnosis, in noise floors."""
-    return lambda bench: bench.arm["error_ladder"][step][key]
+    return lambda study: study.arm["error_ladder"][step][key]
 
 
-def trap(row: str, column: int) -> Callable[[Bench], float]:
+def trap(row: str, column: int) -> Callable[[Measurements], float]:
     """A number of the table of phi_2's traps, in bits."""
-    return lambda bench: bench.traps[row][0][column]
+    return lambda study: study.traps[row][0][column]
 
 
 DIAGNOSE = "btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv"
-RUNGS = (
+LADDER = (
     ("model as it stands                      20.44     21.31", 20.44, 21.31, 0.005, 0.005),
     ("its parameters fitted                   7.187     8.376", 7.187, 8.376, 0.0005, 0.0005),
     ("+ coulomb_friction@yaw                  1.021    0.9951", 1.021, 0.9951, 0.0005, 0.00005),
@@ -115,33 +115,33 @@ SIDE = "python3 studies/paper_side_by_side.py"
 
 CLAIMS = [
     claim
-    for step, (text, train, held_out, near, nearer) in enumerate(RUNGS)
+    for step, (text, train, held_out, near, nearer) in enumerate(LADDER)
     for claim in (
         Claim("README.md", text, DIAGNOSE, train, ladder(step, "train"), near),
         Claim("README.md", text, DIAGNOSE, held_out, ladder(step, "held_out"), nearer),
     )
 ] + [
     Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant-series.toml", 12,
-          lambda bench: bench.run("ant-series")["real_tests"], 0),
+          lambda study: study.run("ant-series")["real_tests"], 0),
     Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml", 156,
-          lambda bench: bench.run("ant")["real_tests"], 0),
+          lambda study: study.run("ant")["real_tests"], 0),
     Claim("README.md", "real tests tell eight masses to 1 or 2 %", "btr coevolve robots/nao.toml", 1.0,
-          lambda bench: worst_error(bench.run("nao")), 1.0),
+          lambda study: worst_error(study.run("nao")), 1.0),
     Claim("docs/paper.md", "N = 4024", "btr simulate robots/nao-paper.toml -o WALK.csv", 4024,
-          lambda bench: (bench.walk, bench.samples)[1], 0),
+          lambda study: (study.walk, study.samples)[1], 0),
     Claim("docs/paper.md", "| uniform white noise | 7.9 |", TRAPS, 7.9, trap("uniform white noise", 0), 0.05),
     Claim("docs/paper.md", "| uniform white noise | 7.9 | 7.9 | 0.46 |", TRAPS, 0.46, trap("uniform white noise", 2), 0.005),
     Claim("docs/paper.md", "| sine, 1 Hz | 7.5 | 1.8 |", TRAPS, 1.8, trap("sine, 1 Hz", 1), 0.05),
     Claim("docs/paper.md", "| left knee of the walk | 6.2 | 1.6 |", TRAPS, 1.6, trap("walk, q_LKneePitch", 1), 0.05),
     Claim("robots/nao.toml", "Takes less than half a minute on two cores", "btr coevolve robots/nao.toml", 15,
-          lambda bench: bench.took_s("nao"), 15),
+          lambda study: study.took_s("nao"), 15),
     Claim("docs/scenarios.md", "lengths within 2 % after 24 to 60 tests", "btr coevolve robots/ant.toml, seeds 1 to 10", 24,
-          lambda bench: min(bench.tests_to_two_percent("ant")), 0, slow=True),
+          lambda study: min(study.tests_to_two_percent("ant")), 0, slow=True),
     Claim("docs/scenarios.md", "lengths within 2 % after 24 to 60 tests", "btr coevolve robots/ant.toml, seeds 1 to 10", 60,
-          lambda bench: max(bench.tests_to_two_percent("ant")), 0, slow=True),
-    Claim("docs/paper.md", "| | `ant.toml` | 0.10 % |", SIDE, 0.10, lambda bench: quartiles(bench.worst("ant"))[1], 0.005, slow=True),
+          lambda study: max(study.tests_to_two_percent("ant")), 0, slow=True),
+    Claim("docs/paper.md", "| | `ant.toml` | 0.10 % |", SIDE, 0.10, lambda study: quartiles(study.worst("ant"))[1], 0.005, slow=True),
     Claim("docs/paper.md", "`ant-paper.toml` | 2.12 % |", SIDE, 2.12,
-          lambda bench: statistics.median(bench.worst("ant-paper")), 0.005, slow=True),
+          lambda study: statistics.median(study.worst("ant-paper")), 0.005, slow=True),
 ]  # fmt: skip
 
 BY_HAND = [
@@ -158,11 +158,11 @@ BY_HAND = [
 ]
 
 
-def judge(claim: Claim, bench: Bench) -> tuple[str, bool]:
+def judge(claim: Claim, study: Measurements) -> tuple[str, bool]:
     """What was measured, and whether the claim holds."""
     if claim.text not in (ROOT / claim.file).read_text():
         return "not in the file", False
-    measured = claim.measure(bench)
+    measured = claim.measure(study)
     return f"{measured:.6g}", abs(measured - claim.claimed) <= claim.tolerance * (1 + 1e-9)
 
 
@@ -172,11 +172,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "claims")
     parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
-    bench = Bench(args.btr, args.out.resolve())
+    study = Measurements(args.btr, args.out.resolve())
     print("| claim | file | command | claimed | measured | |\n|---|---|---|---|---|---|")
     off = 0
     for claim in (claim for claim in CLAIMS if args.all or not claim.slow):
-        measured, holds = judge(claim, bench)
+        measured, holds = judge(claim, study)
         off += not holds
         text = " ".join(claim.text.replace("|", " ").split())
         verdict = "ok" if holds else "off"

@@ -59,8 +59,8 @@ def improve(btr, name, folder, logs):
     found = ask(btr, "diagnose", str(model), str(estimation), "--held-out", str(pulses))
     names = [f"{e['effect']}@{e['site']}" for e in found["effects"]]
     print(f"\n{name}: {found['verdict']}, {', '.join(names) or 'nothing'} ({found['rollouts']} rollouts)")
-    for rung in found["error_ladder"]:
-        print(f"  {rung['step']:<40} {rung['train']:8.2f} x noise floor, {rung['held_out']:8.2f} held out")
+    for step in found["error_ladder"]:
+        print(f"  {step['step']:<40} {step['train']:8.2f} x noise floor, {step['held_out']:8.2f} held out")
     if not names:
         return model
     ask(btr, "add", str(model), *names, "-o", str(more))

@@ -8,7 +8,7 @@ Reality is the desk arm of `robots/arm.urdf` in MuJoCo: 0.1 ms steps, `implicitf
 up to 20 % and gains up to 10 % off, noisy and quantised encoders, and one effect. Where MuJoCo has the effect (frictionloss,
 armature, damping, stiffness, forcerange, gravity, a play or a spring as a second hinge) that is used; what is in a servo or
 a sensor is a few lines around it. Friction is MuJoCo's soft constraint, made as hard as its step allows: with its defaults a
-stuck joint creeps. Viscous friction and payloads are left out: gains and masses are in doubt, so nothing could tell them.
+stuck joint creeps. Viscous friction and payloads are left out: gains and masses are free parameters and absorb them.
 
 The arm has held its first command for a second when a log begins. A case takes a few seconds in MuJoCo and about half a
 minute in btr on two cores. Seeds below 1000 are for tuning. It prints

@@ -134,7 +134,7 @@ def drift(args: argparse.Namespace) -> None:
         truth, drifts = history["revealed"]["parameters"], history["drifts"]
         said = [(change["parameter"], seen["before_test"]) for seen in drifts for change in seen["changed"]]
         right += said == [(name, 3)]
-        # Noticed is what stands in doubt; known is what a repeated test has confirmed.
+        # Noticed: suspected. Known: confirmed by a repeated test.
         known = [it["real_tests"] for it in history["iterations"] if it["real_tests"] > 3 and holds(it, truth)]
         noticed += [seen["before_test"] - 3 + 1 for seen in drifts]
         recovered += [known[0] - 3] if known else []

@@ -30,7 +30,7 @@ def logs(gains: tuple[int, ...]) -> list[str]:
     return [str(DATA / row["file"]) for row in rows]
 
 
-# Models that are written elsewhere find the index all the same.
+# Models written to other folders find the index as well.
 INDEX = ["--set", f'logs.index="{DATA / "index.csv"}"']
 
 

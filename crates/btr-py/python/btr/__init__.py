@@ -1,5 +1,4 @@
-"""Back-to-Reality: compare a model with measurements, learn which physical effect is missing, add it and watch the error
-fall.
+"""Back-to-Reality: compares a model with measurements, diagnoses which physical effect it lacks, adds it and fits it.
 
     import btr
 
@@ -9,8 +8,9 @@ fall.
     fitted.model.save("fitted.toml")
 
 A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column `t`
-in seconds. Errors are `BtrError`, with what to do about it. Everything that simulates runs on all cores without holding
-Python's lock; with laws that are functions (`Model.add_law`) it takes several processes to do so (`btr.executors`).
+in seconds. Results have typed attributes (`btr.documents`). Errors are `BtrError`, with a remedy. Simulations run on all
+cores without holding Python's lock; with laws that are functions (`Model.add_law`) this needs several processes
+(`btr.executors`).
 """
 
 from btr import distance, documents, executors, search

@@ -7,8 +7,8 @@ from btr._btr import command
 
 
 def main() -> int:
-    """Does what the command line says; gives back the exit code."""
-    # Python would only make a note of Ctrl-C and heed it when all is done.
+    """Runs the command line and returns the exit code."""
+    # By default Python handles Ctrl-C only after the compiled call returns.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return command(["btr", *sys.argv[1:]])
 

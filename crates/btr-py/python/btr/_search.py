@@ -26,7 +26,7 @@ S = TypeVar("S", bound="Search")
 
 
 class Executor(Protocol):
-    """Whatever evaluates elsewhere, like `concurrent.futures.ProcessPoolExecutor`: `submit` gives back a future."""
+    """An executor like `concurrent.futures.ProcessPoolExecutor`: `submit` returns a future."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
         """Has `fn(*args)` called, and gives back its future."""
@@ -242,7 +242,7 @@ def _limit(name: str, limit: float | None) -> None:
 
 
 def _breeding(settings: Mapping[str, Any]) -> None:
-    """Raises `BtrError` for parents that cannot be chosen. Whatever is wrong with a number alone is said elsewhere."""
+    """Raises `BtrError` for inconsistent numbers of parents. Each number alone is checked by the compiled half."""
     elite, popsize, tournament = (settings.get(key) for key in ("elite", "population", "tournament"))
     if isinstance(elite, int) and isinstance(popsize, int) and 2 <= popsize <= elite:
         raise wrong(f"elite = {elite} of popsize = {popsize}", "keep fewer than there are: one at least has to be new")

@@ -1,5 +1,5 @@
-"""The loop: controllers are found in simulation, a few are tried in reality, and what they really did finds a better
-simulation."""
+"""The loop: it searches controllers in simulation, tests a few in reality, and improves the simulation with the
+measured behaviour."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from btr.results import CoevolveResult
 
 
 Reality = Callable[[Controller], LogLike]
-"""Plays a controller's references on a robot, or on whatever stands for one, and gives back what its sensors said: a `Log`, a
+"""Executes a controller's references on a robot, or on a substitute, and returns the sensor readings: a `Log`, a
 frame, a mapping of arrays, or a path, under btr's names or those of the experiment's `[channels]`; what is bad about it is a
 `UserWarning`, and under `doubts` in the result. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises
 ends the run, which can be resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost. A log whose times
@@ -42,16 +42,15 @@ def coevolve(
     tell: Callable[[Iteration], object] | None = None,
     executor: ExecutorLike = None,
 ) -> CoevolveResult:
-    """Lets controllers and simulations of an experiment co-evolve (Zagal, Delpiano and Ruiz-del-Solar 2009), as `btr
-    coevolve` does.
+    """Co-evolves controllers and simulations of an experiment (Zagal, Delpiano and Ruiz-del-Solar 2009), like `btr
+    coevolve`.
 
-    `reality` takes the place of the experiment's `[reality]`. Everything is kept in the folder `out` (`runs/<name>`), a
-    checkpoint after every step: with `resume` a run goes on that was interrupted, by Ctrl-C, an exception, or a lost machine.
-    The same experiment and seed give the same results for every `executor`. `tell` hears every closed iteration
+    `reality` replaces the experiment's `[reality]`. The folder `out` (`runs/<name>`) holds all files and a checkpoint after
+    every step: `resume` continues a run that was interrupted by Ctrl-C, an exception, or a lost machine. The same
+    experiment and seed give the same results for every `executor`. `tell` is called with every closed iteration
     (`tell=print` shows them).
 
-    Raises `BtrError` where the experiment makes no sense or the folder holds another run, and what `reality` or `tell`
-    raised.
+    Raises `BtrError` if the experiment is invalid or the folder holds another run, and exceptions of `reality` or `tell`.
     """
     model = loaded(experiment)
     must_be_called(_nobody if reality is None else reality, "reality is a function of a Controller that gives back a log")
@@ -96,5 +95,5 @@ def coevolve(
 
 
 def _nobody(controller: Controller) -> LogLike:
-    """Stands where the experiment's own reality is asked."""
+    """Placeholder for the experiment's own reality."""
     raise BtrError(f"nobody was to be asked for real test {controller.number}")

@@ -1,4 +1,4 @@
-"""What a robot is asked to do."""
+"""The request of a real test."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from btr._btr import Log
 
 @dataclass(frozen=True)
 class Controller:
-    """What a robot is asked to do in one real test."""
+    """A controller that a robot is to execute in one real test."""
 
     number: int
-    """Counts the real tests of a run, from 0."""
+    """Number of the real test in its run, from 0."""
     iteration: int
-    """The iteration that asks, from 1."""
+    """The iteration that requests the test, from 1."""
     scenario: int
-    """The situation to try it in, from 0."""
+    """Number of the scenario, from 0."""
     parameters: dict[str, float]
-    """The controller's parameters by name, in the units of the experiment's `[drive]`; empty where the drive is fixed."""
+    """The controller's parameters by name, in the units of the experiment's `[drive]`; empty for a fixed drive."""
     references: Log
-    """The commands that it stands for: `cmd_<joint>` at the times `clock_s` (in s), each held until the next."""
+    """Its commands: `cmd_<joint>` at the times `clock_s` (in s), each held until the next."""
     start: dict[str, float]
-    """Where each joint is when the test begins, at rest, in rad (m): simulations begin there, and so should the robot."""
+    """Initial position of each joint, at rest, in rad (m): simulations start there, and so should the robot."""
     base: list[float] | None
-    """Where a floating robot's base is then: x, y, z in m and its quaternion w, x, y, z; None for a robot on a fixed base."""
+    """Initial pose of a floating base: x, y, z in m and the quaternion w, x, y, z; None for a fixed base."""
     duration_s: float
-    """How long the test lasts, in s; the last reference may stand a little later."""
+    """Duration of the test, in s; the last reference may be slightly later."""

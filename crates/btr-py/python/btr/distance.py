@@ -48,7 +48,7 @@ _COMMON = """
 
 
 def _as_in_experiments(function: F) -> F:
-    """Begins the docstring with what `btr` says of the distance elsewhere, and ends it with what all series have in common."""
+    """Starts the docstring with the description of `btr info` and ends it with the arguments common to all distances."""
     common = "" if function.__name__ == "fitness" else _COMMON
     sentence = _SENTENCES[function.__name__]
     function.__doc__ = f"{sentence[0].upper()}{sentence[1:]}.\n\n    {function.__doc__}{common}"

@@ -1,4 +1,4 @@
-"""Models: a robot, its actuators, what is in doubt, and what can be done with them alone."""
+"""Models: a robot, its actuators and its free parameters, and simulations of them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from btr.logs import LogLike, given
 
 
 class Model:
-    """A robot's model: the text of a model file, and where relative paths in it begin."""
+    """A robot's model: the text of a model file, and the base of its relative paths."""
 
     def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
-        """A model of a text; raises `BtrError` where that makes no sense, with its line. `laws` are the functions that the
+        """A model from its text. Raises `BtrError` with the line if it is invalid. `laws` are the functions that the
         text names: `law = "python:slip"` needs `{"slip": slip}`."""
         functions = own.by_text(laws or {})
         self._laws = dict(laws or {})
@@ -40,7 +40,7 @@ class Model:
 
     @property
     def path(self) -> Path:
-        """Where it stands, or would stand."""
+        """Path of the model file, existing or not."""
         return Path(self._model.path)
 
     @property
@@ -50,7 +50,7 @@ class Model:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the model."""
         return self._model.name
 
     @property
@@ -59,13 +59,13 @@ class Model:
         return self._model.joints
 
     def simulate(self, log: LogLike | Controller | None = None, *, seed: int | None = None) -> Log:
-        """One rollout: of the model's own drive, or told what `log` says the robot was told. Sampled on the model's clock
+        """One rollout: with the model's own drive, or with the commands of `log`. Sampled on the model's clock
         from 0 s on, a row per `sample_every` steps of its `[simulation]`, not at the log's stamps. With noise of the model's
-        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` where the simulation blows up
-        or the log does not fit the model.
+        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` if the simulation diverges
+        or the log does not match the model.
 
         It begins where the log's first positions are, and where the model's robot stands if it has none. Commands alone do not
-        say where the loop begins (its drive may put a robot down elsewhere) nor when it ends: a `btr.Controller` of `coevolve`
+        say where the loop begins (its drive may start from another pose) nor when it ends: a `btr.Controller` of `coevolve`
         does, and what is simulated of it is what the loop simulates."""
         seed = None if seed is None else count(seed, "seed")
         told, begins = _told(log, self)
@@ -79,12 +79,12 @@ class Model:
 
     @property
     def values(self) -> dict[str, float]:
-        """The nominal values of the numbers in doubt, by name; the middle of the bounds (the geometric one on a `log` scale)
-        where there is none."""
+        """Nominal values of the free parameters by name; the middle of the bounds (the geometric one on a `log` scale) if
+        there is none."""
         return dict(zip((dim.name for dim in self.parameters), self._model.nominal[0]))
 
     def at(self, values: Mapping[str, float] | ArrayLike) -> Model:
-        """The model with other nominal values of the numbers in doubt: by name, as `FitResult.values` has them, or all of
+        """The model with other nominal values of the free parameters: by name, as `FitResult.values` has them, or all of
         them in an array of shape (len(self.parameters),). Raises `BtrError` for a name that is none of them and for a value
         outside its bounds, `ValueError` for another shape."""
         if isinstance(values, Mapping):
@@ -112,7 +112,7 @@ class Model:
         their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; or only some of either by name, as
         arrays of shape (rollouts,) or single numbers (`{"mass@bob": [0.5, 1.0, 2.0]}`, or a frame with such columns). What is
         left out has its nominal values. Driven and sampled as `simulate` does, without noise. None stands for a simulation
-        that blew up. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
+        that diverged. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
         shapes."""
         s, c = table_of(parameters), table_of(controllers)
         rollouts = max(rollouts_in(s), rollouts_in(c))
@@ -125,7 +125,7 @@ class Model:
 
     def add(self, *effects: str) -> Model:
         """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
-        same numbers) in it, free to fit. Raises `BtrError` for an effect or a site that is not there."""
+        same numbers) in it, free to fit. Raises `BtrError` for an unknown effect or site."""
         return self._with_text(self._model.add(list(effects)))
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:

@@ -1,4 +1,4 @@
-"""Pictures of answers and logs, with Matplotlib (`pip install 'btr[plot]'`), in the colours of the reports.
+"""Plots of results and logs, with Matplotlib (`pip install 'btr[plot]'`), in the colours of the reports.
 
 Usually called as `result.plot()` and `log.plot()`. Each function draws on the axes that it is given or on a new figure and
 gives the axes back; without Matplotlib it raises `ImportError`.
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from btr.results import CoevolveResult, CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
-"""A colour by what it is for: the simulated, the measured or held out, what was before, what stands where it should not, what
-is true."""
+"""Colours by meaning: simulated, measured or held out, before, out of place, true."""
 
 _JOINT_CHANNELS = ("cmd", "q", "dq", "tau")
 _FLOORS = "error (noise floors)"
@@ -49,15 +48,15 @@ def _rows(ax: Axes, names: Sequence[str]) -> None:
 
 
 def _notes(ax: Axes, notes: Sequence[str]) -> None:
-    """Something to the right of every row."""
+    """Notes to the right of the rows."""
     ax.secondary_yaxis("right").set_yticks(range(len(notes)), notes)
 
 
 def _errors(ax: Axes, errors: Sequence[float]) -> None:
     """A logarithmic scale of errors in noise floors, with the noise floor on it."""
-    there = [x for x in errors if x > 0 and math.isfinite(x)]
+    finite = [x for x in errors if x > 0 and math.isfinite(x)]
     ax.set_xscale("log")
-    ax.set_xlim(0.6 * min([1.0, *there]), 1.8 * max([3.0, *there]))
+    ax.set_xlim(0.6 * min([1.0, *finite]), 1.8 * max([3.0, *finite]))
     ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
     ax.xaxis.set_minor_formatter("")
     ax.axvline(1.0, color=INK["truth"], linestyle="--", label="noise floor")
@@ -78,7 +77,7 @@ def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
 
 
 def diagnose(found: DiagnoseResult, ax: Axes | None = None) -> Axes:
-    """How the error fell step by step, in noise floors on a logarithmic scale: learnt from and held out."""
+    """The error ladder on training and held-out logs, in noise floors on a logarithmic scale."""
     ladder = found.error_ladder
     return _ladder(ladder, ax or _figure(size=(6.4, _height(len(ladder))))[0])
 
@@ -202,11 +201,11 @@ def _joint(channel: str) -> str:
 def _lines(of: Log, channels: Sequence[str], ax: Axes) -> Axes:
     joints = list(dict.fromkeys(map(_joint, channels)))
     for channel in channels:
-        told = channel.startswith("cmd_")
+        is_command = channel.startswith("cmd_")
         # One joint has the reports' colours; several share a colour with their own command only.
-        alone = INK["truth" if told else "second"]
+        alone = INK["truth" if is_command else "second"]
         colour = alone if len(joints) == 1 else f"C{joints.index(_joint(channel))}"
-        ax.plot(of.clock_s, of[channel], "--" if told else "-", color=colour, label=channel)
+        ax.plot(of.clock_s, of[channel], "--" if is_command else "-", color=colour, label=channel)
     units = ", ".join(dict.fromkeys(of.unit(channel) for channel in channels))
     ax.set_ylabel(f"{joints[0]} ({units})" if len(joints) == 1 else f"({units})")
     ax.set_xlabel("time (s)")

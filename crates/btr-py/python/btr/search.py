@@ -60,7 +60,7 @@ class CMAES(Search):
     ) -> None:
         """`bounds`: pairs (low, high), one per dimension. `x0`: where it begins, in the middle unless given. `sigma0`:
         standard deviation at the start, as a share of every dimension's range. `popsize`: solutions per generation, 4 + 3
-        ln(dimensions) unless given. `restarts`: how often it begins anew elsewhere once it has converged, each time with
+        ln(dimensions) unless given. `restarts`: how often it restarts from another point after convergence, each time with
         twice the solutions. `maxiter`: generations at most, pycma's number unless given. `maxfevals`: no new generation after
         so many evaluations. `ftarget`: a cost that is good enough."""
         settings = {"population": popsize, "sigma": sigma0, "restarts": restarts}

@@ -1,4 +1,4 @@
-"""The verbs: what one asks of a model and its logs."""
+"""The verbs: check, compare, diagnose, add, fit."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from btr.model import Model, loaded
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
 
 Tell = Callable[[str, float, Union[float, None]], None]
-"""Hears every step of the error's fall: what was done, the error on the logs to learn from, on held-out ones (None without
-any), both in multiples of the noise floor. Called on another thread."""
+"""Called with every step of the error ladder: its name, the error on the training logs, and the error on the held-out logs
+(None without any), in multiples of the noise floor. Called on another thread."""
 
 
 def _warned(document: dict[str, Any]) -> dict[str, Any]:
-    """Says what is bad about the logs: nothing that was found can be trusted then."""
+    """Warns about bad logs: results from them cannot be trusted."""
     for doubt in document["doubts"]:
         if doubt["severity"] == "bad":
             _warnings.warn(f"{doubt['log']}: {doubt['sentence']}")
@@ -28,7 +28,7 @@ def _warned(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _silent(step: str, train: float, held_out: float | None) -> None:
-    """Nobody listens."""
+    """Ignores the step."""
 
 
 def _heard(tell: Tell | None) -> Tell:
@@ -38,21 +38,21 @@ def _heard(tell: Tell | None) -> Tell:
 
 
 def effects(name: str | None = None) -> EffectsResult:
-    """The physical effects that btr knows, or the one of this name: law, parameters, how it shows, where it is from, and
-    which others are hard to tell from it. Raises `BtrError` for one that is not there."""
+    """The library of physical effects, or the one of this name: law, parameters, symptoms, source, and similar effects.
+    Raises `BtrError` for an unknown name."""
     return EffectsResult(json.loads(_btr.effects(name)))
 
 
 def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
-    """What logs are worth before anything is fitted to them, and what they tell about the numbers in doubt. Raises `BtrError`
-    for logs that cannot be read or do not fit the model."""
+    """Quality of logs before any fit, and which free parameters they determine. Raises `BtrError` for logs that cannot be
+    read or do not match the model."""
     model = loaded(model)
     return CheckResult(json.loads(_btr.check(model._model, Logs(model).all(logs))))
 
 
 def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
-    """How far the model is off on every channel, in multiples of the noise floor, and where. Raises `BtrError` for logs that
-    cannot be read or have no channel in common with the model."""
+    """The model's error on every channel, in multiples of the noise floor, and where it fails. Raises `BtrError` for logs
+    that cannot be read or have no channel in common with the model."""
     model = loaded(model)
     document, page = _btr.compare(model._model, Logs(model).all(logs))
     return CompareResult(json.loads(document), page)
@@ -67,11 +67,11 @@ def diagnose(
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
-    """Which physical effect the model lacks, on which joint, with what confidence; or that nothing is missing, or that
-    nothing known explains the error. Judged on the held-out logs; without any, on the last part of each log. Errors are in
-    multiples of the noise floor; `max_effects` is the most that are named, and `executor` is who does the work (see
-    `btr.executors`). Raises `BtrError` for logs that tell nothing, or on which the model blows up; what `tell` raises ends
-    the work."""
+    """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or that
+    no known effect explains the error. The held-out logs decide; without any, the last part of each log is held out.
+    Errors are in multiples of the noise floor. `max_effects` limits the number of effects, and `executor` selects where
+    simulations run (see `btr.executors`). Raises `BtrError` for logs without information, or on which the model diverges.
+    An exception of `tell` ends the diagnosis."""
     model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
     given = Logs(model)
     document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, workers)
@@ -79,8 +79,8 @@ def diagnose(
 
 
 def add(model: Model, *effects: str) -> Model:
-    """The model with effects in it, free to fit, as `Model.add` makes it. Raises `BtrError` for an effect or a site that is
-    not there."""
+    """The model with added effects, their parameters free, as `Model.add` gives it. Raises `BtrError` for an unknown effect
+    or site."""
     return model.add(*effects)
 
 
@@ -93,9 +93,9 @@ def fit(
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> FitResult:
-    """The numbers in doubt at their best, with 95 % intervals and in their units, and the fitted model; `add` adds effects
-    first, and `executor` is who does the work (see `btr.executors`). Raises `BtrError` where no number is in doubt, for logs
-    that tell nothing, or on which the model blows up; what `tell` raises ends the work."""
+    """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects first,
+    and `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without free
+    parameters, for logs without information, or on which the model diverges. An exception of `tell` ends the fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added = [add] if isinstance(add, str) else list(add or ())
     given = Logs(model)
