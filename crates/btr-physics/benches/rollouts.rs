@@ -1,4 +1,5 @@
-//! Steps per second of the ant, the Nao and an arm on the own engine and on Rapier, and what a rollout costs beside its steps.
+//! Steps per second of the ant, the Nao and an arm on the own engine and on Rapier, and what a rollout costs beside its
+//! steps.
 //!
 //! `cargo bench -p btr-physics`. One item of `rollouts` is one physics step of 0.055/7 s of one candidate. `set_up`
 //! builds as many as are handed out at once and makes a single step of each: eight times that, beside `rollouts` with

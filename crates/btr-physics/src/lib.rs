@@ -1,4 +1,5 @@
-//! Physics of btr: robots, motors, sensors, physical effects, drives and tasks, simulated on btr's own engine or on Rapier.
+//! Physics of btr: robots, motors, sensors, physical effects, drives and tasks, simulated on btr's own engine or on
+//! Rapier.
 //!
 //! - [`robot`]: robots as plain data in URDF's conventions; [`presets`] has an ant, a Nao and a pendulum.
 //! - [`drive`]: sources of joint references. References depend on the controller alone: they are computed for the robot at

@@ -1,4 +1,4 @@
-//! Sensors that err: white noise and a quantum on the readings.
+//! Sensor errors: white noise and quantisation of the readings.
 
 use btr_core::random::Rng;
 use btr_core::signal::noise;

@@ -1,4 +1,4 @@
-//! Everything about a run but the robot and its drive: times, sensors, the floor, a ball, the engine.
+//! Settings of a rollout other than robot and drive: times, sensors, ground, ball, engine.
 
 use crate::sensor::SensorNoise;
 use btr_core::world::WorldError;
@@ -52,7 +52,8 @@ pub struct Ball {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum EngineName {
-    /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and friction.
+    /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and
+    /// friction.
     #[default]
     Auto,
     /// Rapier's multibody, always.
@@ -81,13 +82,15 @@ pub struct Setup {
     pub substeps: usize,
     /// Simulated time, in s.
     pub duration_s: f64,
-    /// When it begins, in s on the clock by which laws count time; drives and logs count from zero.
+    /// Start time in s, on the clock of time-dependent laws; drives and logs count from zero.
     pub begins_s: f64,
-    /// How long the robot holds the first references before time zero, in s. One that is free is put on the floor for it.
+    /// How long the robot holds the first references before time zero, in s. A floating robot is first placed on the
+    /// ground.
     pub rest_s: f64,
     /// Time between two references of the drive, in s.
     pub control_s: f64,
-    /// Whether joints are led linearly from one reference to the next; held otherwise. Prescribed joints are always led.
+    /// Whether references are interpolated linearly; held otherwise. Those of prescribed joints always are
+    /// interpolated.
     pub interpolate: bool,
     /// Time between two samples of the log, in s: a multiple of `dt_s`, and `dt_s` itself when absent.
     pub sample_s: Option<f64>,

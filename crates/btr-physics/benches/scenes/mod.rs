@@ -24,7 +24,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// The Nao for the name `nao`, an arm for `arm`, else the ant; on the reference engine for `rapier`, else on the own one.
+    /// The Nao for the name `nao`, an arm for `arm`, else the ant; on the reference engine for `rapier`, else on the
+    /// own one.
     pub(crate) fn new(name: &str, engine: &str, dt_s: f64, duration_s: f64) -> Result<Self, MotionError> {
         let engine = if engine == "rapier" { EngineName::Rapier } else { EngineName::Auto };
         let mut setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, engine, ..Setup::default() };

@@ -19,14 +19,16 @@ pub struct JointInput {
     pub inertia: f64,
     /// What this joint's motor did in the last step, in N·m (N).
     pub torque: f64,
-    /// Sum of the sizes of all motors' torques in the last step, in N·m; kept only where an effect acts on all joints at once.
+    /// Sum of the sizes of all motors' torques in the last step, in N·m; kept only where an effect acts on all joints
+    /// at once.
     pub load: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
 }
 
 impl JointInput {
-    /// The velocity in the middle of the step, as the past predicts it: what depends on speed is exact to second order there.
+    /// The velocity in the middle of the step, as the past predicts it: what depends on speed is exact to second order
+    /// there.
     pub fn dq_midway(&self) -> f64 {
         self.dq + 0.5 * self.dt_s * self.acceleration
     }

@@ -24,8 +24,9 @@ const HOLD: f64 = 1e4;
 impl Motor {
     /// `carried_inertia` is what the joint moves, in kg·m² (kg); only prescribed joints use it.
     ///
-    /// A prescribed joint is pulled by an implicit spring far stiffer than its inertia, rather than moved kinematically: so
-    /// its acceleration acts on the other links, and the spring's force is the torque that the motion needs.
+    /// A prescribed joint is pulled by an implicit spring far stiffer than its inertia, rather than moved
+    /// kinematically: so its acceleration acts on the other links, and the spring's force is the torque that the motion
+    /// needs.
     pub(crate) fn new(joint: &Joint, carried_inertia: f64, dt_s: f64) -> Self {
         let hold = HOLD * carried_inertia.max(f64::MIN_POSITIVE) / (dt_s * dt_s);
         let sampled = joint.sampling.as_ref().map(SampledServo::new);

@@ -1,8 +1,9 @@
-//! Digital servos: at fixed instants they read the position, work out a torque or a voltage, and hold it until the next one.
+//! Digital servos: at fixed instants they read the position, work out a torque or a voltage, and hold it until the next
+//! one.
 //!
-//! K. J. Astrom and B. Wittenmark, "Computer-Controlled Systems", Prentice Hall 1997. What is held acts half a period late on
-//! average, and so does a velocity that is the difference of two readings: at a period that is short but not negligible this is
-//! what a servo in continuous time lacks.
+//! K. J. Astrom and B. Wittenmark, "Computer-Controlled Systems", Prentice Hall 1997. What is held acts half a period
+//! late on average, and so does a velocity that is the difference of two readings: at a period that is short but not
+//! negligible this is what a servo in continuous time lacks.
 
 use super::joint_input::JointInput;
 use crate::robot::Sampling;

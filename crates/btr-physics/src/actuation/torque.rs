@@ -3,8 +3,8 @@
 use super::joint_input::JointInput;
 use crate::engine::{Affine, Bounded};
 
-/// The largest torque of a motor in the direction in which it pushes: a ceiling, and a torque-speed line below which it stays
-/// while it drives. A motor that brakes has its whole torque.
+/// The largest torque of a motor in the direction in which it pushes: a ceiling, and a torque-speed line below which it
+/// stays while it drives. A motor that brakes has its whole torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueBound {
     /// At any speed, in N·m (N); infinite when unbounded.
@@ -111,11 +111,11 @@ impl MotorTorque {
         Some(Bounded { wanted: self.wanted, most, least })
     }
 
-    /// For an engine that does not: the bound if the wanted torque would exceed it when the step ends, as far as the joint's
-    /// own inertia tells.
+    /// For an engine that does not: the bound if the wanted torque would exceed it when the step ends, as far as the
+    /// joint's own inertia tells.
     ///
-    /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter between
-    /// its bounds.
+    /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter
+    /// between its bounds.
     pub fn saturated(&self, state: &JointInput) -> Affine {
         if self.bound.is_none() {
             return self.wanted;

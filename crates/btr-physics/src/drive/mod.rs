@@ -1,4 +1,7 @@
-//! Drives: what the joints are told, over time.
+//! Drives: joint references over time.
+//!
+//! References depend on the controller alone and are computed for the robot at its nominal values, whatever is
+//! simulated: a controller must not know what is being identified.
 
 mod hold;
 pub mod nao;
@@ -26,35 +29,34 @@ use btr_core::signal::smooth::Motion;
 /// A source of joint references.
 pub trait Drive: Send + Sync {
     /// Writes the reference of every driven joint at `time_s` into `command`, in the order of the robot's
-    /// [`movable`](crate::robot::Robot::movable) joints: rad for hinges, m for slides, N·m for torque actuators, V for voltage.
-    /// NaN means "not driven" (torque off).
+    /// [`movable`](crate::robot::Robot::movable) joints: rad for hinges, m for slides, N·m for torque actuators, V for
+    /// voltage. NaN means "not driven" (torque off).
     fn command(&self, time_s: f64, command: &mut [f64]);
 
-    /// The mean reference from `start_s` to `end_s`, for those that change at times of their own. It is what a robot was told
-    /// in a step whose beginning is no tick of its controller.
+    /// The mean reference from `start_s` to `end_s`, for drives whose references change at times other than controller
+    /// ticks.
     fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
         let _ = end_s;
         self.command(start_s, command);
     }
 
-    /// Where a joint (counted as in `command`) whose motion is prescribed is at `time_s`, and how it moves; `None` where only
-    /// references are known.
+    /// The prescribed motion of a joint (counted as in `command`) at `time_s`; `None` where only references are known.
     fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
         let _ = (joint, time_s);
         None
     }
 
-    /// Puts the robot where the motion begins, for drives that begin somewhere of their own.
+    /// Sets the robot's start state, for drives that define one.
     fn place(&self, robot: &mut Robot) {
         let _ = robot;
     }
 
-    /// Whether what the robot senses changes what it is told.
+    /// Whether sensor readings change the references.
     fn senses(&self) -> bool {
         false
     }
 
-    /// Corrects the references for `time_s` by what the robot senses now, one tick before; only asked where it
+    /// Corrects the references for `time_s` by the present sensor readings, one tick earlier; only called if the drive
     /// [`senses`](Self::senses).
     fn react(&self, time_s: f64, engine: &dyn Dynamics, command: &mut [f64]) {
         let _ = (time_s, engine, command);

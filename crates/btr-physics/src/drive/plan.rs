@@ -62,8 +62,8 @@ impl DriveKind {
         })
     }
 
-    /// A sine's bounds, and those of a policy's weights, are only those of a search that states none; the other drives hold for
-    /// theirs alone.
+    /// A sine's bounds, and those of a policy's weights, are only those of a search that states none; the other drives
+    /// hold for theirs alone.
     fn takes_any_value(&self) -> bool {
         match self {
             DriveKind::Policy { around, .. } => around.takes_any_value(),

@@ -18,7 +18,8 @@ pub const SENSES: &[(&str, &str)] = &[
     ("clock", "sine and cosine of omega_rad_s times the time"),
 ];
 
-/// Weights of a layer that ends in a joint change its reference by so much at most, per unit, in the unit of its command.
+/// Weights of a layer that ends in a joint change its reference by so much at most, per unit, in the unit of its
+/// command.
 const PER_UNIT: f64 = 0.6;
 /// The same per rad/s or m/s.
 const PER_SPEED: f64 = 0.06;
@@ -105,8 +106,8 @@ impl PolicyPlan {
         joints.filter(|(_, joint)| site::matches(&self.joints, &joint.name)).collect()
     }
 
-    /// Every weight, `INPUT@OUTPUT`: for each hidden unit those of all inputs, then those of all joints; without hidden units
-    /// for each input those of all joints. All are 0 at first, which leaves the references as they are.
+    /// Every weight, `INPUT@OUTPUT`: for each hidden unit those of all inputs, then those of all joints; without hidden
+    /// units for each input those of all joints. All are 0 at first, which leaves the references as they are.
     pub(super) fn dims(&self, robot: &Robot) -> Vec<Dim> {
         let (inputs, outputs) = (self.inputs(robot), self.outputs(robot));
         let dim = |from: &str, to: &str, unit: &str, most: f64| {
@@ -130,8 +131,8 @@ impl PolicyPlan {
     }
 }
 
-/// Another drive's references, corrected tick by tick. What the sensors say at a tick changes the reference of the next one:
-/// this is the delay that a controller of this period has. It senses without noise.
+/// Another drive's references, corrected tick by tick. What the sensors say at a tick changes the reference of the next
+/// one: this is the delay that a controller of this period has. It senses without noise.
 pub(super) struct Policy {
     around: Box<dyn Drive>,
     plan: PolicyPlan,
@@ -325,7 +326,8 @@ mod tests {
             around: Box::new(DriveKind::Sine { omega_rad_s: OMEGA_RAD_S }),
             policy: plan(hidden),
         };
-        // 36 of the sine; 1 offset, 2 of tilt, 3 of gyro, 18 positions, 18 velocities, 6 feet, 2 of the clock; 6 joints.
+        // 36 of the sine; 1 offset, 2 of tilt, 3 of gyro, 18 positions, 18 velocities, 6 feet, 2 of the clock; 6
+        // joints.
         for (hidden, count) in [(0, 36 + 50 * 6), (3, 36 + 3 * (50 + 6))] {
             let dims = kind(hidden).dims(&robot).unwrap();
             assert_eq!(dims.len(), count);

@@ -40,8 +40,8 @@ pub struct Param {
     pub unit: &'static str,
     /// Smallest and largest sensible value.
     pub bounds: (f64, f64),
-    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands. Shapes have
-    /// their usual value here.
+    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands. Shapes
+    /// have their usual value here.
     pub off: f64,
     /// A typical value, to start a search from.
     pub hint: f64,
@@ -95,9 +95,9 @@ pub struct EffectSpec {
     pub nested: &'static [(&'static str, &'static [f64])],
 }
 
-/// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the values
-/// of its parameters, `memory` is its own (one for each joint), zero at the start of a run. An effect that is off is left out
-/// of a run altogether.
+/// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the
+/// values of its parameters, `memory` is its own (one for each joint), zero at the start of a run. An effect that is
+/// off is left out of a run altogether.
 pub trait Effect: Sync {
     /// What it says about itself.
     fn spec(&self) -> &'static EffectSpec;
@@ -111,8 +111,8 @@ pub trait Effect: Sync {
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         0
     }
-    /// Position and velocity that the servo works with in the coming step, from those that the state gives: the joint's, or
-    /// what the effects before this one make of them. Called first.
+    /// Position and velocity that the servo works with in the coming step, from those that the state gives: the
+    /// joint's, or what the effects before this one make of them. Called first.
     fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         (state.q, state.dq)
     }
@@ -141,7 +141,8 @@ pub trait Effect: Sync {
     fn trouble(&self, _p: &[f64], _memory: &[f64], _joint: &str) -> Option<WorldError> {
         None
     }
-    /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is added.
+    /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is
+    /// added.
     fn sense(&self, _p: &[f64], _joint: &str, _log: &mut Log) {}
 }
 
@@ -199,8 +200,8 @@ impl PlacedEffect {
             && params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
     }
 
-    /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the parameter's
-    /// off.
+    /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the
+    /// parameter's off.
     pub fn check(&self) -> Result<(), WorldError> {
         let spec = self.effect.spec();
         if self.values.len() != spec.params.len() {

@@ -1,5 +1,5 @@
-//! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its own
-//! that tells everything about it.
+//! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its
+//! own that tells everything about it.
 
 mod effect;
 mod formula;

@@ -2,9 +2,9 @@
 
 use btr_core::log::{Log, interpolate, interpolate_smoothly};
 
-/// Has a channel show at each sample what it had at these increasing times; it is held beyond the ends. A position moves
-/// between samples as its velocity says, where the log has that: a straight line is off by an eighth of the acceleration
-/// times the squared sample time.
+/// Has a channel show at each sample what it had at these increasing times; it is held beyond the ends. A position
+/// moves between samples as its velocity says, where the log has that: a straight line is off by an eighth of the
+/// acceleration times the squared sample time.
 pub(super) fn taken_at(log: &mut Log, channel: &str, taken_s: &[f64]) {
     let Ok(values) = log.values(channel) else { return };
     let rates = channel.strip_prefix("q_").and_then(|joint| log.values(&format!("dq_{joint}")).ok());

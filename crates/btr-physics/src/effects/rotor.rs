@@ -1,7 +1,8 @@
 //! A rotor of its own on the motor's side of a transmission that is not rigid.
 //!
-//! What is between rotor and link is a spring (and a damper) for the coming step. Rotor, servo and spring are solved together,
-//! for the middle of the step (second order), or for its end where they would ring: the rotor's mean velocity is
+//! What is between rotor and link is a spring (and a damper) for the coming step. Rotor, servo and spring are solved
+//! together, for the middle of the step (second order), or for its end where they would ring: the rotor's mean velocity
+//! is
 //! `a + b·(the link's mean velocity)`. With that the spring's torque on the link depends on the link's velocity alone, so that
 //! the engine finds the velocity that suits all of them, and no stiffness makes a step unstable.
 
@@ -42,8 +43,9 @@ pub(super) fn arrive(memory: &mut [f64], state: &JointInput) -> (f64, f64) {
     (*angle, *velocity)
 }
 
-/// Before the first step: moves the rotor to where its motor and what is between it and the link are in balance, as they are in
-/// a machine that has been holding its load. `balance` gives that angle for a motor's push at angle 0 and its stiffness.
+/// Before the first step: moves the rotor to where its motor and what is between it and the link are in balance, as
+/// they are in a machine that has been holding its load. `balance` gives that angle for a motor's push at angle 0 and
+/// its stiffness.
 pub(super) fn load(memory: &mut [f64], motor: &Affine, balance: impl FnOnce(f64, f64) -> f64) {
     let [started, angle, velocity, ..] = memory else { return };
     if *started == PLACED {
@@ -82,8 +84,8 @@ pub(super) fn transmit(
     let impedance = dt_s * spring.stiffness + settled(spring.stiffness, spring.damping);
     let servo = dt_s * motor.stiffness + settled(motor.stiffness, motor.damping);
     let push = motor.constant - motor.stiffness * *angle;
-    // A rotor that hardly has inertia would swing from step to step: it goes on from the middle of the last step, a whole step
-    // and not half of one before the middle of this.
+    // A rotor that hardly has inertia would swing from step to step: it goes on from the middle of the last step, a
+    // whole step and not half of one before the middle of this.
     let light = state.midway && inertia < 0.5 * dt_s * (servo + impedance);
     let inertia = if light { 0.5 * inertia } else { inertia };
     *kept = if light || !state.midway { 0.0 } else { 1.0 };

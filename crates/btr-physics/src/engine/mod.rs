@@ -1,4 +1,4 @@
-//! What the simulation loop asks of a physics engine, whichever it is.
+//! The interface between the simulation loop and a physics engine.
 
 pub(crate) mod articulated;
 pub(crate) mod assemble;
@@ -51,7 +51,7 @@ impl Affine {
     }
 }
 
-/// A motor's torque over one step: what is wanted, at most `most` and at least `least`.
+/// A motor's torque over one step: the requested torque, at most `most` and at least `least`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounded {
     /// Without a bound.
@@ -100,7 +100,8 @@ pub struct BaseState {
 /// The state of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotState {
-    /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of [`movable`](crate::robot::Robot::movable).
+    /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of
+    /// [`movable`](crate::robot::Robot::movable).
     pub joints: Vec<(f64, f64)>,
     /// The root; without meaning where that is fixed.
     pub base: BaseState,
@@ -118,11 +119,11 @@ impl RobotState {
 /// Joints are counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked
 /// as such.
 pub trait Dynamics {
-    /// How many candidates there are.
+    /// Number of candidates.
     fn lanes(&self) -> usize {
         1
     }
-    /// From now on everything but [`step`](Self::step) is about this candidate; the first one until then.
+    /// Selects the candidate that all methods but [`step`](Self::step) refer to; initially the first one.
     fn turn_to(&mut self, lane: usize) {
         let _ = lane;
     }
@@ -130,7 +131,7 @@ pub trait Dynamics {
     fn positions(&self) -> &[f64];
     /// Joint velocities in rad/s (m/s).
     fn velocities(&self) -> &[f64];
-    /// Moves everything to another state: the joints' positions and velocities, and a floating root.
+    /// Sets the state: the joints' positions and velocities, and a floating root.
     fn place(&mut self, state: &RobotState);
     /// Sets what acts on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
@@ -138,15 +139,16 @@ pub trait Dynamics {
     fn midway(&self) -> bool {
         false
     }
-    /// Whether it finds out in the step that it solves which motors are at their bounds; one that does not never gets any.
+    /// Whether it solves for the motors at their bounds within the step; if not, it is never given any.
     fn keeps_bounds(&self) -> bool {
         false
     }
-    /// Whether it can lead joints along a [`PrescribedMotion`]; one that cannot never gets any.
+    /// Whether it can move joints along a [`PrescribedMotion`]; if not, it is never given any.
     fn leads(&self) -> bool {
         false
     }
-    /// Writes the torque that every joint on a course needs for it when the coming step begins, and leaves the others alone.
+    /// Writes the torque that every prescribed joint requires at the beginning of the coming step; leaves the others
+    /// unchanged.
     fn needed(&mut self, torques: &mut [f64]) {
         let _ = torques;
     }
@@ -158,6 +160,6 @@ pub trait Dynamics {
     fn foot_force_n(&self, foot: usize) -> f64;
     /// Centre of the ball, if there is one.
     fn ball(&self) -> Option<Point3<f64>>;
-    /// What is wrong with the state (not finite, absurdly fast), if anything.
+    /// Why the state is invalid (not finite, absurdly fast), if it is.
     fn trouble(&self) -> Option<String>;
 }

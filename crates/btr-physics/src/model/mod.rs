@@ -1,5 +1,5 @@
-//! A model: a robot with its effects, the parameters in doubt, what drives it and how it is judged. The family of
-//! simulations that everything else searches.
+//! A model: a robot with its effects, free parameters, drive and fitness. It is the set of simulations that everything
+//! else searches.
 
 pub mod parameter;
 mod request;
@@ -22,7 +22,7 @@ use task::Fitness;
 
 pub use request::ModelRequest;
 
-/// One situation in which the robot is tried.
+/// A scenario: the conditions of one rollout.
 #[derive(Clone, Debug, Default)]
 pub struct Scenario {
     /// For reports.
@@ -31,16 +31,17 @@ pub struct Scenario {
     pub replay: Option<Arc<crate::drive::Replay>>,
     /// T_e in s.
     pub duration_s: f64,
-    /// When it begins, in s on the clock by which laws count time: what follows a gap of a log begins late.
+    /// Start time in s, on the clock of time-dependent laws; later than 0 for a part of a log that follows a gap.
     pub begins_s: f64,
-    /// How long the robot has held the first commands before, in s.
+    /// How long the robot holds the first commands before the start, in s.
     pub rest_s: f64,
-    /// What is known of this situation: payload, gain, supply voltage, ...
+    /// Known values in this scenario: payload, gain, supply voltage, ...
     pub settings: Vec<(Target, f64)>,
     /// Joint positions and velocities at the start, by joint in the order of [`Robot::movable`]; the robot's own where
     /// empty.
     pub start: Vec<(f64, f64)>,
-    /// States that the robot is moved to on the way, in their order: a chaotic motion is compared in short windows.
+    /// States that the robot is set to during the rollout, in order of time: a chaotic motion is compared by multiple
+    /// shooting.
     pub restarts: Arc<[Restart]>,
 }
 
@@ -57,11 +58,11 @@ pub struct Model {
     pub targets: Vec<Target>,
     /// S.
     pub simulations: Space,
-    /// What the joints are told, with C.
+    /// The drive, with C.
     pub drive: DrivePlan,
-    /// Situations, at least one. Those from `learn` on are held out: no search ever sees them.
+    /// Scenarios, at least one. Those from `learn` on are held out: no search ever sees them.
     pub scenarios: Vec<Scenario>,
-    /// How many of the scenarios are there to learn from.
+    /// Number of training scenarios.
     pub learn: usize,
     /// f(B).
     pub fitness: Fitness,
@@ -70,7 +71,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// The same model in other situations, all to learn from.
+    /// The same model in other scenarios, all for training.
     #[must_use]
     pub fn in_situations(&self, scenarios: Vec<Scenario>) -> Model {
         Model {
@@ -92,13 +93,13 @@ impl Model {
         self.setup.ground.is_some() || self.setup.ball.is_some()
     }
 
-    /// With which power of the time step the error of its physics engine falls.
+    /// Order of accuracy: the power of the time step with which the integrator's error falls.
     pub fn order(&self) -> i32 {
         if !self.has_contact() && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
-    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty. Of a policy these are the
-    /// references that it corrects.
+    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty. Of a policy these
+    /// are the references that it corrects.
     ///
     /// # Errors
     /// A point outside C.
@@ -122,7 +123,7 @@ impl Model {
         Ok(log)
     }
 
-    /// The robot as a controller finds it: the same in simulation and reality.
+    /// The robot in the controller's start state, which is the same in simulation and reality.
     ///
     /// # Errors
     /// A point outside C.
@@ -135,8 +136,8 @@ impl Model {
         Ok(robot)
     }
 
-    /// The same model, with its first situation begun as a controller of the loop begins: joints by name in rad (m), at rest;
-    /// the base at x, y, z in m and the quaternion w, x, y, z; for so long, in s.
+    /// The same model, with its first situation begun as a controller of the loop begins: joints by name in rad (m), at
+    /// rest; the base at x, y, z in m and the quaternion w, x, y, z; for so long, in s.
     #[must_use]
     pub fn begun(mut self, joints: &[(String, f64)], base: Option<[f64; 7]>, duration_s: f64) -> Self {
         for link in self.robot.links.iter_mut().skip(1) {
@@ -157,7 +158,7 @@ impl Model {
         self
     }
 
-    /// The robot, effects and setup of simulation `s` in a scenario. What a scenario knows wins over S.
+    /// The robot, effects and setup of simulation `s` in a scenario. A scenario's known values override S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
         self.in_situation(&self.scenarios[scenario], s)
     }
@@ -176,8 +177,8 @@ impl Model {
         (robot, effects, setup)
     }
 
-    /// The references depend on the controller alone: they are worked out for the robot at its own values, as a real
-    /// robot's controller would, whatever the simulation is.
+    /// The references depend on the controller alone: they are computed for the robot at its nominal values, as a real
+    /// robot's controller would, whatever is simulated.
     fn drive_at(&self, c: &[f64], situation: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
         match &situation.replay {
             Some(replay) => Ok(Box::new(replay.clone())),

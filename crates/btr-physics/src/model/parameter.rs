@@ -1,5 +1,5 @@
-//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as
-//! well: `formula.PARAM@SITE`, the site as its effect has it).
+//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's
+//! law as well: `formula.PARAM@SITE`, the site as its effect has it).
 //!
 //! A site may be a comma list and contain `*`; one value then holds for everything that it matches.
 
@@ -98,8 +98,8 @@ impl Target {
     /// Reads a parameter's name for this robot.
     ///
     /// # Errors
-    /// An unknown name or site, with similar ones; a motor value that the joint's actuator does not have; a link without a
-    /// long axis.
+    /// An unknown name or site, with similar ones; a motor value that the joint's actuator does not have; a link
+    /// without a long axis.
     pub fn parse(name: &str, robot: &Robot) -> Result<Target, ParameterError> {
         let (what, site) = name.split_once('@').unwrap_or((name, "*"));
         let quantity = quantity(what)?;

@@ -5,8 +5,8 @@ use crate::effects::PlacedEffect;
 use crate::rollout::StateHook;
 use btr_core::world::{Job, TimeStep};
 
-/// One rollout of a [`Model`]: its nominal controller, no further effects, the model's own time step, noiseless sensors and no
-/// hook unless stated. See [`Model::request`].
+/// One rollout of a [`Model`]: its nominal controller, no further effects, the model's own time step, noiseless sensors
+/// and no hook unless stated. See [`Model::request`].
 pub struct ModelRequest<'a> {
     pub(super) s: &'a [f64],
     pub(super) situation: &'a Scenario,

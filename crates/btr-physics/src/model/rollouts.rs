@@ -29,8 +29,8 @@ impl Model {
         self.simulate_all(vec![request]).pop().unwrap_or_else(nothing)
     }
 
-    /// Simulates several rollouts on the calling thread. Each log is what [`simulate`](Self::simulate) gives for its request;
-    /// many rollouts of equal length take less time in one call.
+    /// Simulates several rollouts on the calling thread. Each log is what [`simulate`](Self::simulate) gives for its
+    /// request; many rollouts of equal length take less time in one call.
     pub fn simulate_all(&self, requests: Vec<ModelRequest>) -> Vec<Result<Log, WorldError>> {
         let mut hooks = Vec::with_capacity(requests.len());
         let mut inputs = Vec::with_capacity(requests.len());
@@ -49,7 +49,8 @@ impl Model {
         inputs.iter().map(finish).collect()
     }
 
-    /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated side by side. Calls
+    /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated side by side.
+    /// Calls
     /// `check_cancelled` before every batch; a panic in it ends the rest.
     pub fn simulate_jobs(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
         let batch_size = parallel::side_by_side(rollout::lanes(), jobs.len());

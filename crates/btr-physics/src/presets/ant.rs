@@ -1,7 +1,7 @@
 //! The ant of the paper's section 4.1: six legs of two segments, 18 PID-driven hinges.
 //!
-//! The paper gives the count of legs, segments and motors, the drive r_i = theta_i + a_i·sin(omega·t + psi_i), and that the
-//! lengths of four of the twelve segments are unknown. Everything else is **chosen here**:
+//! The paper gives the count of legs, segments and motors, the drive r_i = theta_i + a_i·sin(omega·t + psi_i), and that
+//! the lengths of four of the twelve segments are unknown. Everything else is **chosen here**:
 //!
 //! - x forward, y left, z up; legs `L1 L2 L3` on the left and `R1 R2 R3` on the right, front to back, each pointing away
 //!   from the trunk, the front and hind ones 35° forward and backward.

@@ -17,22 +17,23 @@
 //! | elbow | 0.07, 0.10, 0.15 | the row of `ElbowYaw` |
 //! | neck | −0.02, 0.00, 0.16 | the row of `HeadYaw` |
 //!
-//! So thigh and shank are 0.092 m and 0.100 m long and the ankle is 0.05 m above the sole. The shank's centre of mass is
-//! half-way between knee and ankle. At the start the soles touch the ground (z = 0), the torso is at a height of 0.35 m.
+//! So thigh and shank are 0.092 m and 0.100 m long and the ankle is 0.05 m above the sole. The shank's centre of mass
+//! is half-way between knee and ankle. At the start the soles touch the ground (z = 0), the torso is at a height of
+//! 0.35 m.
 //!
 //! **Chosen here**, since the table is silent: homogeneous bodies; the roll axis of the left ankle like the right one's (the
 //! table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005 kg·m² of rotor
 //! inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
 //!
 //! **Motors** are those of Aldebaran's documentation ("H25 - Motors - V 3.2", doc.aldebaran.com/1-14/family/nao_h25/
-//! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. What gears
-//! lose is not published and left out, so that a real joint is somewhat weaker; that a motor's torque falls with its speed is
-//! the effect `speed_torque_limit`. References may ask for no more than the no-load speed.
+//! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. What
+//! gears lose is not published and left out, so that a real joint is somewhat weaker; that a motor's torque falls with
+//! its speed is the effect `speed_torque_limit`. References may ask for no more than the no-load speed.
 //!
 //! **Ranges** are those of `nao_description/urdf/naoV32_generated_urdf` in github.com/ros-naoqi/nao_robot, which has these axes
-//! at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its two sides differ
-//! by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would end 0.0087 rad from
-//! zero; here they reach it, for the pose of the table.
+//! at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its two sides
+//! differ by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would end 0.0087
+//! rad from zero; here they reach it, for the pose of the table.
 
 pub use crate::drive::{CONTROL_S, STEPS_PER_CONTROL};
 
@@ -251,8 +252,8 @@ mod tests {
         assert!((robot.mass_kg() - 4.34).abs() < 1e-9, "{}", robot.mass_kg());
     }
 
-    /// Joint `i`'s partner on the other side, and how an angle of one reads on the other if the poses mirror each other in the
-    /// plane between left and right: as the axis, a vector of turning, does.
+    /// Joint `i`'s partner on the other side, and how an angle of one reads on the other if the poses mirror each other
+    /// in the plane between left and right: as the axis, a vector of turning, does.
     fn mirrored(robot: &Robot, i: usize) -> (usize, f64) {
         let own = &robot.links[i];
         let other = match own.name.split_at(1) {
@@ -280,7 +281,8 @@ mod tests {
         }
     }
 
-    /// Degrees per second and N·m of the documentation of an older release (ii.tudelft.nl/naodoc, "Description of the motors").
+    /// Degrees per second and N·m of the documentation of an older release (ii.tudelft.nl/naodoc, "Description of the
+    /// motors").
     #[test]
     fn motors_are_as_fast_and_strong_at_the_joint_as_their_maker_says() {
         let robot = nao();

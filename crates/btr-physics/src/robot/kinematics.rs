@@ -3,8 +3,8 @@
 use super::{JointKind, Robot};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// Poses of all links in the world, for the root's frame at `root` and the movable joints at `q` (rad or m, in the order
-/// of [`Robot::movable`]; missing values count as 0). `poses` is overwritten and keeps its memory between calls.
+/// Poses of all links in the world, for the root's frame at `root` and the movable joints at `q` (rad or m, in the
+/// order of [`Robot::movable`]; missing values count as 0). `poses` is overwritten and keeps its memory between calls.
 pub fn link_poses(robot: &Robot, root: &Isometry3<f64>, q: &[f64], poses: &mut Vec<Isometry3<f64>>) {
     poses.clear();
     let mut q = q.iter().copied();

@@ -1,7 +1,7 @@
 //! A robot: links in a tree, joints between them, an actuator on each joint. Plain data, URDF's conventions.
 //!
-//! A link's frame is its joint's frame; at q = 0 it is `joint.origin` away from its parent's frame. Right-handed, SI units,
-//! z up unless the robot's file says otherwise.
+//! A link's frame is its joint's frame; at q = 0 it is `joint.origin` away from its parent's frame. Right-handed, SI
+//! units, z up unless the robot's file says otherwise.
 
 pub mod kinematics;
 pub mod site;
@@ -116,8 +116,8 @@ pub struct Joint {
     pub axis: Vector3<f64>,
     /// Smallest and largest position; infinite where unlimited.
     pub limits: (f64, f64),
-    /// How fast references may ask it to move, in rad/s (m/s); infinite where unlimited. Drives that plan a motion keep to it;
-    /// the dynamics do not know it.
+    /// How fast references may ask it to move, in rad/s (m/s); infinite where unlimited. Drives that plan a motion keep
+    /// to it; the dynamics do not know it.
     pub speed_limit: f64,
     /// Position at the start.
     pub start: f64,
@@ -135,7 +135,8 @@ pub struct Joint {
     pub mimic: Option<Mimic>,
 }
 
-/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, without play, whatever that takes.
+/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, without play, whatever that
+/// takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mimic {
     /// Name of the joint that is followed, which follows nobody.

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Unit, Vector3};
 /// A shape counts as lying along the axis when the cosine between them is above this.
 const ALIGNED: f64 = 0.99;
 
-/// The direction in which a link is long, in its frame: towards the farthest joint that it carries, or towards its centre of
-/// mass if it carries none. `None` when these are at its origin.
+/// The direction in which a link is long, in its frame: towards the farthest joint that it carries, or towards its
+/// centre of mass if it carries none. `None` when these are at its origin.
 pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>> {
     let carried = robot.links.iter().filter(|child| child.parent == Some(link));
     let far = carried.map(|child| child.joint.origin.translation.vector);
@@ -16,8 +16,8 @@ pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>
     Unit::try_new(along, 1e-9)
 }
 
-/// Makes a link `factor` times as long, of the same material: shapes, centre of mass and the joints that it carries move
-/// along, its mass is proportional to its length, its inertia is that of the stretched body.
+/// Makes a link `factor` times as long, of the same material: shapes, centre of mass and the joints that it carries
+/// move along, its mass is proportional to its length, its inertia is that of the stretched body.
 pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {
     let Some(axis) = long_axis(robot, link) else { return };
     let stretched = |p: &Vector3<f64>| p + axis.into_inner() * ((factor - 1.0) * axis.dot(p));

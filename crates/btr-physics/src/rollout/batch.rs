@@ -55,7 +55,8 @@ fn alone(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
     }
 }
 
-/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are any.
+/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are
+/// any.
 pub(super) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     rest(engine, &mut runs);
     for step in 0..=runs.first().map_or(0, PreparedRollout::steps) {

@@ -52,8 +52,8 @@ struct JointControl {
     bound: TorqueBound,
     /// Whether the motor has a rotor of its own behind a transmission that is not rigid.
     rotor: bool,
-    /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has worked it
-    /// out, a prescribed motion needs it.
+    /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has
+    /// worked it out, a prescribed motion needs it.
     told: Option<f64>,
     /// Its velocity as the last step began.
     before: Option<f64>,
@@ -184,7 +184,8 @@ impl<'a> Control<'a> {
         self.joints.iter().any(|joint| joint.told.is_some())
     }
 
-    /// The torque of joint `i`'s motor as the step begins that was prepared last, where it is known apart from the step.
+    /// The torque of joint `i`'s motor as the step begins that was prepared last, where it is known apart from the
+    /// step.
     pub(crate) fn told(&self, i: usize) -> Option<f64> {
         self.joints[i].told
     }
@@ -340,8 +341,8 @@ impl JointControl {
         }
     }
 
-    /// A motor with a rotor of its own is solved here, beside the link as it moves: where it would exceed its bound there, it
-    /// is solved again at its bound. The second state is the servo's.
+    /// A motor with a rotor of its own is solved here, beside the link as it moves: where it would exceed its bound
+    /// there, it is solved again at its bound. The second state is the servo's.
     fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointInput; 2]) {
         let before = *dof;
         self.transmit(motor.wanted, dof, state);

@@ -26,12 +26,12 @@ use prepared::PreparedRollout;
 
 /// Simulates one rollout and logs it, from the start state on.
 ///
-/// The first sample is the start state; torques there are those of the first command, foot forces and accelerations those
-/// of the first step. The same request gives the same bits, on any thread.
+/// The first sample is the start state; torques there are those of the first command, foot forces and accelerations
+/// those of the first step. The same request gives the same bits, on any thread.
 ///
 /// # Errors
-/// [`WorldError::Setup`] for sites that match nothing and times that do not fit; [`WorldError::BlewUp`] when the state stops
-/// being finite or moves absurdly fast.
+/// [`WorldError::Setup`] for sites that match nothing and times that do not fit; [`WorldError::BlewUp`] when the state
+/// stops being finite or moves absurdly fast.
 pub fn simulate(request: RolloutRequest) -> Result<Log, WorldError> {
     let mut logs = simulate_all(vec![request]);
     logs.pop().unwrap_or_else(|| Err(setup_error("nothing was simulated".to_owned())))
@@ -39,9 +39,9 @@ pub fn simulate(request: RolloutRequest) -> Result<Log, WorldError> {
 
 /// Simulates several rollouts on the calling thread. Each log is what [`simulate`] gives for its request, bit by bit.
 ///
-/// Consecutive requests that differ only in numbers (of the robot, of effects, of the world) and in their references are
-/// simulated side by side in the machine's vector registers, as long as they run on the default engine and no joint's motion is
-/// prescribed. So a call with eight or more requests is faster than as many calls.
+/// Consecutive requests that differ only in numbers (of the robot, of effects, of the world) and in their references
+/// are simulated side by side in the machine's vector registers, as long as they run on the default engine and no
+/// joint's motion is prescribed. So a call with eight or more requests is faster than as many calls.
 pub fn simulate_all(requests: Vec<RolloutRequest>) -> Vec<Result<Log, WorldError>> {
     batch::simulate_all(requests.into_iter().map(PreparedRollout::new).collect())
 }

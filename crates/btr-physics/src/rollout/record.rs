@@ -1,4 +1,4 @@
-//! Filling a log while a robot moves; every series is allocated before the run.
+//! Recording a log during a rollout; every series is allocated before the run.
 
 use super::control::Control;
 use crate::engine::Dynamics;
@@ -17,7 +17,8 @@ struct ChannelGroup {
     role: Role,
     deviation: f64,
     quantum: f64,
-    /// Instant after instant: hundreds of series that grow at once would be as many places in memory, which evict each other.
+    /// Instant after instant: hundreds of series that grow at once would be as many places in memory, which evict each
+    /// other.
     values: Vec<f64>,
 }
 
@@ -153,8 +154,8 @@ impl Recorder {
         self.feet.push((0..feet).map(|foot| engine.foot_force_n(foot)));
     }
 
-    /// Puts right the torques of the sample at which the step begins that was prepared last: what a digital servo works out at
-    /// an instant is logged at that instant.
+    /// Puts right the torques of the sample at which the step begins that was prepared last: what a digital servo works
+    /// out at an instant is logged at that instant.
     pub(crate) fn told(&mut self, control: &Control) {
         for (i, last) in self.torques.last_mut().iter_mut().enumerate() {
             if let Some(torque) = control.told(i) {

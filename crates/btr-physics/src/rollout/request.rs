@@ -7,8 +7,8 @@ use crate::robot::Robot;
 use crate::setup::Setup;
 use std::borrow::Cow;
 
-/// Hook that may overwrite the robot's state during a rollout. It is called with the time in s after every step, once the
-/// sensors have been read, and once before the first step.
+/// Hook that may overwrite the robot's state during a rollout. It is called with the time in s after every step, once
+/// the sensors have been read, and once before the first step.
 pub type StateHook<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
 
 /// One rollout: a robot, its drive, and everything else about the run. No effects, the default [`Setup`], noiseless

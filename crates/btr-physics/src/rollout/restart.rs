@@ -1,4 +1,4 @@
-//! Moving a robot to another state on the way, so that errors do not build up for longer than a window.
+//! Resetting the robot's state during a rollout (multiple shooting), so that errors grow for no longer than a window.
 
 use crate::effects::PlacedEffect;
 use crate::engine::{Dynamics, RobotState};

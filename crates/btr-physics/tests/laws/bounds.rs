@@ -84,8 +84,9 @@ proptest! {
         }
     }
 
-    /// What acts, and not only what is said: a motor that is weaker than the friction in its joint moves nothing, however
-    /// light and stiffly driven the link is. In its first step it would be far beyond its bound if it could move freely.
+    /// What acts, and not only what is said: a motor that is weaker than the friction in its joint moves nothing,
+    /// however light and stiffly driven the link is. In its first step it would be far beyond its bound if it could
+    /// move freely.
     #[test]
     fn a_motor_does_not_overcome_what_is_stronger_than_its_bound(
         mass in 0.02..2.0, length in 0.01..0.5, kp in 1.0..300.0, kd in 0.0..5.0, torque in 0.05..2.0, rate in 0.1..100.0,

@@ -48,8 +48,8 @@ impl NaoKick {
         ])
     }
 
-    /// The kick of `robot` with `values` in the order of [`NaoKick::space`]; it ends in the pose in which it begins. The
-    /// masses and servos of `robot` are what the controller believes; the robot it drives may have others.
+    /// The kick of `robot` with `values` in the order of [`NaoKick::space`]; it ends in the pose in which it begins.
+    /// The masses and servos of `robot` are what the controller believes; the robot it drives may have others.
     ///
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.

@@ -39,8 +39,8 @@ impl References {
         self.reached &= reached;
     }
 
-    /// Clips the references to the joints' ranges and speed limits, as the robot's own motion layer does: a joint that is asked
-    /// for more follows as fast as it may.
+    /// Clips the references to the joints' ranges and speed limits, as the robot's own motion layer does: a joint that
+    /// is asked for more follows as fast as it may.
     pub(super) fn clip(&mut self, robot: &Robot) {
         let mut before = self.start_q.clone();
         for row in self.values.chunks_mut(self.joints.max(1)) {

@@ -45,7 +45,8 @@ impl NaoWalk {
             Dim::new("com_height", "m", 0.2, 0.27).nominal(0.24),
             // The ZMP before the middle of the supporting sole.
             Dim::new("zmp_forward", "m", -0.03, 0.03).nominal(0.0),
-            // The ZMP to the left of the middle between the feet: what keeps a robot on course that is heavier on one side.
+            // The ZMP to the left of the middle between the feet: what keeps a robot on course that is heavier on one
+            // side.
             Dim::new("zmp_left", "m", -0.02, 0.02).nominal(0.0),
             // The torso's pitch.
             Dim::new("lean", "rad", -0.2, 0.3).nominal(0.0),
@@ -55,8 +56,9 @@ impl NaoWalk {
         ])
     }
 
-    /// The walk of `robot` with `values` in the order of [`NaoWalk::space`], for `duration_s` seconds with the stands before
-    /// and after it (then the pose is held). The masses and servos of `robot` are what the controller believes; the robot it drives may have others.
+    /// The walk of `robot` with `values` in the order of [`NaoWalk::space`], for `duration_s` seconds with the stands
+    /// before and after it (then the pose is held). The masses and servos of `robot` are what the controller believes;
+    /// the robot it drives may have others.
     ///
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.
@@ -121,8 +123,8 @@ impl WalkPlan {
         })
     }
 
-    /// The step that goes on at `time_s` (None while standing) and which share of it is over. One that comes after the last
-    /// brings the ZMP back to the middle.
+    /// The step that goes on at `time_s` (None while standing) and which share of it is over. One that comes after the
+    /// last brings the ZMP back to the middle.
     fn step(&self, time_s: f64) -> Option<(usize, f64)> {
         let steps = (time_s - STAND_S) / self.step_period_s;
         let number = (steps.max(0.0) as usize).min(self.steps());
@@ -139,8 +141,8 @@ impl WalkPlan {
         self.landings_m[landed.min(self.steps())]
     }
 
-    /// Where the ZMP rests in step `step`. Even steps swing the left foot and stand on the right one; after the last one it
-    /// rests between the feet.
+    /// Where the ZMP rests in step `step`. Even steps swing the left foot and stand on the right one; after the last
+    /// one it rests between the feet.
     fn support(&self, step: usize) -> [f64; 2] {
         let side = match step {
             step if step == self.steps() => 0.0,
@@ -151,7 +153,8 @@ impl WalkPlan {
     }
 }
 
-/// Where the feet land: steps that grow to `step_length_m`, and shrink until the last one brings both feet side by side.
+/// Where the feet land: steps that grow to `step_length_m`, and shrink until the last one brings both feet side by
+/// side.
 fn landings_m(steps: usize, step_length_m: f64) -> Vec<f64> {
     let share = |landed: usize| {
         let up = landed as f64 / RAMP_UP as f64;

@@ -37,8 +37,8 @@ pub(super) struct Carriage {
     pub(super) stiffening: f64,
 }
 
-/// Where ZMP and feet are to be at every time. Lengths count from the middle between the soles at the start, or, for feet,
-/// from where each stood.
+/// Where ZMP and feet are to be at every time. Lengths count from the middle between the soles at the start, or, for
+/// feet, from where each stood.
 pub(super) trait ZmpPlan {
     /// How the body is carried.
     fn carriage(&self) -> Carriage;

@@ -1,4 +1,5 @@
-//! A servo that does not care about small errors: within the band it does nothing, beyond it only the rest of the error counts.
+//! A servo that does not care about small errors: within the band it does nothing, beyond it only the rest of the error
+//! counts.
 //!
 //! For actuators that take positions: the band lies about the position that the servo reads when a step begins.
 

@@ -1,7 +1,7 @@
 //! A servo whose zero is not that of whoever commands it: it goes to another place than it is told.
 //!
-//! For actuators that take positions. Together with [`encoder_offset`](crate::effects::sensor::encoder_offset) of the same size it is a
-//! log whose zero is not the robot's, while the servo's is.
+//! For actuators that take positions. Together with [`encoder_offset`](crate::effects::sensor::encoder_offset) of the
+//! same size it is a log whose zero is not the robot's, while the servo's is.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::JointInput;

@@ -1,7 +1,7 @@
 //! A command that arrives smoothed: a filter, a current loop, a slow servo.
 //!
-//! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at the step's
-//! end the lag would seem shorter by half a step.
+//! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at
+//! the step's end the lag would seem shorter by half a step.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
 use crate::actuation::JointInput;

@@ -1,4 +1,5 @@
-//! What the text of a law stands for: an expression, which is compiled, or a function of the program that made the model.
+//! What the text of a law stands for: an expression, which is compiled, or a function of the program that made the
+//! model.
 
 use super::error::FormulaError;
 use super::expression;

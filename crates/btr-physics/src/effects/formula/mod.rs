@@ -1,10 +1,10 @@
 //! A user's own law as text: on a joint's torque, its command or its reading.
 //!
-//! A torque that jumps, as with `sign(dq)`, makes a light joint tremble by what the jump does in a step: for dry friction
-//! there are effects that hold at rest.
+//! A torque that jumps, as with `sign(dq)`, makes a light joint tremble by what the jump does in a step: for dry
+//! friction there are effects that hold at rest.
 //!
-//! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function) that a
-//! process meets, less than a kB for an expression.
+//! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function)
+//! that a process meets, less than a kB for an expression.
 
 pub(super) mod error;
 mod expression;
@@ -45,7 +45,8 @@ pub enum FormulaTarget {
     Torque,
     /// The command that reaches the servo, in place of the one that was sent: `cmd + ...`.
     Command,
-    /// The position that the servo and the log read, in place of the joint's: `q + ...`; the velocity stays the joint's.
+    /// The position that the servo and the log read, in place of the joint's: `q + ...`; the velocity stays the
+    /// joint's.
     Reading,
 }
 
@@ -99,8 +100,8 @@ fn leaked(text: &str) -> &'static str {
     Box::leak(text.to_owned().into_boxed_str())
 }
 
-/// What a law remembers: whether the run has begun, the velocity of the last step, how far the reading is from the joint, and
-/// the first thing that it gave that is no finite number: whether there is one, which, and of what scene.
+/// What a law remembers: whether the run has begun, the velocity of the last step, how far the reading is from the
+/// joint, and the first thing that it gave that is no finite number: whether there is one, which, and of what scene.
 const STARTED: usize = 0;
 const BEFORE: usize = 1;
 const AHEAD: usize = 2;

@@ -1,7 +1,7 @@
 //! Friction that differs between the two directions: a worn gear, a seal, a cable that pulls.
 //!
-//! Dry friction between -forward and +backward is one of equal sizes about a constant: the engine holds the joint with the
-//! mean of the two, and half their difference acts all the time.
+//! Dry friction between -forward and +backward is one of equal sizes about a constant: the engine holds the joint with
+//! the mean of the two, and half their difference acts all the time.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;

@@ -1,7 +1,7 @@
 //! Stribeck friction: dry friction that is larger at rest than in motion, as lubricant is drawn in with speed.
 //!
-//! The size of the friction is that of the speed at which a step begins; the engine then holds or brakes with it, so nothing
-//! creeps below the breakaway torque.
+//! The size of the friction is that of the speed at which a step begins; the engine then holds or brakes with it, so
+//! nothing creeps below the breakaway torque.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;

@@ -1,4 +1,5 @@
-//! Cogging: a torque that follows the position, from magnets that prefer the stator's teeth, or from a gear out of round.
+//! Cogging: a torque that follows the position, from magnets that prefer the stator's teeth, or from a gear out of
+//! round.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::Dof;

@@ -1,5 +1,5 @@
-//! The torque-speed line of a motor: its back-EMF leaves the less voltage for torque the faster it turns. Braking, the back-EMF
-//! helps, and the whole torque is there.
+//! The torque-speed line of a motor: its back-EMF leaves the less voltage for torque the faster it turns. Braking, the
+//! back-EMF helps, and the whole torque is there.
 
 use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::{JointInput, MotorTorque};

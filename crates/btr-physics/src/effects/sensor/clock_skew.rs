@@ -1,4 +1,5 @@
-//! A recorder whose clock runs fast or slow against the robot's: the later, the further is everything measured out of place.
+//! A recorder whose clock runs fast or slow against the robot's: the later, the further is everything measured out of
+//! place.
 //!
 //! Beyond the end of a run (a clock that runs slow) the last readings are held.
 

@@ -1,5 +1,5 @@
-//! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane, and what
-//! is nearest to a ball's centre is known for every primitive.
+//! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane,
+//! and what is nearest to a ball's centre is known for every primitive.
 
 use super::linear_algebra::lanes::{Lanes, Mask};
 use super::linear_algebra::spatial::Spatial;

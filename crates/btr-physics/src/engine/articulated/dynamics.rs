@@ -77,7 +77,8 @@ impl<S: Simd> Dynamics for Articulated<S> {
     }
 
     fn leads(&self) -> bool {
-        // Substeps would have to share a course, and what the floor or a linkage pushes would have to be known beforehand.
+        // Substeps would have to share a course, and what the floor or a linkage pushes would have to be known
+        // beforehand.
         let pushed = self.root > 0 || self.ball.is_some() || !self.followers.is_empty();
         self.seen.len() == 1 && self.substeps == 1 && !pushed
     }

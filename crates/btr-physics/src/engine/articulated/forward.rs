@@ -11,9 +11,9 @@ use nalgebra::Vector3;
 use pulp::{Arch, Scalar};
 
 /// The accelerations of a robot in a state, with these torques in its joints (N·m; N for slides, in the order of
-/// [`movable`](Robot::movable)) and a gravity in m/s²: those of a floating root's frame first, angular (rad/s²) and then linear
-/// (m/s²), both in the world's axes; then those of the joints in rad/s² (m/s²). Rotors weigh in and joints follow those
-/// that they mimic; servos, friction, limits and contacts do nothing.
+/// [`movable`](Robot::movable)) and a gravity in m/s²: those of a floating root's frame first, angular (rad/s²) and
+/// then linear (m/s²), both in the world's axes; then those of the joints in rad/s² (m/s²). Rotors weigh in and joints
+/// follow those that they mimic; servos, friction, limits and contacts do nothing.
 ///
 /// Composite rigid bodies, recursive Newton-Euler and a factor along the tree (R. Featherstone, "Rigid Body Dynamics
 /// Algorithms", Springer 2008, chapters 5, 6 and 8).

@@ -42,8 +42,8 @@ const NONE: Bounded = Bounded {
     least: Affine { constant: f64::NEG_INFINITY, stiffness: 0.0, damping: 0.0 },
 };
 
-/// Takes over a motor's bounds for a candidate, or that it has none while others do. Whoever begins to have bounds makes room
-/// for those of all; `inner` is what acts on the joints of the others.
+/// Takes over a motor's bounds for a candidate, or that it has none while others do. Whoever begins to have bounds
+/// makes room for those of all; `inner` is what acts on the joints of the others.
 pub(super) fn set<S: Simd>(motor: &mut Option<BoundedMotor<S>>, inner: &JointForces<S>, lane: usize, dof: &Dof) {
     let motor = motor.get_or_insert_with(|| BoundedMotor::none(inner));
     let to = (dof.torque, dof.motor.unwrap_or(NONE));
@@ -69,8 +69,8 @@ impl<S: Simd> BoundedMotor<S> {
         BoundedMotor { rest, wanted, most, least, side: constant.like(0.0), told }
     }
 
-    /// On which side it has to be in this state, and whether that is another one. One that is at a bound is not taken to the
-    /// other one at once, and is only let go if it may be.
+    /// On which side it has to be in this state, and whether that is another one. One that is at a bound is not taken
+    /// to the other one at once, and is only let go if it may be.
     #[inline(always)]
     pub(super) fn look(&mut self, q: Lanes<S>, u: Lanes<S>, let_go: bool) -> bool {
         let (zero, one) = (self.side.like(0.0), self.side.like(1.0));

@@ -1,5 +1,6 @@
-//! Joints whose motion is prescribed: they are where their course says, the other joints feel their acceleration, and what
-//! that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Only a single candidate is ever led.
+//! Joints whose motion is prescribed: they are where their course says, the other joints feel their acceleration, and
+//! what that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Only a single candidate
+//! is ever led.
 
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
@@ -45,8 +46,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// The torques that the prescribed joints need as the coming step begins, beyond what acts on them anyway. Joints that are
-    /// free go on accelerating as they did in the last step.
+    /// The torques that the prescribed joints need as the coming step begins, beyond what acts on them anyway. Joints
+    /// that are free go on accelerating as they did in the last step.
     pub(super) fn inverse(&mut self, torques: &mut [f64]) {
         let (now, simd, s) = (&self.now, self.simd, &mut self.scratch);
         s.middle.clone_from(now);

@@ -73,8 +73,8 @@ impl<S: Simd> Articulated<S> {
 
     /// The linear equations for the velocities at the step's end: `matrix`·u' = `next`.
     ///
-    /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean velocity
-    /// v = (1 − h)·u + h·u'.
+    /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean
+    /// velocity v = (1 − h)·u + h·u'.
     #[inline(always)]
     fn balance(&mut self) {
         let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
@@ -117,8 +117,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// The lanes of the candidate that is spoken of: the last one has all that are left, and does the same in each. Left to
-    /// themselves they would fall over, and everybody would wait for them.
+    /// The lanes of the candidate that is spoken of: the last one has all that are left, and does the same in each.
+    /// Left to themselves they would fall over, and everybody would wait for them.
     pub(super) fn spoken_of(&self) -> Range<usize> {
         let last = self.lane + 1 == self.seen.len();
         self.lane..if last { S::F64_LANES } else { self.lane + 1 }

@@ -1,8 +1,9 @@
-//! Motors within their bounds: which of them are at one is found with the step itself, whatever else acts on the joints.
+//! Motors within their bounds: which of them are at one is found with the step itself, whatever else acts on the
+//! joints.
 //!
-//! A motor that would end beyond its bound in the step's mean state gets the bound as its law and the step is solved anew; one
-//! that need not be at it is let go (a primal-dual active set: M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13, 2002).
-//! So what acts in a step is within its bounds, and no inertia has to be guessed.
+//! A motor that would end beyond its bound in the step's mean state gets the bound as its law and the step is solved
+//! anew; one that need not be at it is let go (a primal-dual active set: M. Hintermueller, K. Ito, K. Kunisch, SIAM J.
+//! Optim. 13, 2002). So what acts in a step is within its bounds, and no inertia has to be guessed.
 
 use super::state::Articulated;
 use pulp::Simd;
@@ -22,8 +23,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Whether every motor is on the side where the step's mean state, as it was just solved, has it. Those that are not change
-    /// sides.
+    /// Whether every motor is on the side where the step's mean state, as it was just solved, has it. Those that are
+    /// not change sides.
     #[inline(always)]
     pub(super) fn bounds_hold(&mut self, look: usize) -> bool {
         let mut hold = true;

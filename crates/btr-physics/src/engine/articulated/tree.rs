@@ -50,7 +50,8 @@ pub(super) struct Configuration<S: Simd> {
     pub(super) q: Vec<Lanes<S>>,
     /// Poses of the free bodies.
     pub(super) poses: Vec<Pose<S>>,
-    /// Velocities of all degrees of freedom; those of free bodies are angular velocity and velocity of their frame's origin.
+    /// Velocities of all degrees of freedom; those of free bodies are angular velocity and velocity of their frame's
+    /// origin.
     pub(super) u: Vec<Lanes<S>>,
 }
 
@@ -190,7 +191,8 @@ impl<S: Simd> Tree<S> {
         }
     }
 
-    /// What all have to be pushed by if nothing accelerates but `joints`, where that is given (recursive Newton-Euler), into
+    /// What all have to be pushed by if nothing accelerates but `joints`, where that is given (recursive Newton-Euler),
+    /// into
     /// `carried`, one degree of freedom after the other. Makes the inertias composite.
     #[inline(always)]
     pub(super) fn carry(
@@ -214,7 +216,8 @@ impl<S: Simd> Tree<S> {
                 Some(parent) => (self.velocities[parent].plus(&own), self.accelerations[parent]),
                 None => (own, lifted),
             };
-            // How the axes themselves change: a free body's turn about a point that moves, a joint's move with its body.
+            // How the axes themselves change: a free body's turn about a point that moves, a joint's move with its
+            // body.
             let drift = if freedom == 6 {
                 let turning = V3([u[first], u[first + 1], u[first + 2]]);
                 let moving = V3([u[first + 3], u[first + 4], u[first + 5]]);
@@ -260,8 +263,8 @@ impl<S: Simd> Tree<S> {
         }
     }
 
-    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, without what is zero as
-    /// neither moves the other.
+    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, without what is
+    /// zero as neither moves the other.
     #[inline(always)]
     pub(super) fn fill_matrix(&self, matrix: &mut [Lanes<S>]) {
         let n = self.freedom();

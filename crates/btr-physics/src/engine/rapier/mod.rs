@@ -1,8 +1,8 @@
 //! Rapier's reduced-coordinate multibody behind [`Dynamics`], in f64 with enhanced determinism.
 //!
-//! Rapier's habits that this file works around, each pinned by a law in `tests/`: bodies have their frames at the centre of
-//! mass (a free root would move wrongly otherwise); default joint damping is cleared; servos are implicit springs, not
-//! motor rows; nothing sleeps; self-contacts are off; a body without inertia gets a little.
+//! Rapier's habits that this file works around, each pinned by a law in `tests/`: bodies have their frames at the
+//! centre of mass (a free root would move wrongly otherwise); default joint damping is cleared; servos are implicit
+//! springs, not motor rows; nothing sleeps; self-contacts are off; a body without inertia gets a little.
 
 mod build;
 mod convert;
@@ -203,8 +203,8 @@ impl Dynamics for Rapier {
             displacement[slot.dof] = q - was;
             multibody.generalized_velocity_mut()[slot.dof] = dq;
         }
-        // Bodies that are reported as moved make Rapier sort its contacts anew, and its solver's few sweeps end elsewhere in
-        // another order. A state that is there already must change nothing.
+        // Bodies that are reported as moved make Rapier sort its contacts anew, and its solver's few sweeps end
+        // elsewhere in another order. A state that is there already must change nothing.
         if displacement.iter().any(|x| x.abs() > UNMOVED) {
             multibody.apply_displacements(&displacement);
             multibody.forward_kinematics(&self.world.bodies, false);

@@ -4,8 +4,8 @@ use crate::robot::{Geometry, Joint, JointKind, Link, Robot};
 use nalgebra::Isometry3;
 use std::fmt::Write;
 
-/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF has no
-/// word for (actuators, rotor inertia, the start) is left out.
+/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF has
+/// no word for (actuators, rotor inertia, the start) is left out.
 pub fn to_urdf(robot: &Robot) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
     for link in &robot.links {

@@ -1,4 +1,5 @@
-//! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its lane.
+//! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its
+//! lane.
 
 pub(super) mod world;
 
@@ -18,12 +19,12 @@ use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
 use world::{World, WorldBody, WorldShape};
 
-/// How many candidates this machine can have side by side.
+/// Number of SIMD lanes on this machine.
 pub(crate) fn lanes() -> usize {
     widths().first().map_or(1, |arch| width(*arch))
 }
 
-/// What the machine can do, the widest first; the last one has a single lane.
+/// The instruction sets of this machine, the widest first; the last one has a single lane.
 pub(crate) fn widths() -> Vec<Arch> {
     #[cfg(target_arch = "x86_64")]
     let wide = [pulp::x86::V4::try_new().map(Arch::V4), pulp::x86::V3::try_new().map(Arch::V3)];
@@ -32,7 +33,7 @@ pub(crate) fn widths() -> Vec<Arch> {
     wide.into_iter().flatten().chain([Arch::Scalar]).collect()
 }
 
-/// How many lanes that has.
+/// Number of lanes of an instruction set.
 pub(crate) fn width(arch: Arch) -> usize {
     match arch {
         #[cfg(target_arch = "x86_64")]
@@ -65,7 +66,7 @@ pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> 
 }
 
 impl<S: Simd> Articulated<S> {
-    /// Robots of one kind in their start states; where there are fewer than lanes, the last one stands in.
+    /// Robots of one kind in their start states; the last one fills the lanes that are left.
     pub(in crate::engine::articulated) fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
         let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
         let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];

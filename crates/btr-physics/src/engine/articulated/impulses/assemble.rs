@@ -26,7 +26,8 @@ impl<S: Simd> Impulses<S> {
         self.single([Some((dof, begin)), None], [wanted, least, most], u[dof]);
     }
 
-    /// Something that lets one degree of freedom move at a ratio to another one and this much faster, whatever that takes.
+    /// Something that lets one degree of freedom move at a ratio to another one and this much faster, whatever that
+    /// takes.
     #[inline(always)]
     pub(in crate::engine::articulated) fn couple(
         &mut self,

@@ -38,7 +38,8 @@ pub(in crate::engine::articulated) struct Impulses<S: Simd> {
 pub(super) struct ImpulseBlock {
     pub(super) row: usize,
     pub(super) rows: usize,
-    /// Where each way leads, and where its part of the halves begins, in which the rows have their entries side by side.
+    /// Where each way leads, and where its part of the halves begins, in which the rows have their entries side by
+    /// side.
     pub(super) ways: [Option<(usize, usize)>; 2],
 }
 

@@ -14,7 +14,8 @@ const MOST_ROWS: f64 = 30.0;
 /// What impulses cost that need not cost anything, as a share of what they do: a sole that sticks on four corners could
 /// share its load among them in many ways...
 const COST: f64 = 1e-9;
-/// ... and corners whose heights differ by a hair would keep it from tilting with huge forces across, against each other.
+/// ... and corners whose heights differ by a hair would keep it from tilting with huge forces across, against each
+/// other.
 const ACROSS: f64 = 2e-6;
 /// Corners share what they hold across as they share the load, as far as it differs by less than this.
 const UNEVEN: f64 = 1e4;

@@ -1,8 +1,8 @@
 //! Numbers of several candidates side by side: one in each lane of a vector register.
 //!
-//! Every operation does in each lane what it does for a single candidate, rounded alike, so that results do not depend on how
-//! many are side by side. Nothing here may be a call that the compiler can leave out of line: what is compiled apart from
-//! [`Simd::vectorize`] knows nothing of the wide registers.
+//! Every operation does in each lane what it does for a single candidate, rounded alike, so that results do not depend
+//! on how many are side by side. Nothing here may be a call that the compiler can leave out of line: what is compiled
+//! apart from [`Simd::vectorize`] knows nothing of the wide registers.
 
 use pulp::Simd;
 use pulp::bytemuck::cast_slice;

@@ -1,5 +1,5 @@
-//! Vector and matrix arithmetic on several candidates at once: scalars ([`Lanes`](lanes::Lanes)), 3-D vectors and spatial
-//! quantities.
+//! Vector and matrix arithmetic on several candidates at once: scalars ([`Lanes`](lanes::Lanes)), 3-D vectors and
+//! spatial quantities.
 
 pub(super) mod lanes;
 pub(super) mod spatial;
