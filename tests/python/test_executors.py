@@ -94,11 +94,11 @@ def test_batches_are_few_and_small(arm: btr.Model, alone: tuple) -> None:
 
 
 def test_a_worker_that_computes_something_else_is_found_out(arm: btr.Model) -> None:
-    # An answer begins with the worker's proof.
+    # An answer begins with the worker's fingerprint.
     other = Own(lambda answer: bytes([answer[0] ^ 1]) + answer[1:])
     with pytest.raises(btr.BtrError, match="simulates the model differently"):
         answer(arm, other)
-    with pytest.raises(btr.BtrError, match="makes no sense"):
+    with pytest.raises(btr.BtrError, match="cannot be decoded"):
         answer(arm, Own(lambda answer: b""))
 
 
@@ -114,7 +114,7 @@ def test_an_answer_to_another_batch_is_found_out(arm: btr.Model, tmp_path: Path)
             return answer
 
     for ask in (lambda: answer(arm, Late()), lambda: history(tmp_path, Late())):
-        with pytest.raises(btr.BtrError, match="it is one to another batch"):
+        with pytest.raises(btr.BtrError, match="belongs to another batch"):
             ask()
 
 

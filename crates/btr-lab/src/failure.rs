@@ -1,6 +1,8 @@
 //! Errors at the edge: one message, one `help:` line, one exit code.
 
-use crate::verbs::{Doubt, ProblemError, VerbInput};
+use crate::experiment::FileError;
+use crate::identification::{Doubt, ProblemError, VerbInput};
+use crate::model_text::AddError;
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
 
@@ -67,15 +69,9 @@ impl Failure {
     }
 }
 
-impl From<crate::experiment::FileError> for Failure {
-    fn from(error: crate::experiment::FileError) -> Self {
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Self {
         Failure::new("file", error.to_string(), error.help)
-    }
-}
-
-impl From<crate::run::RunError> for Failure {
-    fn from(error: crate::run::RunError) -> Self {
-        Failure::new("run", error.to_string(), error.help())
     }
 }
 
@@ -91,8 +87,8 @@ impl From<WorldError> for Failure {
     }
 }
 
-impl From<crate::verbs::AddError> for Failure {
-    fn from(error: crate::verbs::AddError) -> Self {
+impl From<AddError> for Failure {
+    fn from(error: AddError) -> Self {
         let help = error.help();
         Failure::new("add", error.to_string(), help)
     }

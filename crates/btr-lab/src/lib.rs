@@ -1,11 +1,16 @@
-//! What a run needs around the physics: experiment files, realities, a model beside its logs, work on other machines,
-//! runs in their folders, and the verbs that the command line and Python call.
+//! What a run needs around the physics: experiment files, realities, identification problems, distributed work, runs in their
+//! folders, and the verbs that the command line and Python call.
 
 pub mod distributed;
+pub mod execution;
 pub mod experiment;
 pub mod failure;
 pub mod identification;
+mod log_quality;
+pub mod model_text;
 pub mod output;
 pub mod reality;
 pub mod run;
+mod scales;
+pub mod suggest;
 pub mod verbs;

@@ -2,8 +2,8 @@
 //! earlier output of its own kind. A recording exists once.
 
 use crate::experiment::Source;
-use crate::experiment::adapt::named_files;
 use crate::failure::Failure;
+use crate::model_text::named_files;
 use btr_core::log::Role;
 use btr_io::{IoError, Mapping};
 use std::path::{Path, PathBuf};

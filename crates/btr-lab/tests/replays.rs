@@ -102,7 +102,10 @@ fn a_log_in_memory_is_read_under_the_names_of_the_model() {
     let mapped = "[channels.channels]\ncmd_hinge = { column = \"goal\", factor = 2.0 }\n\
                   q_hinge = { column = \"encoder\", factor = 2.0 }\n";
     let source = source(folder.path(), &format!("{MODEL}{mapped}"));
-    let read = |log: Log| experiment::recorded(&source, &LogSource::Made { name: "log 1".into(), log }).unwrap();
+    let read = |log: Log| {
+        let log = LogSource::Made { name: "log 1".into(), log };
+        experiment::replays(&source, &[log], &[]).unwrap().recordings.learn.remove(0).log
+    };
     let once = read(foreign);
     assert_eq!(once.values("q_hinge").unwrap(), log.values("q_hinge").unwrap());
     assert_eq!(once.channel("cmd_hinge").unwrap().role, Role::Command);

@@ -4,10 +4,9 @@ use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
 use btr_identify::residual_model::{Derivation, ResidualModel, ResidualRequest, TimeStep};
-use btr_lab::distributed::{
-    ExecutionContext, Executor, Payload, RemoteModel, RemoteSimulator, RunPayloads, Stopped, serve,
-};
-use btr_lab::experiment::{LogSource, Source, model};
+use btr_lab::distributed::{RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
+use btr_lab::execution::{Cancelled, ExecutionContext, Executor, Payload};
+use btr_lab::experiment::{LogSource, RealitySource, Source, model};
 use btr_lab::verbs::VerbInput;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -76,8 +75,7 @@ fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
 fn served(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
     let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
     let input = VerbInput::new(source.clone(), &learn, &held_out)?;
-    let residual_model =
-        RemoteModel::new(&input, &learn, &held_out, Arc::new(ExecutionContext::elsewhere(Box::new(Worker))))?;
+    let residual_model = RemoteModel::new(&input, Arc::new(ExecutionContext::with_executor(Box::new(Worker))))?;
     Ok((input, residual_model))
 }
 
@@ -150,19 +148,19 @@ fn families_that_were_derived_of_others() -> Tested<()> {
 }
 
 #[test]
-fn what_is_stopped_simulates_no_further() -> Tested<()> {
+fn cancelled_work_simulates_no_further() -> Tested<()> {
     let model = model(&robots("pendulum.toml")?)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; 4096];
     let context = ExecutionContext::default();
     let check_cancelled = || {
         if model.rollouts.load(Ordering::Relaxed) > 0 {
-            context.stop();
+            context.cancel();
         }
         context.check_cancelled();
     };
     let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_jobs(&jobs, &check_cancelled)));
-    assert!(ended.is_err_and(|cause| cause.is::<Stopped>()));
+    assert!(ended.is_err_and(|cause| cause.is::<Cancelled>()));
     let simulated = model.rollouts.load(Ordering::Relaxed);
     assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");
     Ok(())
@@ -172,9 +170,9 @@ fn what_is_stopped_simulates_no_further() -> Tested<()> {
 fn a_population_of_an_experiment() -> Tested<()> {
     let source = robots("nao.toml")?;
     let model = model(&source)?;
-    let (context, payloads) = (ExecutionContext::elsewhere(Box::new(Worker)), RunPayloads::default());
-    let served =
-        RemoteSimulator::new(&model, &source, (&DistanceSpec::Rmse(Rmse::default()), false), &context, &payloads)?;
+    let (context, payloads) = (ExecutionContext::with_executor(Box::new(Worker)), RunPayloads::default());
+    let comparison = TestComparison { distance: &DistanceSpec::Rmse(Rmse::default()), reality: RealitySource::File };
+    let served = RemoteSimulator::new(&model, &source, comparison, &context, &payloads)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
     let wanted = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];

@@ -6,9 +6,9 @@ use crate::model::Model;
 use crate::work::{ExecutorChoice, working};
 use btr_core::coevolve::{Coevolution, StepOutcome};
 use btr_identify::LadderStep;
-use btr_lab::distributed::ExecutionContext;
-use btr_lab::experiment::{Experiment, RobotFunction};
-use btr_lab::reality::{TestFailure, TestRequest};
+use btr_lab::execution::ExecutionContext;
+use btr_lab::experiment::Experiment;
+use btr_lab::reality::{RobotFunction, TestFailure, TestRequest};
 use btr_lab::run::execute;
 use btr_lab::run::execute::RunObserver;
 use btr_report::figures;
@@ -135,7 +135,7 @@ impl RunObserver for Watcher {
     fn say(&mut self, _: &str) {}
 
     fn stops(&mut self) -> bool {
-        self.context.is_stopped()
+        self.context.is_cancelled()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A user's laws as functions in Python: how they are called, and how what they raise ends the work.
 
 use crate::error::raised;
-use btr_lab::distributed::{ExecutionContext, Stopped};
+use btr_lab::execution::{Cancelled, ExecutionContext};
 use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -54,8 +54,8 @@ pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
 
 /// What the function says; an exception unwinds to whoever works with it.
 fn value(function: &Py<PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> f64 {
-    if WAY.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_stopped())) {
-        resume_unwind(Box::new(Stopped));
+    if WAY.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_cancelled())) {
+        resume_unwind(Box::new(Cancelled));
     }
     let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
     answer.unwrap_or_else(|error| resume_unwind(Box::new(error)))

@@ -7,10 +7,10 @@ use crate::work::{ExecutorChoice, at_once, context, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_io::{IoError, write_whole};
-use btr_lab::distributed::ExecutionContext;
+use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
-use btr_lab::experiment::adapt::{at, moved};
 use btr_lab::experiment::{LogSource, Source};
+use btr_lab::model_text::{at, moved};
 use btr_lab::verbs;
 use btr_lab::verbs::{Addition, OwnLaw, OwnNumber};
 use btr_physics::effects::FORMULA;
@@ -222,7 +222,7 @@ fn unknown(name: &str, space: &Space, what: &str) -> PyErr {
         true => format!("there are no {what}"),
         false => format!("there are {}", known().collect::<Vec<_>>().join(", ")),
     };
-    let help = experiment::suggestion(name, known()).unwrap_or_else(all);
+    let help = btr_lab::suggest::suggestion(name, known()).unwrap_or_else(all);
     raised(&format!("none of the model's {what} is called `{name}`"), Some(help))
 }
 

@@ -6,7 +6,8 @@ use crate::model::Model;
 use crate::page::Page;
 use crate::work::{ExecutorChoice, at_once, working};
 use btr_identify::diagnose::DiagnoseOptions;
-use btr_lab::distributed::{ExecutionContext, RemoteModel};
+use btr_lab::distributed::RemoteModel;
+use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::LogSource;
 use btr_lab::failure::Failure;
@@ -76,7 +77,7 @@ pub(crate) fn diagnose(
         let heard = |ladder_step: &btr_identify::LadderStep| {
             say(&tell, &ladder_step.step, ladder_step.train, ladder_step.held_out)
         };
-        let family = served(&input, &logs, &held_out, &context)?;
+        let family = served(&input, &context)?;
         let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)
             .map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let document = json!(found).to_string();
@@ -104,13 +105,13 @@ pub(crate) fn fit(
     working(py, &context, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
-        let input = VerbInput::with(source, replays, &add, &logs, &held_out).map_err(Raise::raise)?;
+        let input = VerbInput::with(source, replays, &add).map_err(Raise::raise)?;
         if input.problem.model().simulations.is_empty() {
             let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
             return Err(raised("no number of this model is in doubt", Some(help)));
         }
         let heard = |step: &btr_identify::LadderStep| say(&tell, &step.step, step.train, step.held_out);
-        let family = served(&input, &logs, &held_out, &context)?;
+        let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
@@ -130,11 +131,6 @@ fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
 }
 
 /// The problem's family as `context` serves it.
-fn served(
-    input: &VerbInput,
-    logs: &[LogSource],
-    held_out: &[LogSource],
-    context: &Arc<ExecutionContext>,
-) -> PyResult<RemoteModel> {
-    RemoteModel::new(input, logs, held_out, context.clone()).map_err(|why| raised(&why, None))
+fn served(input: &VerbInput, context: &Arc<ExecutionContext>) -> PyResult<RemoteModel> {
+    RemoteModel::new(input, context.clone()).map_err(|why| raised(&why.to_string(), why.help()))
 }

@@ -4,7 +4,8 @@ use crate::error::raised;
 use crate::laws;
 use crate::laws::LawGiven;
 use btr_lab::distributed;
-use btr_lab::distributed::{ExecutionContext, Executor, Stopped};
+use btr_lab::execution;
+use btr_lab::execution::{Cancelled, ExchangeError, ExecutionContext, Executor};
 use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -39,16 +40,16 @@ pub(crate) fn context(
         Some(ExecutorChoice::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
             let functions = laws::packed(py, functions)?;
-            ExecutionContext::elsewhere(Box::new(PythonExecutor { object, workers, functions }))
+            ExecutionContext::with_executor(Box::new(PythonExecutor { object, workers, functions }))
         }
-        Some(ExecutorChoice::Threads(threads)) if functions.is_empty() => ExecutionContext::here(threads),
+        Some(ExecutorChoice::Threads(threads)) if functions.is_empty() => ExecutionContext::local(threads),
         Some(ExecutorChoice::Threads(_)) | None => here(source),
     }))
 }
 
 /// The work on a model done by all threads, or by one.
 fn here(source: &Source) -> ExecutionContext {
-    if source.laws.is_empty() { ExecutionContext::default() } else { ExecutionContext::here(1) }
+    if source.laws.is_empty() { ExecutionContext::default() } else { ExecutionContext::local(1) }
 }
 
 /// Batches go out through a Python object: `work(payloads, batch) -> answer`.
@@ -60,7 +61,7 @@ struct PythonExecutor {
 
 /// What workers are told once; `key` is the same for the same content.
 #[pyclass(frozen, module = "btr", name = "Payload")]
-pub(crate) struct Payload(Arc<distributed::Payload>);
+pub(crate) struct Payload(Arc<execution::Payload>);
 
 #[pymethods]
 impl Payload {
@@ -84,7 +85,7 @@ impl Executor for PythonExecutor {
         &self.functions
     }
 
-    fn work(&self, payloads: &[Arc<distributed::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, payloads: &[Arc<execution::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
             let payloads: Vec<Payload> = payloads.iter().cloned().map(Payload).collect();
             let answer = self.object.call_method1(py, "work", (payloads, PyBytes::new(py, batch)))?;
@@ -138,7 +139,7 @@ pub(crate) fn serve<'py>(
     let batch = batch.as_bytes();
     let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&payloads, batch, &laws::unpacked)));
     match py.detach(|| threaded(serve))? {
-        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why, None))?)),
+        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why.to_string(), why.help()))?)),
         Err(cause) => Err(cause_of(cause)),
     }
 }
@@ -156,7 +157,7 @@ pub(crate) fn working<T: Send>(
             let (done, finished) = channel::<()>();
             let worker = scope.spawn(move || {
                 let ended = catch_unwind(AssertUnwindSafe(|| {
-                    threaded(|| context.during(|| laws::with_cancellation(context, work)))
+                    threaded(|| context.install(|| laws::with_cancellation(context, work)))
                 }));
                 drop(done);
                 ended
@@ -164,7 +165,7 @@ pub(crate) fn working<T: Send>(
             while finished.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
                 if let Err(signal) = Python::attach(|py| py.check_signals()) {
                     interrupted = Some(signal);
-                    context.stop();
+                    context.cancel();
                 }
             }
             worker.join().unwrap_or_else(Err)
@@ -172,7 +173,7 @@ pub(crate) fn working<T: Send>(
     });
     match (interrupted, ended) {
         (Some(signal), _) => Err(signal),
-        (None, Ok(ended)) => ended?.map_err(|why| raised(&why, None))?,
+        (None, Ok(ended)) => ended?.map_err(|why| raised(&why.to_string(), None))?,
         (None, Err(cause)) => Err(cause_of(cause)),
     }
 }
@@ -192,9 +193,9 @@ fn cause_of(cause: Box<dyn Any + Send>) -> PyErr {
         Ok(error) => return *error,
         Err(other) => other,
     };
-    match cause.downcast::<String>() {
-        Ok(why) => raised(&why, None),
-        Err(other) if other.is::<Stopped>() => raised("the work was stopped", None),
+    match cause.downcast::<ExchangeError>() {
+        Ok(why) => raised(&why.to_string(), None),
+        Err(other) if other.is::<Cancelled>() => raised("the work was cancelled", None),
         Err(other) => resume_unwind(other),
     }
 }

@@ -4,8 +4,8 @@ use super::common;
 use crate::args::{AddArgs, Global};
 use crate::exit::DONE;
 use btr_lab::experiment;
-use btr_lab::experiment::adapt::{moved, named_files};
 use btr_lab::failure::Failure;
+use btr_lab::model_text::{moved, named_files};
 use btr_lab::output::{OutputKind, guard};
 use btr_lab::verbs::{AddError, Addition, add};
 

@@ -18,8 +18,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
-    let input = VerbInput::with(source, replays, &args.add, &args.logs_args.logs, &args.logs_args.held_out)
-        .map_err(|e| Failure::input(e, &doubts))?;
+    let input = VerbInput::with(source, replays, &args.add).map_err(|e| Failure::input(e, &doubts))?;
     if input.problem.model().simulations.is_empty() {
         let help = "put parameters in doubt ([parameters] in the model file), or --add an effect".to_owned();
         return Err(Failure::new("nothing_to_fit", "no number of this model is in doubt", Some(help)));

@@ -1,32 +1,42 @@
-//! A model file with the files that it names, to be opened elsewhere.
+//! A model file bundled with the files that it names, for use on another machine.
 
+use super::error::DistributedError;
 use crate::experiment::Source;
-use crate::experiment::adapt::each_named_file;
+use crate::model_text::each_named_file;
 use btr_physics::effects::Laws;
 use serde::{Deserialize, Serialize};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use toml_edit::DocumentMut;
 
-/// A model file's text, in which the files that it names have names of the folder's own.
+/// A model file's text with its files; in the text they have their names in the bundle.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Folder {
+pub(super) struct Bundle {
     name: PathBuf,
     text: String,
     files: Vec<(String, Vec<u8>)>,
-    /// The functions that its laws name, as an executor packed them.
+    /// The functions that its laws name, packed by the executor.
     functions: Vec<u8>,
 }
 
-/// Makes laws of packed functions.
+/// Unpacks the functions of laws.
 pub(super) type Functions<'a> = &'a dyn Fn(&[u8]) -> Result<Laws, String>;
 
-impl Folder {
-    /// Packs a model file, with the logs of its `[reality]` if they are wanted. What names further files (an index of logs, a
-    /// folder, a data set's episode) stays where it is, by its absolute path.
-    pub(super) fn pack(source: &Source, with_logs: bool, functions: &[u8]) -> Result<Self, String> {
-        let mut document = source.text.parse::<DocumentMut>().map_err(|e| e.to_string())?;
-        if let Some(reality) = document.get_mut("reality").filter(|_| !with_logs).and_then(|r| r.as_table_like_mut()) {
+/// Whether the logs of `[reality]` go into the bundle.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum RecordedLogs {
+    Include,
+    Omit,
+}
+
+impl Bundle {
+    /// Packs a model file, with or without the logs of its `[reality]`. What names further files (an index of logs, a folder, a
+    /// data set's episode) is referred to by its absolute path.
+    pub(super) fn pack(source: &Source, logs: RecordedLogs, functions: &[u8]) -> Result<Self, DistributedError> {
+        let mut document = source.text.parse::<DocumentMut>()?;
+        if let Some(reality) =
+            document.get_mut("reality").filter(|_| logs == RecordedLogs::Omit).and_then(|r| r.as_table_like_mut())
+        {
             for key in ["files", "held_out"] {
                 reality.remove(key);
             }
@@ -42,37 +52,42 @@ impl Folder {
             }
             match std::fs::read(&path) {
                 Ok(bytes) => {
-                    let own = path.file_name().unwrap_or_default().to_string_lossy();
-                    // Files of one name may lie in several folders.
-                    let name = format!("{}/{own}", files.len());
+                    let file_name = path.file_name().unwrap_or_default().to_string_lossy();
+                    // Files in different folders may have the same name.
+                    let name = format!("{}/{file_name}", files.len());
                     *value = name.as_str().into();
                     files.push((name, bytes));
                 }
-                Err(e) => failed = Some(format!("{}: {e}", path.display())),
+                Err(source) => failed = Some(DistributedError::File { path, source }),
             }
         });
         let name = PathBuf::from(source.path.file_name().unwrap_or("model.toml".as_ref()));
         let functions = functions.to_vec();
-        failed.map_or(Ok(Folder { name, text: document.to_string(), files, functions }), Err)
+        failed.map_or(Ok(Bundle { name, text: document.to_string(), files, functions }), Err)
     }
 
-    /// Lays the files out for as long as `open` takes.
+    /// Writes the files into a temporary folder while `open` runs.
     pub(super) fn unpacked<T>(
         &self,
         functions: Functions,
-        open: impl FnOnce(Source) -> Result<T, String>,
-    ) -> Result<T, String> {
-        let laws = if self.functions.is_empty() { Laws::default() } else { functions(&self.functions)? };
-        // Nobody else's: who shares a temporary folder may share process numbers, too.
+        open: impl FnOnce(Source) -> Result<T, DistributedError>,
+    ) -> Result<T, DistributedError> {
+        let laws = if self.functions.is_empty() {
+            Laws::default()
+        } else {
+            functions(&self.functions).map_err(DistributedError::Functions)?
+        };
+        // A random name: machines that share a temporary folder may use the same process numbers.
         let folder = std::env::temp_dir().join(format!("btr-{:016x}", RandomState::new().build_hasher().finish()));
-        let opened = self.lay_out(&folder).map_err(|e| format!("{}: {e}", folder.display()));
+        let opened =
+            self.write_files(&folder).map_err(|source| DistributedError::File { path: folder.clone(), source });
         let opened = opened.and_then(|()| open(Source { laws, ..Source::new(folder.join(&self.name), &self.text) }));
-        // What cannot be removed is left to who cleans temporary folders.
+        // A folder that cannot be removed is left to the cleaning of temporary folders.
         let _ = std::fs::remove_dir_all(&folder);
         opened
     }
 
-    fn lay_out(&self, folder: &Path) -> std::io::Result<()> {
+    fn write_files(&self, folder: &Path) -> std::io::Result<()> {
         std::fs::create_dir(folder)?;
         for (name, bytes) in &self.files {
             let path = folder.join(name);

@@ -1,42 +1,41 @@
-//! What a worker has made of parcels, as long as it fits.
+//! The worker's cache of decoded payloads.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A slot that is filled once, by whoever comes first.
-type Slot<T> = Arc<OnceLock<Result<Arc<T>, String>>>;
+/// A slot that is filled once.
+type Slot<T, E> = Arc<OnceLock<Result<Arc<T>, Arc<E>>>>;
 
-/// Values by key, the last ones used.
-pub(super) struct Cache<T> {
-    most: usize,
-    slots: Mutex<Vec<(u64, Slot<T>)>>,
+/// Values by key; the least recently used are dropped.
+pub(super) struct Cache<T, E> {
+    capacity: usize,
+    slots: Mutex<Vec<(u64, Slot<T, E>)>>,
 }
 
-impl<T> Cache<T> {
-    /// A cache for so many values.
-    pub(super) const fn new(most: usize) -> Self {
-        Cache { most, slots: Mutex::new(Vec::new()) }
+impl<T, E> Cache<T, E> {
+    /// A cache for `capacity` values.
+    pub(super) const fn new(capacity: usize) -> Self {
+        Cache { capacity, slots: Mutex::new(Vec::new()) }
     }
 
-    /// The value of a key, made where it is not there. Others that want the same wait for it; those that want another one do
-    /// not.
-    pub(super) fn get(&self, key: u64, make: impl FnOnce() -> Result<T, String>) -> Result<Arc<T>, String> {
+    /// The value of a key, made if it is absent. Threads that request the same key wait for it; other keys are not blocked.
+    pub(super) fn get(&self, key: u64, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, Arc<E>> {
         let slot = {
             let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
             let known = slots.iter().position(|(other, _)| *other == key).map(|k| slots.remove(k));
-            let newest = known.unwrap_or_else(|| (key, Slot::<T>::default()));
+            let newest = known.unwrap_or_else(|| (key, Slot::<T, E>::default()));
             slots.push(newest.clone());
-            if slots.len() > self.most {
+            if slots.len() > self.capacity {
                 slots.remove(0);
             }
             newest.1
         };
-        let made = slot.get_or_init(|| make().map(Arc::new)).clone();
-        if made.is_err() {
-            // What was missing may be there the next time.
+        let value = slot.get_or_init(|| make().map(Arc::new).map_err(Arc::new)).clone();
+        if value.is_err() {
+            // A missing file may exist the next time.
             let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
             slots.retain(|(_, other)| !Arc::ptr_eq(other, &slot));
         }
-        made
+        value
     }
 }
 
@@ -46,15 +45,15 @@ mod tests {
 
     #[test]
     fn a_value_is_made_once_while_it_fits_and_a_failure_is_forgotten() {
-        let cache: Cache<u64> = Cache::new(2);
+        let cache: Cache<u64, String> = Cache::new(2);
         let make = |key: u64, value: u64| cache.get(key, || Ok(value)).map(|value| *value);
         assert_eq!((make(1, 10), make(1, 11), make(2, 20)), (Ok(10), Ok(10), Ok(20)));
         assert_eq!(
             (make(1, 12), make(3, 30), make(2, 21)),
             (Ok(10), Ok(30), Ok(21)),
-            "the one used longest ago had to go"
+            "the least recently used value is dropped"
         );
-        assert_eq!(cache.get(9, || Err("not yet".to_owned())), Err("not yet".to_owned()));
+        assert_eq!(cache.get(9, || Err("not yet".to_owned())), Err(Arc::new("not yet".to_owned())));
         assert_eq!(make(9, 90), Ok(90));
     }
 }

@@ -1,13 +1,11 @@
 //! A residual model whose residuals are computed by workers, or in this process, until the run is stopped.
 
-use super::bundle::Folder;
-use super::messages::{
-    Batch, Payload, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, fingerprint_of,
-};
-use super::{ExecutionContext, MOST_AT_ONCE};
-use crate::experiment;
-use crate::experiment::LogSource;
-use crate::verbs::VerbInput;
+use super::bundle::{Bundle, RecordedLogs};
+use super::error::DistributedError;
+use super::messages::{Batch, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, encode};
+use crate::execution::{BATCH_SIZE, ExecutionContext, Payload, fingerprint_of};
+use crate::experiment::ReadLog;
+use crate::identification::VerbInput;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{Derivation, ModelDescription, ResidualModel, ResidualRequest, TimeStep};
@@ -26,18 +24,13 @@ pub struct RemoteModel {
 }
 
 impl RemoteModel {
-    /// The residual model of a problem that was made from these logs.
+    /// The residual model of a problem.
     ///
     /// # Errors
     /// A file that the model names and that can no longer be read.
-    pub fn new(
-        input: &VerbInput,
-        learn: &[LogSource],
-        held_out: &[LogSource],
-        context: Arc<ExecutionContext>,
-    ) -> Result<Self, String> {
+    pub fn new(input: &VerbInput, context: Arc<ExecutionContext>) -> Result<Self, DistributedError> {
         let local: Arc<dyn ResidualModel> = Arc::new(input.problem.clone());
-        let payload = context.executor.as_ref().map(|e| payload(input, learn, held_out, e.functions())).transpose()?;
+        let payload = context.executor().map(|e| payload(input, e.functions())).transpose()?;
         Ok(RemoteModel { payload: payload.map(Arc::new), ..RemoteModel::here(local, context) })
     }
 
@@ -64,12 +57,12 @@ impl RemoteModel {
         let payload = self.payload.as_ref()?;
         let asked =
             |one: &ResidualRequest| RolloutMessage { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
-        let (asked, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
-        let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, asked });
+        let (requests, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
+        let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, requests });
         let fingerprint = || *self.fingerprint.get_or_init(|| fingerprint(self.base.as_ref()));
         let residuals: Vec<ResidualMessage> =
-            self.context.ask(std::slice::from_ref(payload), &batch, rollouts.len(), fingerprint)?;
-        Some(residuals.into_iter().map(|residual| residual.map_err(WorldError::from)).collect())
+            self.context.dispatch(std::slice::from_ref(payload), &batch, rollouts.len(), fingerprint)?;
+        Some(residuals.into_iter().map(|r| r.map_err(WorldError::from)).collect())
     }
 }
 
@@ -88,28 +81,25 @@ pub(super) fn fingerprint(residual_model: &dyn ResidualModel) -> u64 {
     fingerprint_of(residuals.iter().chain([&sizes]).map(Vec::as_slice))
 }
 
-fn payload(
-    input: &VerbInput,
-    learn: &[LogSource],
-    held_out: &[LogSource],
-    functions: &[u8],
-) -> Result<Payload, String> {
-    let read = |log: &LogSource| -> Result<(PathBuf, Log), String> {
-        let path = std::path::absolute(log.path()).map_err(|e| e.to_string())?;
-        Ok((path, experiment::recorded(&input.source, log).map_err(|e| e.to_string())?))
+/// The payload of a problem: the model's file and its logs.
+fn payload(input: &VerbInput, functions: &[u8]) -> Result<Payload, DistributedError> {
+    let log = |ReadLog { path, log, .. }: &ReadLog| -> Result<(PathBuf, Log), DistributedError> {
+        let absolute = std::path::absolute(path);
+        let path = absolute.map_err(|source| DistributedError::File { path: path.clone(), source })?;
+        Ok((path, log.clone()))
     };
-    let read = |logs: &[LogSource]| logs.iter().map(read).collect::<Result<_, _>>();
-    Payload::of(&PayloadContent::Problem {
-        model: Folder::pack(&input.source, false, functions)?,
-        learn: read(learn)?,
-        held_out: read(held_out)?,
+    let logs = |logs: &[ReadLog]| logs.iter().map(log).collect::<Result<_, _>>();
+    encode(&PayloadContent::Problem {
+        model: Bundle::pack(&input.source, RecordedLogs::Omit, functions)?,
+        learn: logs(&input.recordings.learn)?,
+        held_out: logs(&input.recordings.held_out)?,
     })
 }
 
 impl ResidualModel for RemoteModel {
     fn description(&self) -> ModelDescription {
         let description = self.local.description();
-        let batch_size = if self.payload.is_some() { MOST_AT_ONCE } else { description.batch_size };
+        let batch_size = if self.payload.is_some() { BATCH_SIZE } else { description.batch_size };
         ModelDescription { batch_size, ..description }
     }
 

@@ -1,9 +1,10 @@
-//! The simulations of a run, worked out elsewhere, or here, as long as nobody stops it.
+//! The simulations of a run, done by workers or in this process, until the run is cancelled.
 
-use super::bundle::Folder;
-use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, Payload, PayloadContent, fingerprint_of};
-use super::{ExecutionContext, Executor, MOST_AT_ONCE};
-use crate::experiment::Source;
+use super::bundle::{Bundle, RecordedLogs};
+use super::error::DistributedError;
+use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, PayloadContent, encode};
+use crate::execution::{BATCH_SIZE, ExecutionContext, Executor, Payload, fingerprint_of};
+use crate::experiment::{RealitySource, Source};
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Space;
 use btr_core::world::{Behaviour, Job, Measure, Output, OutputRequest, Simulator, WorldError};
@@ -11,38 +12,55 @@ use btr_physics::model::Model;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What goes to the workers of a run: its experiment, and each real test once somebody is compared with it.
+/// The payloads of a run: its experiment, and each real test once a candidate is compared with it.
 #[derive(Default)]
 pub struct RunPayloads {
-    experiment: Mutex<Option<(String, Arc<Payload>, u64)>>,
+    experiment: Mutex<Option<ExperimentPayload>>,
     tests: Mutex<BTreeMap<usize, Arc<Payload>>>,
 }
 
-/// A model whose runs are served.
+/// The payload of an experiment.
+#[derive(Clone)]
+struct ExperimentPayload {
+    /// The experiment's text.
+    text: String,
+    payload: Arc<Payload>,
+    /// Fingerprint of this process, which workers must reproduce.
+    fingerprint: u64,
+}
+
+/// What a run compares its simulations with.
+#[derive(Clone, Copy)]
+pub struct TestComparison<'a> {
+    /// The distance to real tests.
+    pub distance: &'a DistanceSpec,
+    /// What answers real tests.
+    pub reality: RealitySource,
+}
+
+/// A model whose simulations workers do.
 pub struct RemoteSimulator<'a> {
     local: &'a Model,
     context: &'a ExecutionContext,
     payloads: &'a RunPayloads,
-    /// The experiment's parcel, and what workers must prove; none where there are no workers.
-    experiment: Option<(Arc<Payload>, u64)>,
+    /// None without workers.
+    experiment: Option<ExperimentPayload>,
 }
 
 impl<'a> RemoteSimulator<'a> {
-    /// The simulations of an experiment with this text, for a run with this distance; `robot` where a robot of its own stands
-    /// for what the text says of reality.
+    /// The simulations of an experiment with this text.
     ///
     /// # Errors
-    /// A file that the experiment names and that cannot be read any more.
+    /// A file that the experiment names and that can no longer be read.
     pub fn new(
         local: &'a Model,
         source: &Source,
-        (distance, robot): (&DistanceSpec, bool),
+        comparison: TestComparison,
         context: &'a ExecutionContext,
         payloads: &'a RunPayloads,
-    ) -> Result<Self, String> {
-        let payload =
-            |executor: &dyn Executor| payloads.experiment(local, source, (distance, robot), executor.functions());
-        let experiment = context.executor.as_deref().map(payload).transpose()?;
+    ) -> Result<Self, DistributedError> {
+        let payload = |executor: &dyn Executor| payloads.experiment(local, source, comparison, executor.functions());
+        let experiment = context.executor().map(payload).transpose()?;
         Ok(RemoteSimulator { local, context, payloads, experiment })
     }
 }
@@ -52,19 +70,23 @@ impl RunPayloads {
         &self,
         model: &Model,
         source: &Source,
-        (distance, robot): (&DistanceSpec, bool),
+        TestComparison { distance, reality }: TestComparison,
         functions: &[u8],
-    ) -> Result<(Arc<Payload>, u64), String> {
+    ) -> Result<ExperimentPayload, DistributedError> {
         let mut known = self.experiment.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, payload, fingerprint)) = known.as_ref().filter(|(text, ..)| *text == source.text) {
-            return Ok((payload.clone(), *fingerprint));
+        if let Some(known) = known.as_ref().filter(|known| known.text == source.text) {
+            return Ok(known.clone());
         }
-        let distance = serde_json::to_string(distance).map_err(|e| e.to_string())?;
-        let experiment = Folder::pack(source, !robot, functions)?;
-        let payload = Payload::of(&PayloadContent::Experiment { experiment, distance, robot })?;
-        let (payload, fingerprint) = (Arc::new(payload), fingerprint(model));
-        *known = Some((source.text.clone(), payload.clone(), fingerprint));
-        Ok((payload, fingerprint))
+        let distance = serde_json::to_string(distance)?;
+        let logs = match reality {
+            RealitySource::File => RecordedLogs::Include,
+            RealitySource::Function => RecordedLogs::Omit,
+        };
+        let experiment = Bundle::pack(source, logs, functions)?;
+        let payload = Arc::new(encode(&PayloadContent::Experiment { experiment, distance, reality })?);
+        let packed = ExperimentPayload { text: source.text.clone(), payload, fingerprint: fingerprint(model) };
+        *known = Some(packed.clone());
+        Ok(packed)
     }
 
     fn test(&self, number: usize, behaviour: &Behaviour) -> Option<Arc<Payload>> {
@@ -72,13 +94,13 @@ impl RunPayloads {
         if let Some(known) = tests.get(&number) {
             return Some(known.clone());
         }
-        let payload = Arc::new(Payload::of(&PayloadContent::Test(behaviour.clone())).ok()?);
+        let payload = Arc::new(encode(&PayloadContent::Test(behaviour.clone())).ok()?);
         tests.insert(number, payload.clone());
         Some(payload)
     }
 }
 
-/// What a model computes as it stands.
+/// Fingerprint of a model at its nominal values.
 pub(super) fn fingerprint(model: &Model) -> u64 {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let Ok(log) = model.simulate(model.request(&s, 0).controller(&c)) else { return 0 };
@@ -86,11 +108,12 @@ pub(super) fn fingerprint(model: &Model) -> u64 {
 }
 
 impl RemoteSimulator<'_> {
-    fn ask(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Option<Vec<Result<Output, WorldError>>> {
-        let (experiment, fingerprint) = self.experiment.as_ref()?;
-        let (mut payloads, mut numbers) = (vec![experiment.clone()], Vec::new());
-        let mut asked = |wanted: &OutputRequest| {
-            Some(match wanted {
+    /// Workers' outputs for some jobs; `None` without workers.
+    fn dispatch(&self, jobs: &[Job], requests: &[OutputRequest]) -> Option<Vec<Result<Output, WorldError>>> {
+        let ExperimentPayload { payload, fingerprint, .. } = self.experiment.as_ref()?;
+        let (mut payloads, mut numbers) = (vec![payload.clone()], Vec::new());
+        let mut order = |request: &OutputRequest| {
+            Some(match request {
                 OutputRequest::Behaviour => OutputOrder::Behaviour,
                 OutputRequest::Fitness => OutputOrder::Fitness,
                 OutputRequest::Distance(against) => {
@@ -106,14 +129,14 @@ impl RemoteSimulator<'_> {
                 }
             })
         };
-        let candidate = |(job, wanted): (&Job, &OutputRequest)| {
+        let candidate = |(job, request): (&Job, &OutputRequest)| {
             let (s, c, scenario) = (job.s.to_vec(), job.c.to_vec(), job.scenario);
-            Some(Candidate { s, c, scenario, wanted: asked(wanted)? })
+            Some(Candidate { s, c, scenario, output: order(request)? })
         };
-        let candidates: Option<Vec<Candidate>> = jobs.iter().zip(wanted).map(candidate).collect();
-        let made: Vec<CandidateResult> =
-            self.context.ask(&payloads, &Batch::Population(candidates?), jobs.len(), || *fingerprint)?;
-        Some(made.into_iter().map(|made| made.map_err(|what| WorldError::Setup { what })).collect())
+        let candidates: Option<Vec<Candidate>> = jobs.iter().zip(requests).map(candidate).collect();
+        let outputs: Vec<CandidateResult> =
+            self.context.dispatch(&payloads, &Batch::Population(candidates?), jobs.len(), || *fingerprint)?;
+        Some(outputs.into_iter().map(|output| output.map_err(WorldError::from)).collect())
     }
 }
 
@@ -139,15 +162,15 @@ impl Simulator for RemoteSimulator<'_> {
     }
 
     fn side_by_side(&self) -> usize {
-        if self.experiment.is_some() { MOST_AT_ONCE } else { self.local.side_by_side() }
+        if self.experiment.is_some() { BATCH_SIZE } else { self.local.side_by_side() }
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
         self.local.run_all(jobs)
     }
 
-    fn evaluate_all(&self, jobs: &[Job], wanted: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
+    fn evaluate_all(&self, jobs: &[Job], requests: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
         self.context.check_cancelled();
-        self.ask(jobs, wanted).unwrap_or_else(|| self.local.evaluate_all(jobs, wanted))
+        self.dispatch(jobs, requests).unwrap_or_else(|| self.local.evaluate_all(jobs, requests))
     }
 }

@@ -1,20 +1,21 @@
 //! Experiments: a file becomes a model, a plan and a reality.
 
-pub mod adapt;
 mod build;
-mod enlarged;
 mod file;
-pub(crate) mod logs;
-mod parse;
-mod plan_error;
+mod loaded;
+mod logs;
+mod models;
+mod real_tests;
+mod replays;
+mod source;
 
-pub(crate) use build::told;
-pub use build::{Experiment, RobotFunction, simulations};
-pub use enlarged::enlarges;
-pub use file::{CommandSection, File, LogIndexSection, LogsSection, NoiseSection, SimulationSection, TwinSection};
-pub(crate) use logs::pieces::timely;
-pub use logs::replays::{CheckedLog, Replays, replays};
-pub use logs::single::{model, model_driven_by, model_replaying, recorded};
-pub use logs::source::LogSource;
+pub use file::{
+    CommandSection, DriveSection, File, LogIndexSection, LogsSection, NoiseSection, RealitySource, SimulationSection,
+    TwinSection,
+};
+pub use loaded::Experiment;
+pub use logs::source::{LogSource, ReadLog, Recordings};
 pub use logs::start::starts;
-pub use parse::{FileError, Source, nearest, suggestion};
+pub use models::{model, model_driven_by, model_replaying, simulations};
+pub use replays::{CheckedLog, Replays, replays};
+pub use source::{FileError, Source};

@@ -1,10 +1,10 @@
 //! What may be missing: every effect at every site, and what laws are made of.
 
-use super::IdentificationProblem;
-use super::law_terms;
-use super::law_terms::{TermContext, TermDefinition};
-use super::parameters::{own, parameter};
-use super::sites::sites;
+use super::catalogue::law_terms;
+use super::catalogue::law_terms::{TermContext, TermDefinition};
+use super::catalogue::parameters::{own, parameter};
+use super::catalogue::sites::sites;
+use super::problem::IdentificationProblem;
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{EffectCandidate, LawTerm};
 use btr_physics::effects::{EFFECTS, Effect};

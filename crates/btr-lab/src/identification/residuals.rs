@@ -1,7 +1,7 @@
 //! Residuals of the identification problem: measured minus simulated, at any point and from any start state.
 
-use super::IdentificationProblem;
-use super::noise_floor;
+use super::contact::noise_floor;
+use super::problem::IdentificationProblem;
 use super::start::moved::OPEN;
 use super::start::windows;
 use btr_core::log::{Log, interpolate};

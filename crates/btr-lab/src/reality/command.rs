@@ -3,8 +3,8 @@
 //! Every try writes to a file of its own and is renamed to the trial's log only when the program ended well and the log can
 //! be read: a killed run never mistakes half a log for a whole one, and no try is ever overwritten.
 
+use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
-use crate::experiment::CommandSection;
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
 use std::fs::File;
@@ -17,16 +17,29 @@ use std::time::{Duration, Instant};
 /// How often a running program is looked at.
 const POLL: Duration = Duration::from_millis(20);
 
+/// The program that runs one test.
+#[derive(Clone, Debug)]
+pub struct CommandSettings {
+    /// The program and its arguments; `{trial}`, `{references}` and `{log}` stand for files of the test.
+    pub run: Vec<String>,
+    /// Extension of the log that it writes.
+    pub log: String,
+    /// Time after which an attempt is aborted, in s.
+    pub timeout_s: f64,
+    /// How often a failed attempt is repeated.
+    pub retries: u32,
+}
+
 /// Runs a program for every test.
 pub struct CommandReality {
-    settings: CommandSection,
+    settings: CommandSettings,
     model: Arc<Model>,
     store: Store,
 }
 
 impl CommandReality {
     /// Keeps tests in `store`; `model` knows the references a controller stands for.
-    pub fn new(settings: CommandSection, model: Arc<Model>, store: Store) -> Self {
+    pub fn new(settings: CommandSettings, model: Arc<Model>, store: Store) -> Self {
         CommandReality { settings, model, store }
     }
 
@@ -108,3 +121,5 @@ impl Reality for CommandReality {
         self.store.recalled(trial)
     }
 }
+
+impl Revealing for CommandReality {}

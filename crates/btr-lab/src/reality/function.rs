@@ -1,7 +1,9 @@
 //! A function per test: another simulator, or whatever can be called that drives a robot.
 
+use super::commands::with_commands;
+use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
-use crate::experiment::{RobotFunction, timely, told};
+use crate::log_quality::usable;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_io::Meta;
@@ -9,7 +11,6 @@ use btr_physics::model::Model;
 use btr_physics::robot::Base;
 use nalgebra::Isometry3;
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 
 /// What a robot is asked to do.
@@ -43,6 +44,9 @@ pub enum TestFailure {
     Broken(String),
 }
 
+/// A robot, or whatever stands for one: plays the references of a controller and gives back what it did.
+pub type RobotFunction = Arc<dyn Fn(&TestRequest) -> Result<Log, TestFailure> + Send + Sync>;
+
 /// Asks a function for every test.
 pub struct FunctionReality {
     robot: RobotFunction,
@@ -68,12 +72,12 @@ impl FunctionReality {
         let base = (begins.base == Base::Floating).then(|| pose_of(&begins.start));
         let duration_s = self.model.scenarios[trial.scenario].duration_s;
         match (self.robot)(&TestRequest { trial, names, references: &references, start, base, duration_s }) {
-            Ok(log) => match self.useless(trial, &log) {
+            Ok(log) => match self.unusable(trial, &log) {
                 Some(what) => Ok(Outcome::Pending { what }),
                 // What the robot was told is known, whether its log says it or not.
                 None => {
                     let log = self.store.on_the_tests_clock(log);
-                    self.store.keep(trial, &told(&log, &references), &Meta::default())
+                    self.store.keep(trial, &with_commands(&log, &references), &Meta::default())
                 }
             },
             Err(TestFailure::Failed(why)) => self.store.fail(trial, &why),
@@ -83,29 +87,15 @@ impl FunctionReality {
 }
 
 impl FunctionReality {
-    /// What is wrong with a log that would be kept for nothing: a real test is too dear for that.
-    fn useless(&self, trial: &Trial, log: &Log) -> Option<String> {
+    /// Why a log must not be kept: a real test is too expensive to be spent on it.
+    fn unusable(&self, trial: &Trial, log: &Log) -> Option<String> {
         let name = format!("the log of real test {}", trial.number);
-        if let Err(error) = timely(Path::new(&name), log) {
-            let help = error.help.as_ref().map_or_else(String::new, |help| format!("\nhelp: {help}"));
-            return Some(format!("{error}{help}"));
-        }
-        let joints = self.model.robot.movable().map(|(_, link)| link.joint.name.as_str());
-        let of_joints: Vec<String> =
-            joints.flat_map(|joint| ["q", "dq", "tau"].map(|kind| format!("{kind}_{joint}"))).collect();
-        let is_ours = |channel: &str| {
-            let of_the_base = ["imu_", "foot_", "base_", "ball_"].iter().any(|kind| channel.starts_with(kind));
-            of_the_base || of_joints.iter().any(|name| name == channel)
+        let (separator, error) = match usable::check_clock(log) {
+            Err(error) => (": ", error),
+            Ok(()) => (" ", usable::check_measures_robot(log, &self.model.robot).err()?),
         };
-        let measured = log.channels().any(|(channel, c)| is_ours(channel) && c.values.iter().any(|x| x.is_finite()));
-        (!measured).then(|| {
-            let has = log.channels().map(|(channel, _)| channel).collect::<Vec<_>>().join(", ");
-            format!(
-                "{name} measures nothing of this robot: it has {has}\nhelp: give back {}, ..., or say in the experiment's \
-                 [channels.channels] what it calls them",
-                of_joints.join(", ")
-            )
-        })
+        let help = error.help.map_or_else(String::new, |help| format!("\nhelp: {help}"));
+        Some(format!("{name}{separator}{}{help}", error.message))
     }
 }
 
@@ -118,3 +108,5 @@ impl Reality for FunctionReality {
         self.store.recalled(trial)
     }
 }
+
+impl Revealing for FunctionReality {}

@@ -1,5 +1,6 @@
 //! Recorded logs: what a robot did on other days. One scenario, one log.
 
+use super::revealed::Revealing;
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Outcome, Reality, Trial};
 use btr_physics::model::task::Fitness;
@@ -28,3 +29,5 @@ impl Reality for RecordedReality {
         }
     }
 }
+
+impl Revealing for RecordedReality {}

@@ -1,5 +1,6 @@
 //! A person at the robot: trials are written down, and the run waits until their logs are there.
 
+use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
@@ -44,3 +45,5 @@ impl Reality for ManualReality {
         or_pending(self.perform(trial))
     }
 }
+
+impl Revealing for ManualReality {}

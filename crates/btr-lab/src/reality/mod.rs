@@ -3,30 +3,18 @@
 
 mod clock;
 mod command;
+pub(crate) mod commands;
 mod function;
 mod logs;
 mod manual;
+mod revealed;
 mod store;
 mod twin;
 
-pub use command::CommandReality;
-pub use function::{FunctionReality, TestFailure, TestRequest};
+pub use command::{CommandReality, CommandSettings};
+pub use function::{FunctionReality, RobotFunction, TestFailure, TestRequest};
 pub use logs::RecordedReality;
 pub use manual::ManualReality;
+pub use revealed::{Revealed, Revealing};
 pub use store::{Store, StoreError};
-pub use twin::{Revealed, TwinReality, TwinStage};
-
-use btr_core::world::Reality;
-
-/// A reality that may tell at the end what it was.
-pub trait Revealing: Reality + Send + Sync {
-    /// The truth, where it is known: hidden twins know it, robots do not.
-    fn reveal(&self) -> Option<Revealed> {
-        None
-    }
-}
-
-impl Revealing for RecordedReality {}
-impl Revealing for FunctionReality {}
-impl Revealing for CommandReality {}
-impl Revealing for ManualReality {}
+pub use twin::{TwinReality, TwinStage};

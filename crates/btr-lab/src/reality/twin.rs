@@ -1,12 +1,10 @@
 //! The hidden twin: a simulation of its own parameters and effects that stands in for the robot.
 
-use super::Revealing;
-use super::store::{Store, or_pending};
+use super::revealed::{Revealed, Revealing};
+use super::store::{Store, StoreError, or_pending};
 use btr_core::world::{Outcome, Reality, Simulator, Trial};
 use btr_io::Meta;
 use btr_physics::model::Model;
-use indexmap::IndexMap;
-use serde::Serialize;
 
 /// A simulation that nobody looks into before the run is over. It may change on the way.
 pub struct TwinReality {
@@ -30,15 +28,6 @@ pub struct TwinStage {
     pub hidden: Vec<String>,
 }
 
-/// What the twin was in its last test, told at the end.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Revealed {
-    /// Its parameters by name, in the units of S.
-    pub parameters: IndexMap<String, f64>,
-    /// The effects that the model did not have.
-    pub effects: Vec<String>,
-}
-
 impl TwinReality {
     /// A twin that is at first what `first` says, and then what comes `later`, in the order of their first tests.
     pub fn new(first: TwinStage, mut later: Vec<TwinStage>, seed: u64, store: Store) -> Self {
@@ -50,7 +39,7 @@ impl TwinReality {
         self.stages.iter().rfind(|stage| stage.from_test <= number).unwrap_or(&self.stages[0])
     }
 
-    fn perform(&self, trial: &Trial) -> Result<Outcome, super::StoreError> {
+    fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
         if let Some(before) = self.store.recall(trial)? {
             return Ok(before);
         }

@@ -2,7 +2,7 @@
 //! it is told at once.
 
 use crate::experiment::Experiment;
-use crate::experiment::logs::quality;
+use crate::log_quality::quality;
 use btr_core::coevolve::{Entry, TestVerdict};
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Simulator};
@@ -182,7 +182,7 @@ fn absent(experiment: &Experiment, log: &Log) -> Option<Finding> {
 }
 
 fn recorded_badly(experiment: &Experiment, real: &Behaviour) -> Vec<Finding> {
-    let quality = quality::quality(&real.log, &experiment.model.robot, &experiment.model.setup.noise);
+    let quality = quality(&real.log, &experiment.model.robot, &experiment.model.setup.noise);
     let of_recording = [Topic::Clock, Topic::Missing, Topic::Dead, Topic::Unit, Topic::Sign, Topic::CommandLag];
     let bad = |finding: &&Finding| finding.severity == Severity::Bad && of_recording.contains(&finding.topic);
     quality.findings.iter().filter(bad).cloned().collect()

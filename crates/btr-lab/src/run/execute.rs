@@ -1,13 +1,13 @@
 //! A run of the loop from its beginning, or from its last checkpoint, to its files; who watches it decides what is shown.
 
-use super::Run;
 use super::doubts::ReportedDoubts;
+use super::folder::Run;
 use super::identify;
 use super::report;
 use super::report::{ByDistance, RunReport};
 use crate::experiment::Experiment;
-use crate::experiment::adapt;
 use crate::failure::Failure;
+use crate::model_text;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
 use btr_core::world::Simulator;
 use btr_identify::LadderStep;
@@ -186,7 +186,7 @@ pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
     let (model, state) = (&experiment.model, run.state());
     let simulation = (model.simulations(), state.simulation());
     let best = state.best_tested().map(|best| (model.controllers(), best.trial.controller.as_slice()));
-    let text = adapt::adapted_with_drive(experiment.source(), simulation, best, run.folder());
+    let text = model_text::adapted_with_drive(experiment.source(), simulation, best, run.folder());
     text.map_err(|e| Failure::new("output", e.to_string(), None))
 }
 

@@ -1,7 +1,8 @@
 //! The same identification by other distances: which of them sees which parameter.
 
+use super::folder::Run;
 use super::report::{ByDistance, error_percent};
-use super::{Run, RunError};
+use super::run_error::RunError;
 use crate::experiment::Experiment;
 use btr_core::coevolve::{Coevolution, Entry, Plan, StepOutcome};
 use btr_core::distance::{Distance, DistanceSpec};

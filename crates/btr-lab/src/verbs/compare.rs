@@ -1,8 +1,7 @@
 //! `compare`: how far a model is off, in multiples of the sensors' noise, and where.
 
-use super::ProblemError;
 use crate::experiment::{Replays, Source};
-use crate::identification::seen_starts;
+use crate::identification::{ProblemError, seen_starts};
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_identify::compare;

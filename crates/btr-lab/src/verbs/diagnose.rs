@@ -1,6 +1,7 @@
 //! `diagnose`: which physical effect is missing.
 
-use super::{Doubt, NextExperiment, NoiseFloor, VerbInput};
+use super::next_experiment::NextExperiment;
+use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::stats;
 use btr_core::world::WorldError;

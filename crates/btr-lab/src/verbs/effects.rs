@@ -1,7 +1,7 @@
 //! The library of effects, as the registry knows it.
 
-use crate::experiment::suggestion;
 use crate::failure::Failure;
+use crate::suggest::suggestion;
 use btr_physics::effects::{EFFECTS, EffectSpec, FORMULA, Param};
 use serde_json::{Value, json};
 

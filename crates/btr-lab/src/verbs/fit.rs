@@ -1,7 +1,7 @@
 //! `fit`: the numbers in doubt at their best, with what is known of each.
 
-use super::{Doubt, NoiseFloor, VerbInput};
-use crate::experiment::adapt::{adapted, in_finer_steps};
+use crate::identification::{Doubt, NoiseFloor, VerbInput};
+use crate::model_text::{adapted, in_finer_steps};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};

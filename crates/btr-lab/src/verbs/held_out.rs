@@ -1,6 +1,6 @@
 //! What a model says beside the logs that it is judged on, for plots.
 
-use super::VerbInput;
+use crate::identification::VerbInput;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::compare::{Comparison, LogPair, compare};

@@ -1,8 +1,7 @@
 //! The next experiment: the drive in which rival explanations differ most, within what the logs showed.
 
-use super::VerbInput;
-use crate::identification::IdentificationProblem;
-use crate::identification::excitation::{Excitation, excitations};
+use super::excitation::{Excitation, excitations};
+use crate::identification::{IdentificationProblem, VerbInput};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::residual_model::TimeStep;

@@ -1,8 +1,8 @@
 //! What drives the joints.
 
-use super::Builder;
+use super::builder::Builder;
 use crate::experiment::file::{DriveSection, SearchedSection};
-use crate::experiment::parse::FileError;
+use crate::experiment::source::FileError;
 use btr_physics::drive::{DRIVES, DriveError, DriveKind, DrivePlan, PolicyPlan, Replay, SENSES};
 use btr_physics::robot::Robot;
 use btr_physics::robot::site;

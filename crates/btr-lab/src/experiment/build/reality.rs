@@ -1,11 +1,13 @@
 //! Where the truth comes from.
 
-use super::Builder;
-use super::model::noise;
+use super::builder::Builder;
+use super::setup::noise;
 use crate::experiment::file::{DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection};
 use crate::experiment::logs::scenarios::ScenarioSet;
-use crate::experiment::parse::FileError;
-use crate::reality::{CommandReality, ManualReality, RecordedReality, Revealing, Store, TwinReality, TwinStage};
+use crate::experiment::source::FileError;
+use crate::reality::{
+    CommandReality, CommandSettings, ManualReality, RecordedReality, Revealing, Store, TwinReality, TwinStage,
+};
 use btr_core::log::Log;
 use btr_core::random;
 use btr_core::space::{Space, SpaceError};
@@ -20,7 +22,7 @@ const TWIN_STREAM: u64 = 100;
 const LONGEST_TEST_S: f64 = 604_800.0;
 
 impl Builder<'_> {
-    pub(super) fn reality(
+    pub(crate) fn reality(
         &self,
         section: &RealitySection,
         model: &Arc<Model>,
@@ -41,7 +43,13 @@ impl Builder<'_> {
                 if !["csv", "mcap"].contains(&command.log.as_str()) {
                     return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
                 }
-                Box::new(CommandReality::new(command.clone(), model.clone(), store))
+                let settings = CommandSettings {
+                    run: command.run.clone(),
+                    log: command.log.clone(),
+                    timeout_s: command.timeout_s,
+                    retries: command.retries,
+                };
+                Box::new(CommandReality::new(settings, model.clone(), store))
             }
             RealitySection::Manual {} if model.drive.senses() => {
                 let why = "nobody can play a policy by hand: its references depend on what the robot senses";
@@ -53,7 +61,7 @@ impl Builder<'_> {
     }
 
     /// Where the real tests of a run are kept.
-    pub(super) fn store(&self, model: &Model, folder: &Path) -> Store {
+    pub(crate) fn store(&self, model: &Model, folder: &Path) -> Store {
         let controllers = model.drive.space().clone();
         let (fitness, mapping) = (model.fitness.clone(), self.file.channels.clone());
         let test_s = model.scenarios.iter().map(|scenario| scenario.duration_s).fold(0.0, f64::max);

@@ -1,9 +1,9 @@
-//! The logs that an experiment names: found, read, cut at their gaps, judged, and put beside scenarios.
+//! The logs that an experiment names: found, read, cut at their gaps, and turned into scenarios.
 
+pub(crate) mod index;
+pub(crate) mod listed;
 pub(crate) mod pieces;
-pub(crate) mod quality;
-pub(crate) mod replays;
+pub(crate) mod read;
 pub(crate) mod scenarios;
-pub(crate) mod single;
 pub(crate) mod source;
 pub(crate) mod start;

@@ -1,28 +1,36 @@
-//! Where a log that is asked about comes from.
+//! Where a log comes from.
 
 use btr_core::log::Log;
 use std::path::{Path, PathBuf};
 
-/// A log to read, or one that is in memory already.
+/// A log to be read, or one in memory.
 #[derive(Clone, Debug)]
 pub enum LogSource {
     /// A file.
     File(PathBuf),
-    /// A log in btr's units, with a name of its own for reports; the model's `[channels]` are heeded where it has foreign names.
+    /// A log in btr's units, with a name for reports; the model's `[channels]` map its foreign names.
     Made {
-        /// What it is called; no two logs may be called the same.
+        /// Its name, different for every log.
         name: PathBuf,
         /// What it holds.
         log: Log,
     },
+    /// A log that was read before.
+    Read(ReadLog),
 }
 
 impl LogSource {
     /// The file's path, or the log's name.
     pub fn path(&self) -> &Path {
         match self {
-            LogSource::File(path) | LogSource::Made { name: path, .. } => path,
+            LogSource::File(path) | LogSource::Made { name: path, .. } | LogSource::Read(ReadLog { path, .. }) => path,
         }
+    }
+}
+
+impl From<ReadLog> for LogSource {
+    fn from(log: ReadLog) -> Self {
+        LogSource::Read(log)
     }
 }
 
@@ -30,4 +38,24 @@ impl From<PathBuf> for LogSource {
     fn from(path: PathBuf) -> Self {
         LogSource::File(path)
     }
+}
+
+/// A log that was read and can be used: from time zero, under btr's names.
+#[derive(Clone, Debug)]
+pub struct ReadLog {
+    /// The file's path, or the log's name.
+    pub path: PathBuf,
+    /// Its samples.
+    pub log: Log,
+    /// What its reader noticed.
+    pub warnings: Vec<String>,
+}
+
+/// The logs of a command. Each is read once and passed on.
+#[derive(Clone, Debug, Default)]
+pub struct Recordings {
+    /// Training logs.
+    pub learn: Vec<ReadLog>,
+    /// Held-out logs.
+    pub held_out: Vec<ReadLog>,
 }

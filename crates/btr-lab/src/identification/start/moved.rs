@@ -1,8 +1,8 @@
 //! Where a robot's logs begin: what moves that, and what a model that stands there has to say of it.
 
 use super::windows;
-use crate::identification::IdentificationProblem;
 use crate::identification::log_parts::whole;
+use crate::identification::problem::IdentificationProblem;
 use btr_core::log::Log;
 use btr_identify::fit::{NOISE, nearest_starts, squares};
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};

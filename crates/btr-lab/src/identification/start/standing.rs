@@ -2,7 +2,7 @@
 //! down, and a smaller change of it never has larger consequences than its share. A motion that contact makes chaotic
 //! is compared in windows instead.
 
-use crate::identification::IdentificationProblem;
+use crate::identification::problem::IdentificationProblem;
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth;
 use btr_core::world::WorldError;

@@ -2,12 +2,12 @@
 //! effect, each screened at every place, the most promising ones estimated with all of S free, and judged by tests that were
 //! held out.
 
-use super::Cause;
+use super::cause::Cause;
 use super::extended::{Added, Extended};
-use crate::distributed::ExecutionContext;
+use crate::execution::ExecutionContext;
 use crate::experiment::Experiment;
-use crate::identification::scales::RobotScales;
 use crate::identification::sites;
+use crate::scales::RobotScales;
 use btr_core::coevolve::{
     Abduction, Coevolution, Cost, Entry, Estimated, Explanation, Extension, FittedExtension, Posterior, PosteriorPhase,
     Suspect,

@@ -1,6 +1,6 @@
 //! A model with effects that it lacks: their parameters are further dimensions of S.
 
-use crate::identification::scales::RobotScales;
+use crate::scales::RobotScales;
 use btr_core::space::{Dim, Scale, Space, SpaceError};
 use btr_core::world::{Behaviour, Job, Simulator, WorldError};
 use btr_physics::effects::{Effect, EffectSpec, Param, PlacedEffect};

@@ -1,14 +1,13 @@
 //! Models on their own: with their own drive, with another file's, or replaying a log.
 
-use super::pieces;
-use super::pieces::LogPiece;
-use super::replays::IndexEntries;
-use super::scenarios::{ScenarioReader, ScenarioSet};
-use super::source::LogSource;
-use crate::experiment::build::Builder;
-use crate::experiment::file::DriveSection;
-use crate::experiment::parse::{FileError, Source};
-use btr_core::log::Log;
+use super::build::Builder;
+use super::file::{DriveSection, RealitySource};
+use super::logs::index::IndexEntries;
+use super::logs::pieces::LogPiece;
+use super::logs::read::read;
+use super::logs::scenarios::{ScenarioReader, ScenarioSet};
+use super::logs::source::LogSource;
+use super::source::{FileError, Source};
 use btr_physics::model::{Model, Scenario};
 
 /// The model of a file, with its own drive.
@@ -18,14 +17,6 @@ use btr_physics::model::{Model, Scenario};
 pub fn model(source: &Source) -> Result<Model, FileError> {
     let file = source.parse()?;
     Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
-}
-
-/// A log as it is compared with simulations of a model file: from time zero, under btr's names.
-///
-/// # Errors
-/// A file that cannot be parsed, or a log that cannot be used.
-pub fn recorded(source: &Source, log: &LogSource) -> Result<Log, FileError> {
-    Ok(pieces::read(log, &source.parse()?)?.0)
 }
 
 /// The model of a file, driven as the `[drive]` of another one says.
@@ -54,10 +45,24 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
     let (file, log) = (source.parse()?, log.into());
     let builder = Builder { file: &file, source };
-    let whole = LogPiece::whole(log.path(), pieces::read(&log, &file)?.0);
+    let whole = LogPiece::whole(log.path(), read(&log, &file)?.log);
     let robot = builder.robot()?;
     let settings = IndexEntries::of(&file, source)?.settings(log.path(), &robot, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let scenario = Scenario { settings, ..reader.replaying(&whole)? };
     builder.model(ScenarioSet { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
+}
+
+/// The simulations of an experiment, without its plan and reality. Its `[reality]` section only matters where it names logs.
+///
+/// # Errors
+/// Whatever does not make sense, at its line.
+pub fn simulations(source: &Source, reality: RealitySource) -> Result<Model, FileError> {
+    let file = source.parse()?;
+    let builder = Builder { file: &file, source };
+    let situations = match file.reality.as_ref().filter(|_| reality == RealitySource::File) {
+        Some(section) => builder.situations(section)?,
+        None => ScenarioSet::single(file.simulation.duration_s),
+    };
+    builder.model(situations)
 }

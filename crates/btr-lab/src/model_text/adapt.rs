@@ -1,9 +1,10 @@
 //! The adapted model as a file: the experiment's own text with the estimates written in, comments and all.
 
-use super::{SimulationSection, Source};
+use super::paths::{anchor, with_schema};
+use crate::experiment::{SimulationSection, Source};
 use btr_core::space::Space;
-use std::path::{Component, Path, PathBuf};
-use toml_edit::{DocumentMut, Item, Table, TomlError, Value};
+use std::path::Path;
+use toml_edit::{DocumentMut, Item, Table, TomlError};
 
 /// Sections that steer a run and do not belong to a model.
 const NOT_MODEL: [&str; 3] = ["reality", "coevolve", "distances"];
@@ -13,19 +14,6 @@ const TASK: [&str; 2] = ["drive", "fitness"];
 
 /// Said above the parameters of an adapted model.
 const WHAT_WINS: &str = "# As fitted: these values win over those under [robot] and [actuators].";
-
-/// How the line that tells editors of the schema begins; only the first line is one.
-const SCHEMA: &str = "#:schema";
-
-/// Where a file names other files, relative to its own folder: one, or a list.
-const NAMES_FILES: [(&str, &str); 6] = [
-    ("robot", "urdf"),
-    ("logs", "index"),
-    ("drive", "log"),
-    ("reality", "index"),
-    ("reality", "files"),
-    ("reality", "held_out"),
-];
 
 /// The text of `source` as a model file in the folder `into`, whose parameters in doubt have the values of `s`.
 ///
@@ -118,18 +106,6 @@ fn say_what_wins(document: &mut DocumentMut) {
     }
 }
 
-/// The text with its line for editors, which names the schema relative to `folder`, relative to `into`; without it where the
-/// schema is not there.
-fn with_schema(text: &str, folder: &Path, into: &Path) -> String {
-    let Some((line, rest)) = text.split_once('\n') else { return text.to_owned() };
-    let Some(schema) = line.strip_prefix(SCHEMA).map(str::trim) else { return text.to_owned() };
-    match folder.join(schema) {
-        _ if schema.contains("://") => text.to_owned(),
-        file if file.is_file() => format!("{SCHEMA} {}\n{rest}", context(into, &file).display()),
-        _ => rest.to_owned(),
-    }
-}
-
 /// The text of a model file with a finer time step: so many where there was one, sampled as before.
 ///
 /// # Errors
@@ -147,109 +123,15 @@ pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
     Ok(document.to_string())
 }
 
-/// The text of a model file that lies in `folder`, for one in the folder `into`.
-///
-/// # Errors
-/// A text that is not TOML.
-pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError> {
-    let mut document = text.parse::<DocumentMut>()?;
-    anchor(&mut document, folder, into);
-    Ok(with_schema(&document.to_string(), folder, into))
-}
-
-/// The files that a model's file names. A text that is not TOML names none; whoever parses it says so.
-pub fn named_files(source: &Source) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    if let Ok(mut document) = source.text.parse::<DocumentMut>() {
-        each_named_file(&mut document, |_, value| files.extend(value.as_str().map(|path| source.folder().join(path))));
-    }
-    files
-}
-
-/// Makes the paths in a document, relative to `folder`, relative to `into`. Absolute ones stay.
-fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
-    each_named_file(document, |_, value| {
-        let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
-        let path = context(into, &folder.join(path));
-        let decor = value.decor().clone();
-        *value = path.to_string_lossy().into_owned().into();
-        *value.decor_mut() = decor;
-    });
-}
-
-/// Visits the paths in a document, with the key at which they stand.
-pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(&str, &mut Value)) {
-    for (section, key) in NAMES_FILES {
-        let mut visit = |value: &mut Value| visit(key, value);
-        let item = document.get_mut(section).and_then(|section| section.get_mut(key));
-        match item.and_then(|item| item.as_value_mut()) {
-            Some(Value::Array(list)) => list.iter_mut().for_each(&mut visit),
-            Some(one) => visit(one),
-            None => {}
-        }
-    }
-}
-
-/// The way from a folder to a file: up to where both lie, and down; absolute where that is no more than the root.
-fn context(from: &Path, file: &Path) -> PathBuf {
-    let (from, folder) = (real(from), real(file.parent().unwrap_or(file)));
-    let name = file.file_name().unwrap_or_default();
-    let common = from.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
-    if common <= 1 {
-        return folder.join(name);
-    }
-    let up = from.components().skip(common).map(|_| Component::ParentDir);
-    up.chain(folder.components().skip(common)).collect::<PathBuf>().join(name)
-}
-
-/// A folder without detours; where it does not exist yet, as it is written.
-fn real(folder: &Path) -> PathBuf {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let absolute = || std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    folder.canonicalize().unwrap_or_else(|_| absolute())
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
     #[test]
-    fn the_line_for_editors_moves_along_or_goes() {
-        let lab = tempfile::tempdir().unwrap();
-        let (from, into) = (lab.path().join("robots"), lab.path().join("runs/monday"));
-        std::fs::create_dir_all(&from).unwrap();
-        let text = "#:schema ../btr.schema.json\nname = \"arm\"\n";
-        let moved = |text: &str| moved(text, &from, &into).unwrap();
-        assert_eq!(moved(text), "name = \"arm\"\n");
-        std::fs::write(lab.path().join("btr.schema.json"), "{}").unwrap();
-        std::fs::create_dir_all(&into).unwrap();
-        assert_eq!(moved(text), "#:schema ../../btr.schema.json\nname = \"arm\"\n");
-        let elsewhere = "#:schema https://example.org/btr.json\nname = \"arm\"\n";
-        assert_eq!(moved(elsewhere), elsewhere);
-    }
-
-    #[test]
     fn finer_steps_are_sampled_at_the_same_times() {
         let finer = in_finer_steps("[simulation]\nsteps_per_control = 10 # 1 ms\n", 4).unwrap();
         assert_eq!(finer, "[simulation]\nsteps_per_control = 40\nsample_every = 4\n");
         assert!(in_finer_steps("name = \"arm\"\n", 2).unwrap().contains("steps_per_control = 14"));
-    }
-
-    #[test]
-    fn a_file_that_moves_takes_the_way_to_others_along() {
-        let text = "[robot]\nurdf = \"arm.urdf\" # its shape\n[logs]\nindex = \"logs/index.csv\"\n\
-                    [reality]\nfiles = [\"a.csv\", \"/b.csv\"]\n";
-        let from = Path::new("/lab/robots");
-        let moved = |into: &str| moved(text, from, Path::new(into)).unwrap();
-        assert_eq!(moved("/lab/robots"), text);
-        let wanted = "[robot]\nurdf = \"../../robots/arm.urdf\" # its shape\n[logs]\n\
-                      index = \"../../robots/logs/index.csv\"\n\
-                      [reality]\nfiles = [\"../../robots/a.csv\", \"/b.csv\"]\n";
-        assert_eq!(moved("/lab/runs/monday"), wanted);
-        let wanted = "[robot]\nurdf = \"/lab/robots/arm.urdf\" # its shape\n[logs]\n\
-                      index = \"/lab/robots/logs/index.csv\"\n\
-                      [reality]\nfiles = [\"/lab/robots/a.csv\", \"/b.csv\"]\n";
-        assert_eq!(moved("/tmp"), wanted);
     }
 }

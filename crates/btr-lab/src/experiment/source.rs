@@ -1,6 +1,7 @@
 //! Reading a file into [`File`], with errors that name file, line, column and remedy.
 
 use super::file::File;
+use crate::suggest::nearest;
 use btr_physics::effects::Laws;
 use std::path::{Path, PathBuf};
 
@@ -192,19 +193,4 @@ fn did_you_mean(message: &str) -> Option<String> {
     let wrong = quoted.next()?;
     let known: Vec<&str> = quoted.collect();
     nearest(wrong, known.iter().copied()).map(|name| format!("did you mean `{name}`?"))
-}
-
-/// Which known names may have been meant, as a question: one that is like `wrong`, or else those with a word that is.
-pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    let known: Vec<&str> = known.into_iter().collect();
-    let by_word = || known.iter().copied().filter(|name| nearest(wrong, name.split('_')).is_some()).collect();
-    let names: Vec<&str> = nearest(wrong, known.iter().copied()).map_or_else(by_word, |name| vec![name]);
-    (!names.is_empty()).then(|| format!("did you mean `{}`?", names.join("` or `")))
-}
-
-/// The known name most like `wrong`, if any is like it at all.
-pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let scored = known.into_iter().map(|name| (name, strsim::damerau_levenshtein(wrong, name)));
-    let (name, distance) = scored.min_by_key(|(_, distance)| *distance)?;
-    (distance <= wrong.len().max(name.len()) / 3 + 1).then_some(name)
 }

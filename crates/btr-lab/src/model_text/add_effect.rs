@@ -1,7 +1,8 @@
 //! `add`: writes effects into a model file, free to fit.
 
-use crate::experiment::{Source, suggestion};
-use crate::identification::scales::RobotScales;
+use crate::experiment::Source;
+use crate::scales::RobotScales;
+use crate::suggest::suggestion;
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
@@ -109,7 +110,7 @@ pub fn add(source: &Source, robot: &Robot, additions: &[Addition]) -> Result<Str
 }
 
 /// The same with bounds made for what the robot does.
-pub(super) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Addition]) -> Result<String, AddError> {
+pub(crate) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Addition]) -> Result<String, AddError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     for addition in additions {
         write(&mut document, scales, addition)?;

@@ -1,6 +1,6 @@
 //! What a log is worth for a robot: beside what the log shows by itself, whether its joints are the robot's.
 
-use crate::experiment::nearest;
+use crate::suggest::nearest;
 use btr_core::log::{Channel, Log, Role};
 use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
 use btr_physics::robot::{Actuator, Joint, JointKind, Robot};

@@ -4,7 +4,7 @@
 //! plausible as those, is measured with noise, and is compared at its true numbers as a robot's log would be. What
 //! remains is the floor.
 
-use super::IdentificationProblem;
+use crate::identification::problem::IdentificationProblem;
 use btr_core::log::Log;
 use btr_core::random::{derive, stream};
 use btr_core::world::{TimeStep, WorldError};

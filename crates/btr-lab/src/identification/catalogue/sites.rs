@@ -33,7 +33,7 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
 }
 
 /// For each joint that moves, the position channels of all that hang on the root by the same joint.
-pub(super) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
+pub(in crate::identification) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
     let limb = |mut link: usize| {
         while let Some(parent) = robot.links[link].parent.filter(|&parent| robot.links[parent].parent.is_some()) {
             link = parent;

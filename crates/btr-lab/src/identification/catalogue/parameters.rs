@@ -1,6 +1,6 @@
 //! Numbers of a model, and of effects that it lacks, as knobs: their laws, sizes, bounds and priors.
 
-use super::scales::RobotScales;
+use crate::scales::RobotScales;
 use btr_core::space::{Dim, Scale};
 use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::Param;
@@ -14,7 +14,7 @@ const SHAPE: f64 = 3.0;
 const REACH: (f64, f64) = (0.05, 0.1);
 
 /// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
-pub(super) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
+pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
     let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
@@ -48,7 +48,7 @@ pub(super) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
 }
 
 /// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
-pub(super) fn parameter(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
+pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
     let size = param.hint.abs() * scale;
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let (law, origin, size, bounds, spread) = match param {
@@ -85,7 +85,7 @@ fn same(a: f64, b: f64) -> bool {
 }
 
 /// What the model has where the effect would put its own value.
-pub(super) fn own(param: &Param, setup: &Setup) -> f64 {
+pub(in crate::identification) fn own(param: &Param, setup: &Setup) -> f64 {
     match param.name {
         "coefficient" => setup.ground.map_or(f64::NAN, |ground| ground.friction),
         _ => f64::NAN,

@@ -1,6 +1,6 @@
 //! Terms of the laws that an error may follow: what a formula would say if nobody had thought of the effect yet.
 
-use super::scales::RobotScales;
+use crate::scales::RobotScales;
 use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::{Effect, FormulaError, FormulaTarget, formula};
 

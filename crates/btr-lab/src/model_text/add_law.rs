@@ -1,6 +1,6 @@
 //! A user's own law written into a model file, its numbers fixed or free to fit.
 
-use super::AddError;
+use super::add_effect::AddError;
 use crate::experiment::Source;
 use btr_physics::effects::FORMULA;
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};

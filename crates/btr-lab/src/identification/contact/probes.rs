@@ -1,7 +1,7 @@
 //! How large a change must be to show on the ground. Contact answers a change that is too small with noise of its own, and the
 //! typical sizes of effects were made for a desk arm, whose motion shows the least of them.
 
-use super::IdentificationProblem;
+use crate::identification::problem::IdentificationProblem;
 use btr_core::world::WorldError;
 use btr_identify::fit::{rows_near, shared, squares};
 use btr_identify::residual_model::{FitParameter, Parametrisation, ResidualRequest, TimeStep};
@@ -24,7 +24,7 @@ struct ParameterTrial {
 
 /// Enlarges the units of amplitudes, and the reaches of what is in doubt, until they show in the log that the model as
 /// it stands explains least. Limits bind where they bind, whatever their unit.
-pub(super) fn enlarge(problem: &mut IdentificationProblem) -> Result<(), WorldError> {
+pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) -> Result<(), WorldError> {
     let origin = vec![0.0; problem.parameters.len()];
     let Some((log, usual)) = worst(problem, &origin)? else { return Ok(()) };
     let tries = tries(problem);

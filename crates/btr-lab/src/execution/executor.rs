@@ -1,0 +1,30 @@
+//! The executor: whatever hands out batches to threads, processes or machines.
+
+use std::any::Any;
+use std::sync::Arc;
+
+/// What a worker receives once and may cache under its key: a model with its logs, an experiment, or a real test.
+#[derive(Debug)]
+pub struct Payload {
+    /// Hash of the content.
+    pub key: u64,
+    /// The content.
+    pub bytes: Vec<u8>,
+}
+
+/// Hands out batches.
+pub trait Executor: Send + Sync {
+    /// Number of batches that are worked on at once.
+    fn workers(&self) -> usize;
+    /// The functions that the model's laws name, packed for whoever calls [`serve`](crate::distributed::serve); empty
+    /// without any.
+    fn functions(&self) -> &[u8] {
+        &[]
+    }
+    /// Has [`serve`](crate::distributed::serve) called by a worker, and waits for the answer. Called from as many threads at
+    /// once as there are workers.
+    ///
+    /// # Errors
+    /// Whatever keeps the answer from coming: all work ends with it.
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
+}

@@ -1,0 +1,10 @@
+//! How work is done: on how many threads, whether it was cancelled, and the executor that hands out batches to workers.
+
+mod context;
+mod exchange;
+mod executor;
+
+pub use context::{Cancelled, ExecutionContext, ThreadError};
+pub use exchange::ExchangeError;
+pub(crate) use exchange::{Answer, BATCH_SIZE, fingerprint_of, hash_of};
+pub use executor::{Executor, Payload};

@@ -1,0 +1,62 @@
+//! Builds a model from a file.
+
+use crate::experiment::file::{File, RealitySection};
+use crate::experiment::logs::listed::from_logs;
+use crate::experiment::logs::scenarios::ScenarioSet;
+use crate::experiment::source::{FileError, Source};
+use crate::suggest::suggestion;
+use btr_physics::model::Model;
+use std::sync::atomic::AtomicU64;
+
+/// A file on its way to a model.
+pub(crate) struct Builder<'a> {
+    pub(crate) file: &'a File,
+    pub(crate) source: &'a Source,
+}
+
+impl Builder<'_> {
+    /// Recorded logs are a situation each; for other realities there is one.
+    pub(crate) fn situations(&self, reality: &RealitySection) -> Result<ScenarioSet, FileError> {
+        match reality {
+            RealitySection::Logs(logs) => from_logs(logs, self.file, self.source, &self.robot()?),
+            _ => Ok(ScenarioSet::single(self.file.simulation.duration_s)),
+        }
+    }
+
+    pub(crate) fn model(&self, situations: ScenarioSet) -> Result<Model, FileError> {
+        let robot = self.robot()?;
+        let setup = self.setup(&robot, &situations.logs)?;
+        let effects = self.effects(&self.file.effects, "effects", &robot)?;
+        let (targets, simulations) = self.parameters(&robot, &effects, &setup)?;
+        let drive = self.drive(&robot)?;
+        Ok(Model {
+            fitness: self.fitness(&robot)?,
+            robot,
+            effects,
+            setup,
+            targets,
+            simulations,
+            drive,
+            scenarios: situations.scenarios,
+            learn: situations.learn,
+            rollouts: AtomicU64::new(0),
+        })
+    }
+
+    pub(crate) fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<String>) -> FileError {
+        self.source.error(keys, &message.to_string(), help)
+    }
+
+    pub(crate) fn unknown<'b>(
+        &self,
+        keys: &[&str],
+        what: &str,
+        wrong: &str,
+        known: impl IntoIterator<Item = &'b str>,
+    ) -> FileError {
+        let known: Vec<&str> = known.into_iter().collect();
+        let near = suggestion(wrong, known.iter().copied());
+        let help = near.unwrap_or_else(|| format!("known: {}", known.join(", ")));
+        self.error(keys, format!("there is no {what} `{wrong}`"), Some(help))
+    }
+}

@@ -1,0 +1,106 @@
+//! The effects that a model has.
+
+use super::builder::Builder;
+use crate::experiment::file::EffectSection;
+use crate::experiment::source::FileError;
+use btr_physics::effects;
+use btr_physics::effects::{Effect, FormulaError, PlacedEffect, SiteKind};
+use btr_physics::robot::Robot;
+
+impl Builder<'_> {
+    pub(super) fn effects(
+        &self,
+        sections: &[EffectSection],
+        table: &str,
+        robot: &Robot,
+    ) -> Result<Vec<PlacedEffect>, FileError> {
+        sections.iter().enumerate().map(|(k, section)| self.effect(section, (table, k), robot)).collect()
+    }
+
+    fn effect(&self, section: &EffectSection, at: (&str, usize), robot: &Robot) -> Result<PlacedEffect, FileError> {
+        let index = at.1.to_string();
+        let keys: Vec<&str> = at.0.split('.').chain([index.as_str()]).collect();
+        if section.effect == effects::FORMULA.name {
+            return self.formula(section, &keys, robot);
+        }
+        let Some(effect) = effects::find(&section.effect) else {
+            let known = effects::EFFECTS.iter().map(|e| e.spec().name).chain([effects::FORMULA.name]);
+            return Err(self.unknown(&[&keys[..], &["effect"]].concat(), "effect", &section.effect, known));
+        };
+        let params = effect.spec().params;
+        if let Some(wrong) = section.values.keys().find(|name| params.iter().all(|p| p.name != name.as_str())) {
+            let what = format!("parameter of {}", section.effect);
+            return Err(self.unknown(
+                &[&keys[..], &[wrong.as_str()]].concat(),
+                &what,
+                wrong,
+                params.iter().map(|p| p.name),
+            ));
+        }
+        let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
+        let law = [("law", section.law.is_some()), ("on", section.on.is_some())];
+        if let Some((key, _)) = law.iter().find(|(_, given)| *given) {
+            let message = format!("{} has a law of its own; only a formula takes `{key}`", section.effect);
+            return Err(self.error(&[&keys[..], &[key]].concat(), message, None));
+        }
+        self.placed(effect, section, values, &keys, robot)
+    }
+
+    /// A user's own law.
+    fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<PlacedEffect, FileError> {
+        let (Some(on), Some(law)) = (section.on, &section.law) else {
+            let help =
+                "on = \"torque\" (or \"command\", \"reading\") and law = \"-a*sin(3*q)\" with a = 0.1".to_owned();
+            return Err(self.error(keys, "a formula needs `on` and `law`", Some(help)));
+        };
+        let names: Vec<&str> = section.values.keys().map(String::as_str).collect();
+        let effect = effects::formula_or_function(on, law, &names, &self.source.laws).map_err(|e| {
+            let key = match &e {
+                FormulaError::Unused(name) | FormulaError::Taken(name) => name,
+                _ => "law",
+            };
+            let help = match &e {
+                FormulaError::Absent(_) => {
+                    "a function lives in the program that made the model: give it along with the file \
+                                            (in Python load_model(..., laws={...})), or write the law as an expression"
+                }
+                _ => "`btr effects formula` tells what a law can say",
+            };
+            self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
+        })?;
+        if let Some((name, value)) = section.values.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(self.error(&[keys, &[name.as_str()]].concat(), format!("{name} = {value} is no number"), None));
+        }
+        self.placed(effect, section, section.values.values().copied().collect(), keys, robot)
+    }
+
+    fn placed(
+        &self,
+        effect: &'static dyn Effect,
+        section: &EffectSection,
+        values: Vec<f64>,
+        keys: &[&str],
+        robot: &Robot,
+    ) -> Result<PlacedEffect, FileError> {
+        let placed = PlacedEffect { effect, site: section.site.clone(), values };
+        if placed.check_site(robot).is_err() {
+            let (what, known) = sites(effect.spec().site, robot);
+            return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
+        }
+        placed.check().map_err(|e| {
+            let help = format!("`btr effects {}` tells which values make sense", section.effect);
+            self.error(keys, e, Some(help))
+        })?;
+        Ok(placed)
+    }
+}
+
+/// Where an effect of this kind can sit on a robot, and what such a place is called.
+fn sites(kind: SiteKind, robot: &Robot) -> (&'static str, Vec<&str>) {
+    match kind {
+        SiteKind::Joint => ("joint", robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()),
+        SiteKind::Robot => ("place", vec!["*"]),
+        SiteKind::Base | SiteKind::Ground => ("place", vec!["base", "*"]),
+        SiteKind::Link => ("link", robot.links.iter().map(|link| link.name.as_str()).collect()),
+    }
+}

@@ -1,0 +1,126 @@
+//! The robot and its actuators.
+
+use super::builder::Builder;
+use crate::experiment::file::ActuatorSection;
+use crate::experiment::source::FileError;
+use btr_physics::model::parameter;
+use btr_physics::presets::{ant, nao, pendulum};
+use btr_physics::robot::site;
+use btr_physics::robot::urdf;
+use btr_physics::robot::urdf::UrdfError;
+use btr_physics::robot::{Actuator, Base, DutyLoop, Joint, Robot, Sampling};
+use std::path::Path;
+
+impl Builder<'_> {
+    pub(crate) fn robot(&self) -> Result<Robot, FileError> {
+        let section = &self.file.robot;
+        let mut robot = match (&section.builtin, &section.urdf) {
+            (Some(name), None) => self.builtin(name)?,
+            (None, Some(path)) => {
+                let base = section.base.unwrap_or(Base::Fixed);
+                let path = self.source.folder().join(path);
+                urdf::load_urdf(&path, base).map_err(|e| self.no_robot(&path, &e))?.0
+            }
+            _ => {
+                let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";
+                return Err(self.error(&["robot"], "give either builtin or urdf", Some(help.to_owned())));
+            }
+        };
+        if let Some(height) = section.height_m {
+            robot.start.translation.z = height;
+        }
+        self.actuators(&mut robot)?;
+        Ok(robot)
+    }
+
+    /// A URDF that is not there is the model file's mistake, one that makes no sense its own.
+    fn no_robot(&self, path: &Path, error: &UrdfError) -> FileError {
+        if let UrdfError::File { .. } = error {
+            return self.error(&["robot", "urdf"], error, None);
+        }
+        let message = error.to_string();
+        let line = std::fs::read_to_string(path).ok().and_then(|text| line_of(&text, &message)).unwrap_or(0);
+        FileError { path: path.to_owned(), line, column: 0, message, help: None }
+    }
+
+    fn builtin(&self, name: &str) -> Result<Robot, FileError> {
+        let section = &self.file.robot;
+        match name {
+            "ant" => Ok(ant::ant()),
+            "nao" => Ok(nao::nao()),
+            "pendulum" => {
+                let (mass_kg, length_m) = (section.mass_kg.unwrap_or(1.0), section.length_m.unwrap_or(1.0));
+                Ok(pendulum::pendulum(mass_kg, length_m, Actuator::Passive))
+            }
+            _ => Err(self.unknown(&["robot", "builtin"], "built-in robot", name, ["ant", "nao", "pendulum"])),
+        }
+    }
+
+    fn actuators(&self, robot: &mut Robot) -> Result<(), FileError> {
+        let names: Vec<String> = robot.movable().map(|(_, link)| link.joint.name.clone()).collect();
+        for (pattern, section) in &self.file.actuators {
+            if !names.iter().any(|name| site::matches(pattern, name)) {
+                return Err(self.unknown(&["actuators", pattern], "joint", pattern, names.iter().map(String::as_str)));
+            }
+            let actuator = actuator(section);
+            if let Some((value, number)) = parameter::motor_values(&actuator).find(|(_, x)| *x < 0.0 || x.is_nan()) {
+                let message = format!("{value} = {number} must be zero or more");
+                return Err(self.error(&["actuators", pattern, value], message, None));
+            }
+            let sampling =
+                sampling(section).map_err(|(key, message)| self.error(&["actuators", pattern, key], message, None))?;
+            // Who follows another joint is driven by it, unless it is called by its name.
+            let meant = |joint: &Joint| {
+                site::matches(pattern, &joint.name) && (joint.mimic.is_none() || *pattern == joint.name)
+            };
+            if !robot.movable().any(|(_, link)| meant(&link.joint)) {
+                let message = format!("every joint that `{pattern}` matches follows another one, which drives it");
+                let help = "call a joint by its whole name to give it an actuator of its own".to_owned();
+                return Err(self.error(&["actuators", pattern], message, Some(help)));
+            }
+            for link in robot.links.iter_mut().skip(1).filter(|link| meant(&link.joint)) {
+                (link.joint.actuator, link.joint.sampling) = (actuator.clone(), sampling);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn actuator(section: &ActuatorSection) -> Actuator {
+    match *section {
+        ActuatorSection::Passive => Actuator::Passive,
+        ActuatorSection::Position { kp, ki, kd, max_torque, .. } => Actuator::Position { kp, ki, kd, max_torque },
+        ActuatorSection::Torque { max_torque } => Actuator::Torque { max_torque },
+        ActuatorSection::Voltage { kt, resistance, gain, max_duty, supply, .. } => {
+            Actuator::Voltage { kt, resistance, servo: gain.map(|gain| DutyLoop { gain, max_duty, supply }) }
+        }
+        ActuatorSection::Prescribed { .. } => Actuator::Prescribed,
+    }
+}
+
+/// How a servo is clocked; the key that makes no sense, and why, otherwise.
+fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str, String)> {
+    let (period_s, velocity_over) = match *section {
+        ActuatorSection::Position { sample_s: Some(period_s), velocity_over, .. } => (period_s, velocity_over),
+        ActuatorSection::Voltage { sample_s: Some(_), gain: None, .. } => {
+            return Err(("sample_s", "sample_s needs a position loop; give gain".to_owned()));
+        }
+        ActuatorSection::Voltage { sample_s: Some(period_s), .. }
+        | ActuatorSection::Prescribed { sample_s: Some(period_s) } => (period_s, 1),
+        _ => return Ok(None),
+    };
+    if !(period_s > 0.0 && period_s.is_finite()) {
+        return Err(("sample_s", format!("sample_s = {period_s} must be positive")));
+    }
+    if velocity_over == 0 {
+        return Err(("velocity_over", "velocity_over must be at least 1".to_owned()));
+    }
+    Ok(Some(Sampling { period_s, velocity_over }))
+}
+
+/// The line of a URDF that a message is about: where the first name that it quotes stands in quotes. The parser tells none.
+fn line_of(text: &str, message: &str) -> Option<usize> {
+    let quoted = format!("\"{}\"", message.split('`').nth(1)?);
+    let before = &text[..text.find(&quoted)?];
+    Some(before.matches('\n').count() + 1)
+}

@@ -1,0 +1,91 @@
+//! `[simulation]` and `[noise]`.
+
+use btr_physics::setup::EngineName;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Time steps, ground, ball, gravity.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulationSection {
+    /// Time between two references, in s. Unless given: the time between two samples of the recorded logs; without logs the
+    /// paper's 0.055 s. Commands of logs that change with every sample are taken as they come, at most once a step.
+    pub control_s: Option<f64>,
+    /// Physics steps between two references; the step is `control_s / steps_per_control`.
+    pub steps_per_control: u32,
+    /// Whether references are interpolated between control ticks; else they are held.
+    pub interpolate: bool,
+    /// T_e in s; with recorded logs each log's own duration counts.
+    pub duration_s: f64,
+    /// Physics steps between two samples of the log.
+    pub sample_every: u32,
+    /// Coulomb coefficient of the ground; no ground for robots with a fixed base.
+    pub ground_friction: f64,
+    /// m/s², along world z.
+    pub gravity: f64,
+    /// A ball on the ground.
+    pub ball: Option<BallSection>,
+    /// What computes the motion.
+    pub engine: EngineName,
+}
+
+impl Default for SimulationSection {
+    fn default() -> Self {
+        SimulationSection {
+            control_s: None,
+            steps_per_control: 7,
+            interpolate: false,
+            duration_s: 2.0,
+            sample_every: 1,
+            ground_friction: 0.8,
+            gravity: -9.81,
+            ball: None,
+            engine: EngineName::Auto,
+        }
+    }
+}
+
+/// A ball on the ground.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BallSection {
+    /// Position of its centre over the ground at the start, x and y in m.
+    pub position_m: [f64; 2],
+    /// m.
+    pub radius_m: f64,
+    /// kg.
+    pub mass_kg: f64,
+    /// Coulomb coefficient.
+    #[serde(default = "half")]
+    pub friction: f64,
+    /// Speed kept in a central impact.
+    #[serde(default = "half")]
+    pub restitution: f64,
+    /// Rate at which its spin decays, in 1/s.
+    #[serde(default = "half")]
+    pub rolling_damping_per_s: f64,
+}
+
+/// Standard deviations of white noise, and steps of quantisation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseSection {
+    /// Joint encoders, in rad.
+    pub position_rad: f64,
+    /// Step of the joint encoders, in rad.
+    pub position_quantum_rad: f64,
+    /// Joint velocities, in rad/s.
+    pub velocity_rad_s: f64,
+    /// Joint torques, in N·m.
+    pub torque_n_m: f64,
+    /// Gyroscope, in rad/s.
+    pub gyro_rad_s: f64,
+    /// Accelerometer, in m/s².
+    pub acceleration_m_s2: f64,
+    /// Foot force sensors, in N.
+    pub force_n: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}

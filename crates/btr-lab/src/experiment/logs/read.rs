@@ -1,0 +1,32 @@
+//! Reads logs for a comparison with simulations.
+
+use super::source::{LogSource, ReadLog};
+use crate::experiment::file::File;
+use crate::experiment::source::FileError;
+use crate::log_quality::usable;
+use std::path::Path;
+
+/// Reads a log, and refuses one that cannot be used.
+pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError> {
+    let (log, warnings) = match source {
+        LogSource::Read(known) => return Ok(known.clone()),
+        LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
+        LogSource::Made { name, log } => {
+            let renamed = btr_io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
+            (renamed.0.from_zero(), renamed.1)
+        }
+    };
+    usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help))?;
+    let warnings = warnings.iter().map(ToString::to_string).collect();
+    Ok(ReadLog { path: source.path().to_owned(), log, warnings })
+}
+
+/// An error about a log that is not the fault of the model file.
+pub(super) fn about(path: &Path, message: &str, help: Option<String>) -> FileError {
+    FileError { path: path.to_owned(), line: 0, column: 0, message: message.to_owned(), help }
+}
+
+/// An error of the reader, whose message names the log.
+fn unreadable(error: &btr_io::IoError) -> FileError {
+    about(Path::new(""), &error.to_string(), Some(error.help()))
+}

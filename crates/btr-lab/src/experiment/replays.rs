@@ -1,0 +1,108 @@
+//! A model beside the logs that somebody names on the command line: each log is a situation of its own.
+
+use super::build::Builder;
+use super::logs::index::IndexEntries;
+use super::logs::read::read;
+use super::logs::scenarios::{LogPurpose, ScenarioReader, ScenarioSet};
+use super::logs::source::{LogSource, Recordings};
+use super::source::{FileError, Source};
+use crate::log_quality::{coverage, quality};
+use btr_core::log::Log;
+use btr_identify::quality::Quality;
+use btr_physics::model::Model;
+
+/// A model, the logs that it is to repeat, and what was noticed while they were read.
+pub struct Replays {
+    /// With one scenario per log, or several for a log with gaps, in their order; those from `learn` on are held out.
+    pub model: Model,
+    /// What was recorded, from time zero; one per scenario.
+    pub logs: Vec<Log>,
+    /// What is odd about the logs, though they can be used.
+    pub warnings: Vec<String>,
+    /// What the logs are worth, one per file.
+    pub checked: Vec<CheckedLog>,
+    /// The logs as they were read.
+    pub recordings: Recordings,
+}
+
+/// What a log is worth.
+#[derive(Clone, Debug)]
+pub struct CheckedLog {
+    /// Its path.
+    pub log: String,
+    /// All that was found in it.
+    pub quality: Quality,
+}
+
+impl Replays {
+    /// Joints of which no log has a reading that could be compared.
+    pub fn not_judged(&self) -> Vec<String> {
+        coverage::unmeasured_joints(&self.model.robot, &self.logs)
+    }
+
+    /// Whether any reading that could be compared changes by more than its noise in a training log.
+    pub fn is_moving(&self) -> bool {
+        let training = &self.logs[..self.model.learn.min(self.logs.len())];
+        coverage::is_moving(&self.model.robot, &self.model.setup.noise, training)
+    }
+}
+
+/// The model of a file beside logs: what each log says the robot was told, from where it starts; a log with gaps in pieces. An
+/// index of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
+///
+/// # Errors
+/// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt from and
+/// held out.
+pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replays, FileError>
+where
+    L: Clone + Into<LogSource>,
+{
+    let given = |logs: &[L]| logs.iter().cloned().map(Into::into).collect::<Vec<LogSource>>();
+    let (learn, held_out) = (given(learn), given(held_out));
+    let file = source.parse()?;
+    let builder = Builder { file: &file, source };
+    let robot = builder.robot()?;
+    if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
+        let message = format!("{} is to be learnt from and held out at once", both.path().display());
+        return Err(source.error(&[], &message, None));
+    }
+    if learn.is_empty() {
+        let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".to_owned();
+        return Err(source.error(&[], "no log to learn from", Some(help)));
+    }
+    let known = IndexEntries::of(&file, source)?;
+    let reader = ScenarioReader { file: &file, source, robot: &robot };
+    let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
+    let mut floor = 0.0f64;
+    for (k, given) in learn.iter().chain(&held_out).enumerate() {
+        let (path, log) = (given.path(), read(given, &file)?);
+        all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
+        let settings = known.settings(path, &robot, source)?;
+        let (purpose, list) = match k < learn.len() {
+            true => (LogPurpose::Training, &mut recordings.learn),
+            false => (LogPurpose::HeldOut, &mut recordings.held_out),
+        };
+        floor = all.add(&log, purpose, &settings, &reader)?.into_iter().fold(floor, f64::max);
+        list.push(log);
+    }
+    let Recordings { learn, held_out } = &recordings;
+    let mut pairs = learn.iter().flat_map(|training| held_out.iter().map(move |held_out| (training, held_out)));
+    if let Some((training, held_out)) = pairs.find(|(a, b)| a.log.is_same(&b.log)) {
+        let (training, held_out) = (training.path.display(), held_out.path.display());
+        let message = format!("{training} and {held_out} hold the same measurements: learnt from and held out at once");
+        let help = "hold out another recording; without any, the last part of each log is held out".to_owned();
+        return Err(source.error(&[], &message, Some(help)));
+    }
+    let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
+    let mut model = builder.model(all)?;
+    if model.setup.noise.torque <= 0.0 {
+        // A torque that was smoothed does not show its sensor's noise any more.
+        model.setup.noise.torque = floor;
+    }
+    let checked = learn.iter().chain(held_out).map(|read| CheckedLog {
+        log: read.path.display().to_string(),
+        quality: quality(&read.log, &model.robot, &model.setup.noise),
+    });
+    let checked = checked.collect();
+    Ok(Replays { logs, warnings, checked, model, recordings })
+}

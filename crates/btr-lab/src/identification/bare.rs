@@ -1,0 +1,65 @@
+//! An identification problem before effects are offered, and the same problem with other logs.
+
+use super::catalogue::parameters::free_parameter;
+use super::catalogue::sites::limbs;
+use super::log_parts::{LogPart, whole};
+use super::problem::IdentificationProblem;
+use crate::scales::RobotScales;
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use btr_physics::model::{Model, Scenario};
+use std::sync::Arc;
+
+impl IdentificationProblem {
+    pub(super) fn without_effects(
+        model: Arc<Model>,
+        recorded: Vec<Log>,
+        parts: Vec<LogPart>,
+    ) -> Result<Self, WorldError> {
+        let scales = RobotScales::of(&model, &recorded)?;
+        Ok(IdentificationProblem {
+            parameters: model.simulations.dims().iter().map(|dim| free_parameter(dim, &scales)).collect(),
+            free: (0..model.simulations.len()).collect(),
+            candidates: Vec::new(),
+            logs: Vec::new(),
+            effects: Vec::new(),
+            features: Vec::new(),
+            terms: Vec::new(),
+            limbs: limbs(&model.robot),
+            near: Vec::new(),
+            scales,
+            parts,
+            situations: model.scenarios.clone(),
+            rests: false,
+            clocks_s: model.scenarios.iter().zip(&recorded).map(by_laws).collect(),
+            model,
+            recorded,
+        })
+    }
+
+    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor; their
+    /// starts as the model at `u` sees them.
+    pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
+        let parts = whole(&recorded);
+        let other = Self::without_effects(model, recorded, parts)?;
+        let (parameters, candidates, features) =
+            (self.parameters.clone(), self.candidates.clone(), self.features.clone());
+        let (effects, terms) = (self.effects.clone(), self.terms.clone());
+        let mut other = IdentificationProblem {
+            parameters,
+            candidates,
+            features,
+            effects,
+            terms,
+            near: self.near.clone(),
+            ..other
+        };
+        other.begin(u)?;
+        Ok(other)
+    }
+}
+
+/// The clock of a log, as laws count time.
+fn by_laws((scenario, log): (&Scenario, &Log)) -> Vec<f64> {
+    log.clock_s().iter().map(|t| scenario.begins_s + t).collect()
+}

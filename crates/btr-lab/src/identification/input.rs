@@ -1,0 +1,120 @@
+//! A model with the logs that a command is about.
+
+use super::problem::IdentificationProblem;
+use super::problem_error::ProblemError;
+use crate::experiment::{CheckedLog, LogSource, Recordings, Replays, Source, replays};
+use crate::model_text::{Addition, add_scaled};
+use btr_core::log::Log;
+use btr_identify::quality::{FEWEST_SAMPLES, Finding};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// A model beside the logs it is asked about.
+pub struct VerbInput {
+    /// The model's text.
+    pub source: Source,
+    /// The model, the logs, and everything that may be varied.
+    pub problem: IdentificationProblem,
+    /// What makes answers doubtful.
+    pub doubts: Vec<Doubt>,
+    /// Joints of which nothing is measured: no answer is about them.
+    pub not_judged: Vec<String>,
+    /// The logs as they were read.
+    pub recordings: Recordings,
+}
+
+/// Something that a look at a log found and that makes answers doubtful.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Doubt {
+    /// The log's path.
+    pub log: String,
+    /// What was found in it.
+    #[serde(flatten)]
+    pub finding: Finding,
+}
+
+/// What makes answers from these logs doubtful.
+pub fn doubts(replays: &Replays) -> Vec<Doubt> {
+    let of = |checked: &CheckedLog| {
+        let log = checked.log.clone();
+        checked.quality.doubts().map(|finding| Doubt { log: log.clone(), finding: finding.clone() }).collect::<Vec<_>>()
+    };
+    replays.checked.iter().flat_map(of).collect()
+}
+
+impl VerbInput {
+    /// Reads the logs and puts the model beside them; without held-out logs, the last part of each log is held out.
+    ///
+    /// # Errors
+    /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
+    pub fn new<L: Clone + Into<LogSource>>(source: Source, learn: &[L], held_out: &[L]) -> Result<Self, ProblemError> {
+        let replays = replays(&source, learn, held_out)?;
+        VerbInput::of(source, replays)
+    }
+
+    /// The same for logs that were read before.
+    ///
+    /// # Errors
+    /// Logs in which nothing moves or is measured; a model that blows up as it stands.
+    pub fn of(source: Source, replays: Replays) -> Result<Self, ProblemError> {
+        let (doubts, not_judged) = (doubts(&replays), replays.not_judged());
+        if not_judged.len() == replays.model.robot.movable().count() {
+            return Err(ProblemError::Blind);
+        }
+        if !replays.is_moving() {
+            return Err(ProblemError::Still);
+        }
+        let longest = replays.logs.iter().take(replays.model.learn).map(Log::len).max().unwrap_or(0);
+        if longest < FEWEST_SAMPLES {
+            return Err(ProblemError::Short(longest));
+        }
+        let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
+        Ok(VerbInput { source, problem, doubts, not_judged, recordings: replays.recordings })
+    }
+
+    /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
+    /// without.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new); an effect or a site that is not there.
+    pub fn with(source: Source, replays: Replays, additions: &[String]) -> Result<Self, ProblemError> {
+        let bare = VerbInput::of(source, replays)?;
+        if additions.is_empty() {
+            return Ok(bare);
+        }
+        let robot = &bare.problem.model().robot;
+        let additions: Vec<Addition> =
+            additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
+        let text = add_scaled(&bare.source, bare.problem.scales(), &additions)?;
+        let Recordings { learn, held_out } = bare.recordings;
+        VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)
+    }
+}
+
+/// The noise floor of each measured channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NoiseFloor {
+    /// The channel.
+    pub channel: String,
+    /// Its unit.
+    pub unit: String,
+    /// Standard deviation of its readings' errors.
+    pub sigma: f64,
+    /// Whether that is a guess, for readings without any noise.
+    pub assumed: bool,
+}
+
+impl VerbInput {
+    /// The noise floors that errors are measured in: of each channel in the first log that has it.
+    pub fn floors(&self) -> Vec<NoiseFloor> {
+        let mut floors: Vec<NoiseFloor> = Vec::new();
+        for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {
+            if floors.iter().all(|floor| floor.channel != channel.name) {
+                let (name, unit) = (channel.name.clone(), channel.unit.clone());
+                let assumed = self.problem.is_assumed(&name);
+                floors.push(NoiseFloor { channel: name, unit, sigma: channel.sigma, assumed });
+            }
+        }
+        floors
+    }
+}

@@ -1,0 +1,99 @@
+//! Which channels and samples of the logs are compared.
+
+use super::log_parts::LogPart;
+use super::problem::IdentificationProblem;
+use super::start;
+use super::start::windows::Windows;
+use btr_core::log::{Channel, Log, Role};
+use btr_core::world::WorldError;
+use btr_identify::residual_model::{MeasuredChannel, RecordedLog};
+use btr_physics::model::Model;
+use btr_physics::robot::Base;
+use std::ops::Range;
+
+impl IdentificationProblem {
+    /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests first is
+    /// simulated from there, if it can be; else it is found in its log, window by window.
+    pub(super) fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
+        if self.model.robot.base == Base::Floating && !self.rest(u)? {
+            self.cut(u)?;
+        }
+        self.measure()
+    }
+
+    /// Says which channels of the logs are compared.
+    pub(super) fn measure(&mut self) -> Result<(), WorldError> {
+        self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Forgets what comes after a share of every log.
+    pub(super) fn shorten(&mut self, share: f64) -> Result<(), WorldError> {
+        for (scenario, log) in self.recorded.iter().enumerate() {
+            let last = (share * log.len() as f64) as usize;
+            let own = self.parts.iter_mut().filter(|part| part.scenario == scenario);
+            own.for_each(|part| part.samples = part.samples.start.min(last)..part.samples.end.min(last));
+            let situation = &mut self.situations[scenario];
+            // A sample further than the last one that counts: clocks may be read late.
+            situation.duration_s = situation.duration_s.min(log.clock_s()[last.min(log.len() - 1)] - log.clock_s()[0]);
+        }
+        self.measure()
+    }
+
+    /// Cuts the logs into windows.
+    pub(super) fn cut(&mut self, u: &[f64]) -> Result<(), WorldError> {
+        let (own, placed) = (self.inner(u), self.placed(u));
+        for (scenario, log) in self.recorded.iter().enumerate() {
+            let situation = &self.model.scenarios[scenario];
+            let Windows { restarts, samples } = start::windows::cut(&self.model, &own, &placed, situation, log)?;
+            self.situations[scenario].restarts = restarts.into();
+            let noise: Vec<f64> =
+                self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
+            for part in self.parts.iter_mut().filter(|part| part.scenario == scenario) {
+                let within =
+                    |window: &Range<usize>| window.start.max(part.samples.start)..window.end.min(part.samples.end);
+                part.noise.clone_from(&noise);
+                part.windows = samples.iter().map(within).filter(|window| !window.is_empty()).collect();
+            }
+        }
+        Ok(())
+    }
+
+    /// The noise of a joint's reading; 0 where there is none.
+    pub(super) fn noise(&self, log: &Log, joint: &str) -> f64 {
+        let name = format!("q_{joint}");
+        let channel = log.channel(&name);
+        channel.and_then(|channel| self.model.setup.noise.floor(&name, &channel.values)).unwrap_or(0.0)
+    }
+
+    /// The channels of a log that are compared: positions, torques of joints whose motion is prescribed, and how a
+    /// floating base turns.
+    fn measured(&self, part: &LogPart) -> Result<RecordedLog, WorldError> {
+        let recorded = &self.recorded[part.scenario];
+        let (mut channels, mut present) = (Vec::new(), 0);
+        let mut start = 0;
+        for name in compared(&self.model) {
+            let there = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
+            let Some(channel) = recorded.channel(&name).filter(there) else { continue };
+            let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
+            let samples = start..start + recorded.len();
+            start = samples.end;
+            present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
+            channels.push(MeasuredChannel { name, unit: channel.unit.clone(), sigma, samples });
+        }
+        if channels.is_empty() {
+            let what =
+                format!("the log `{}` measures nothing that the model has", self.model.scenarios[part.scenario].name);
+            return Err(WorldError::Setup { what });
+        }
+        let name = self.model.scenarios[part.scenario].name.clone();
+        Ok(RecordedLog { name, held_out: part.held_out, channels, present })
+    }
+}
+
+/// Names of the channels that are compared.
+fn compared(model: &Model) -> impl Iterator<Item = String> {
+    let joints = model.robot.movable().map(|(_, link)| link.joint.compared());
+    let floating = model.robot.base == Base::Floating && model.setup.sensors.imu;
+    joints.chain(["x", "y", "z"].into_iter().filter(move |_| floating).map(|axis| format!("imu_gyro_{axis}")))
+}

@@ -1,0 +1,101 @@
+//! The identification problem: its parts, and what is known of its logs.
+
+use super::catalogue::law_terms::TermDefinition;
+use super::log_parts::LogPart;
+use crate::scales::RobotScales;
+use btr_core::log::Log;
+use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, RecordedLog};
+use btr_physics::effects::Effect;
+use btr_physics::model::{Model, Scenario};
+use std::sync::Arc;
+
+/// A model, the logs it is compared with, and all that may be varied.
+#[derive(Clone)]
+pub struct IdentificationProblem {
+    pub(super) model: Arc<Model>,
+    pub(super) recorded: Vec<Log>,
+    /// The model's scenarios, with the restarts that the logs call for.
+    pub(super) situations: Vec<Scenario>,
+    /// Whether it is a free robot that rests before every log.
+    pub(super) rests: bool,
+    /// The logs' clocks, as laws count time.
+    pub(super) clocks_s: Vec<Vec<f64>>,
+    pub(super) parts: Vec<LogPart>,
+    pub(super) parameters: Vec<FitParameter>,
+    pub(super) free: Vec<usize>,
+    pub(super) candidates: Vec<EffectCandidate>,
+    pub(super) logs: Vec<RecordedLog>,
+    pub(super) scales: RobotScales,
+    /// With windows: for each joint, the channels of the joints of its limb.
+    pub(super) limbs: Vec<Vec<String>>,
+    /// The channels in which each candidate is felt first; none where it is felt everywhere.
+    pub(super) near: Vec<Vec<String>>,
+    /// What stands behind each candidate.
+    pub(super) effects: Vec<&'static dyn Effect>,
+    pub(super) features: Vec<LawTerm>,
+    /// What stands behind each feature.
+    pub(super) terms: Vec<(TermDefinition, &'static dyn Effect)>,
+}
+
+impl IdentificationProblem {
+    /// The logs' channels, to change their floors.
+    pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut RecordedLog> {
+        self.logs.iter_mut()
+    }
+
+    /// The scenario of a log.
+    pub(crate) fn scenario(&self, log: usize) -> usize {
+        self.parts[log].scenario
+    }
+
+    /// Whether a channel's noise floor is a guess, in the first log that has the channel.
+    pub(crate) fn is_assumed(&self, name: &str) -> bool {
+        let first = self.recorded.iter().find_map(|log| log.channel(name));
+        first.is_some_and(|channel| self.model.setup.noise.is_assumed(name, &channel.values))
+    }
+
+    /// The model as it stands.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// The logs, in the order of the model's scenarios.
+    pub fn recorded(&self) -> &[Log] {
+        &self.recorded
+    }
+
+    /// What is large and what is small for this robot.
+    pub(crate) fn scales(&self) -> &RobotScales {
+        &self.scales
+    }
+
+    /// The scenarios of the logs that are learnt from.
+    pub(crate) fn learnt(&self) -> Vec<usize> {
+        self.parts.iter().filter(|part| !part.held_out).map(|part| part.scenario).collect()
+    }
+
+    /// Whether all joints stay where the logs had them, give or take a share of that range.
+    pub(crate) fn is_within(&self, log: &Log, margin: f64) -> bool {
+        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name);
+        joints.all(|joint| {
+            let (low, high) = self.range(joint);
+            let margin = margin * (high - low);
+            let values = log.channel(&format!("q_{joint}")).map_or(&[][..], |channel| &channel.values);
+            values.iter().all(|x| *x >= low - margin && *x <= high + margin)
+        })
+    }
+
+    /// Least and greatest position of a joint in all logs.
+    pub(super) fn range(&self, joint: &str) -> (f64, f64) {
+        let name = format!("q_{joint}");
+        let values = self.recorded.iter().filter_map(|log| log.channel(&name)).flat_map(|channel| &channel.values);
+        let finite = values.copied().filter(|x| x.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        if low < high { (low, high) } else { (-1.0, 1.0) }
+    }
+
+    /// Length of the longest log.
+    pub(super) fn longest_s(&self) -> f64 {
+        self.recorded.iter().map(Log::duration_s).fold(f64::MIN_POSITIVE, f64::max)
+    }
+}

@@ -1,0 +1,54 @@
+//! Why a model cannot be identified from logs.
+
+use crate::experiment::FileError;
+use crate::model_text::AddError;
+use btr_core::world::WorldError;
+use btr_identify::quality::FEWEST_SAMPLES;
+
+/// Why a question cannot be asked.
+#[derive(Debug, thiserror::Error)]
+pub enum ProblemError {
+    /// The model file or a log makes no sense.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The model cannot be simulated.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// What was to be added does not fit the model.
+    #[error(transparent)]
+    Add(#[from] AddError),
+    /// Logs in which nothing happens.
+    #[error("nothing moves in the logs to learn from: they tell nothing about the model")]
+    Still,
+    /// Logs that end before they tell anything.
+    #[error("the longest log to learn from has {0} samples: too few to tell anything")]
+    Short(usize),
+    /// Logs that say nothing of what the robot did.
+    #[error("no joint's position is measured in the logs to learn from")]
+    Blind,
+    /// Logs that have nothing in common with a simulation.
+    #[error("no channel is both measured and simulated")]
+    Nothing,
+}
+
+impl ProblemError {
+    /// What to do about it, where that is not said in the file's terms.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            ProblemError::Still => {
+                Some("record the joints while they are driven; `btr check` tells what is in a log".to_owned())
+            }
+            ProblemError::Short(_) => {
+                Some(format!("record some seconds of motion, {FEWEST_SAMPLES} samples at the very least"))
+            }
+            ProblemError::Nothing => Some(
+                "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names".to_owned(),
+            ),
+            ProblemError::Blind => Some(
+                "the logs need positions q_<joint>; [channels.channels] in the model file maps foreign names"
+                    .to_owned(),
+            ),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What the model simulates at a point of the identification problem.
+
+use super::catalogue::law_terms;
+use super::catalogue::law_terms::TermDefinition;
+use super::problem::IdentificationProblem;
+use btr_core::log::Log;
+use btr_core::world::WorldError;
+use btr_identify::diagnose::ResidualLaw;
+use btr_identify::residual_model::{EffectCandidate, TimeStep};
+use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
+use btr_physics::model::{ModelRequest, Scenario};
+
+impl IdentificationProblem {
+    /// What is simulated at a point beside the log of a scenario; with windows, from where the log has the robot at each start.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    pub fn simulate(&self, u: &[f64], scenario: usize, step: TimeStep) -> Result<Log, WorldError> {
+        self.simulate_in(u, &self.situations[scenario], step)
+    }
+
+    /// What is simulated at a point in a situation of its own.
+    ///
+    /// # Errors
+    /// A simulation that blew up.
+    pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: TimeStep) -> Result<Log, WorldError> {
+        self.model.simulate(ModelRequest::new(&self.inner(u), scenario).effects(&self.placed(u)).time_step(step))
+    }
+
+    /// The values of what is in doubt at a point.
+    pub(crate) fn inner(&self, u: &[f64]) -> Vec<f64> {
+        self.free.iter().map(|&k| self.inside(k, self.parameters[k].value(u[k]))).collect()
+    }
+
+    /// The effects that are switched on at a point.
+    pub fn placed(&self, u: &[f64]) -> Vec<PlacedEffect> {
+        let on = |candidate: &&EffectCandidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
+        let pairs = self.candidates.iter().zip(&self.effects);
+        let effects =
+            pairs.filter(|(candidate, _)| on(candidate)).map(|(candidate, effect)| self.place(candidate, *effect, u));
+        let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| on(&&feature.term));
+        let terms = terms.map(|(feature, (_, effect))| {
+            let values = feature.term.parameters().map(|k| self.parameters[k].value(u[k])).collect();
+            PlacedEffect { effect: *effect, site: feature.term.site.clone(), values }
+        });
+        effects.chain(terms).collect()
+    }
+
+    /// Where a law sits, what it is on, and its text.
+    pub fn law(&self, law: &ResidualLaw) -> Option<(String, FormulaTarget, String)> {
+        let first = *law.terms.first()?;
+        let values = |&i: &usize| {
+            let parameters = self.features[i].term.parameters();
+            (&self.terms[i].0, parameters.map(|k| self.parameters[k].value(law.fit.u[k])).collect())
+        };
+        let on = self.terms[first].0.on;
+        let terms: Vec<(&TermDefinition, Vec<f64>)> = law.terms.iter().map(values).collect();
+        Some((self.features[first].term.site.clone(), on, law_terms::law(on, &terms)))
+    }
+
+    fn place(&self, candidate: &EffectCandidate, effect: &'static dyn Effect, u: &[f64]) -> PlacedEffect {
+        let (mut amplitudes, mut shapes) = (candidate.amplitudes.iter(), candidate.shapes.iter());
+        let parameter = |param: &Param| if param.shape { shapes.next() } else { amplitudes.next() };
+        let parameters: Vec<Option<&usize>> = effect.spec().params.iter().map(parameter).collect();
+        // Rounding must not carry a value across the bound at which its sign would change.
+        let least = |param: &Param| param.bounds.0.min(0.0);
+        let value = |(parameter, param): (Option<&usize>, &Param)| {
+            parameter.map_or(param.off, |&k| self.parameters[k].value(u[k]).max(least(param)))
+        };
+        let values = parameters.into_iter().zip(effect.spec().params).map(value).collect();
+        PlacedEffect { effect, site: candidate.site.clone(), values }
+    }
+
+    /// Rounding must not carry a value across its bound.
+    fn inside(&self, k: usize, value: f64) -> f64 {
+        let dim = &self.model.simulations.dims()[k];
+        value.clamp(dim.min, dim.max)
+    }
+}

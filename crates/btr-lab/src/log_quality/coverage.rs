@@ -1,0 +1,28 @@
+//! What several logs together show of a robot.
+
+use btr_core::log::Log;
+use btr_physics::robot::Robot;
+use btr_physics::sensor::SensorNoise;
+
+/// Readings within this many noise floors do not move.
+const DEAD: f64 = 10.0;
+
+/// Joints of which no log has a reading that could be compared.
+pub(crate) fn unmeasured_joints(robot: &Robot, logs: &[Log]) -> Vec<String> {
+    let has = |log: &Log, name: &str| log.channel(name).is_some_and(|c| c.values.iter().any(|x| x.is_finite()));
+    let joints = robot.movable().map(|(_, link)| &link.joint);
+    let unmeasured = joints.filter(|joint| !logs.iter().any(|log| has(log, &joint.compared())));
+    unmeasured.map(|joint| joint.name.clone()).collect()
+}
+
+/// Whether any reading that could be compared changes by more than its noise.
+pub(crate) fn is_moving(robot: &Robot, noise: &SensorNoise, logs: &[Log]) -> bool {
+    let moves = |log: &Log, name: &str| {
+        let Some(channel) = log.channel(name) else { return false };
+        let finite = channel.values.iter().filter(|x| x.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        noise.floor(name, &channel.values).is_some_and(|sigma| high - low > DEAD * sigma)
+    };
+    let joints = || robot.movable().map(|(_, link)| &link.joint);
+    logs.iter().any(|log| joints().any(|joint| moves(log, &joint.compared())))
+}

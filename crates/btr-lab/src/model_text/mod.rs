@@ -1,0 +1,15 @@
+//! Edits of a model file's text that keep its comments and layout.
+
+mod adapt;
+mod add_effect;
+mod add_law;
+mod enlarged;
+mod paths;
+
+pub use adapt::{adapted, adapted_with_drive, at, in_finer_steps};
+pub(crate) use add_effect::add_scaled;
+pub use add_effect::{AddError, Addition, add};
+pub use add_law::{OwnLaw, OwnNumber, add_law};
+pub use enlarged::enlarges;
+pub(crate) use paths::each_named_file;
+pub use paths::{moved, named_files};

@@ -1,0 +1,95 @@
+//! Asks the real tests of a run for the cause of its disengagement.
+
+use super::by_posterior;
+use super::cause::Cause;
+use crate::distributed::RemoteModel;
+use crate::experiment::Experiment;
+use crate::identification::IdentificationProblem;
+use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
+use btr_core::log::Log;
+use btr_core::world::Trial;
+use btr_identify::LadderStep;
+use btr_identify::diagnose::{DiagnoseOptions, diagnose};
+use btr_identify::fit::Objective;
+use btr_physics::robot::Base;
+use std::sync::Arc;
+
+/// The most real tests that are looked at: of a robot with a fixed base, and of a floating one.
+const MOST_TESTS: (usize, usize) = (8, 4);
+/// One in so many of them is held out.
+const HELD_OUT: usize = 4;
+/// How many physics steps a diagnosis of a floating robot may take: contact needs the general engine, which is slow. About a
+/// minute on two cores.
+const FLOATING_STEPS: f64 = 1e6;
+
+impl Cause {
+    /// Asks the real tests of a run; `on_step` hears every step of the error's fall. A run with a posterior is also told what
+    /// explains them, where something does.
+    pub(crate) fn of(
+        experiment: &Experiment,
+        run: &Coevolution,
+        on_step: &dyn Fn(&LadderStep),
+    ) -> (Self, Option<Explanation>) {
+        let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
+        let answer = match run.plan().posterior {
+            Some(_) => by_posterior::cause(experiment, run, asked.clone(), on_step),
+            None => asked.clone().answered(experiment, run.ledger(), on_step).map(|answered| (answered, None)),
+        };
+        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..asked }, None))
+    }
+
+    fn answered(self, experiment: &Experiment, ledger: &Ledger, on_step: &dyn Fn(&LadderStep)) -> Result<Self, String> {
+        let fixed = experiment.model.robot.base == Base::Fixed;
+        let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
+        let learn = tests.len() - tests.len() / HELD_OUT;
+        let known = tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log)));
+        let known: Vec<(&Trial, &Log)> = known.collect();
+        if known.is_empty() {
+            return Err("no real test gave a log".to_owned());
+        }
+        let whole = known.iter().map(|(trial, log)| experiment.from_the_beginning(trial, log));
+        let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+        let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
+        let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
+        let problem = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
+        let question = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
+        let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
+        let found = diagnose(&mut Objective::new(&residual_model), question, on_step)
+            .map_err(|_| "the model blows up on the real tests as it stands".to_owned())?;
+        if found.cut_short && found.effects.is_empty() {
+            return Err(format!(
+                "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \
+                 logs under transfers/ has no such limit",
+                question.max_rollouts
+            ));
+        }
+        let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
+        Ok(Cause {
+            verdict: Some(found.verdict),
+            effects: found.effects,
+            error_ladder: found.ladder.clone(),
+            learnt: numbers(&tests[..learn]),
+            held_out: numbers(&tests[learn..]),
+            rollouts: found.rollouts,
+            ..self
+        })
+    }
+}
+
+/// Real tests that gave a log: all, or some evenly over the whole run, the last one among them.
+fn chosen(ledger: &Ledger, most: usize) -> Vec<&Entry> {
+    let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
+    let usable: Vec<&Entry> = ledger.entries().iter().filter(gave_a_log).collect();
+    let count = usable.len().min(most);
+    (1..=count).map(|k| usable[k * usable.len() / count - 1]).collect()
+}
+
+/// How many rollouts a diagnosis may take. Counted in steps, not in seconds: a result must not depend on the machine.
+fn allowance(experiment: &Experiment) -> usize {
+    let model = &experiment.model;
+    let steps = model.scenarios.iter().map(|s| s.duration_s).fold(0.0, f64::max) / model.setup.dt_s;
+    match model.robot.base {
+        Base::Fixed => usize::MAX,
+        Base::Floating => (FLOATING_STEPS / steps.max(1.0)) as usize,
+    }
+}

@@ -1,0 +1,236 @@
+//! A run with its folder: begin, resume, step, checkpoint.
+
+use super::augment::Cause;
+use super::run_error::RunError;
+use crate::distributed::{RemoteSimulator, RunPayloads, TestComparison};
+use crate::experiment::Experiment;
+use crate::model_text::enlarges;
+use btr_core::coevolve::{Coevolution, Environment, Explanation, Plan, RunState, StepOutcome, StopReason};
+use btr_core::distance::Distance;
+use btr_identify::LadderStep;
+use btr_identify::diagnose::Verdict;
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// First bytes of a checkpoint: name and version of the format.
+const MAGIC: &[u8; 8] = b"btr-cp\x00\x06";
+
+/// A run with its folder.
+pub struct Run {
+    folder: PathBuf,
+    distance: Box<dyn Distance>,
+    state: Coevolution,
+    larger: Enlargement,
+    payloads: RunPayloads,
+}
+
+/// What a checkpoint remembers beside the loop's own state.
+#[derive(Default, Serialize, Deserialize)]
+struct Enlargement {
+    /// The experiment's text since S has grown.
+    text: Option<String>,
+    /// The last answer to why the run disengaged.
+    cause: Option<Cause>,
+    /// What explains the tests with that.
+    explanation: Option<Explanation>,
+}
+
+impl Run {
+    /// Begins a run of `plan` in a folder that must not hold one yet.
+    ///
+    /// # Errors
+    /// A folder in use, or a plan that does not fit.
+    pub fn begin(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        if checkpoint_path(folder).exists() {
+            return Err(RunError::Exists(folder.to_owned()));
+        }
+        Run::anew(experiment, plan, folder)
+    }
+
+    fn anew(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        let distance = plan.distance.build();
+        let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
+        let run = Run {
+            folder: folder.to_owned(),
+            distance,
+            state,
+            larger: Enlargement::default(),
+            payloads: RunPayloads::default(),
+        };
+        run.write("experiment.toml", experiment.stamp().as_bytes())?;
+        run.checkpoint()?;
+        Ok(run)
+    }
+
+    /// Takes a run up again where its last checkpoint left it. With an experiment whose S is larger than the run's, the
+    /// run goes on in the larger one.
+    ///
+    /// # Errors
+    /// No run there, another experiment, a damaged checkpoint, or a real test whose log is gone.
+    pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        let path = checkpoint_path(folder);
+        let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
+        let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
+        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
+        let (larger, state): (Enlargement, RunState) =
+            postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
+        let wished = in_own_space(experiment, larger.text.as_deref(), folder)?;
+        let mut state = Coevolution::resumed(plan, state);
+        state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.to_string()))?;
+        let distance = state.plan().distance.build();
+        let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
+        if let Some(text) = wished {
+            run.enlarge(experiment, text)?;
+        }
+        Ok(run)
+    }
+
+    /// Resumes when there is a run of this very experiment, S included, and begins otherwise. For what can be worked out again
+    /// from the real tests of another run.
+    ///
+    /// # Errors
+    /// As [`Run::begin`] and [`Run::resume`].
+    pub fn begin_or_resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        if checkpoint_path(folder).exists() && stamp_of(folder) == experiment.stamp() {
+            return Run::resume(experiment, plan, folder);
+        }
+        Run::anew(experiment, plan, folder)
+    }
+
+    /// Does the next unit of work and writes it down.
+    ///
+    /// # Errors
+    /// When the disk refuses; the state before the step is still there.
+    pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
+        let model = experiment.model.clone();
+        let comparison = TestComparison { distance: &self.state.plan().distance, reality: experiment.reality_source() };
+        let (context, payloads) = (&experiment.context, &self.payloads);
+        let simulator = RemoteSimulator::new(&model, experiment.source(), comparison, context, payloads)?;
+        let (distance, reality) = (self.distance.as_ref(), experiment.reality.as_mut());
+        let step = self.state.step(&mut Environment { simulator: &simulator, distance, reality });
+        self.checkpoint()?;
+        Ok(step)
+    }
+
+    /// Where the run stopped because the populations lost each other: asks its real tests for the cause, once. Where the plan
+    /// allows it and the cause is clear, adds it to S; true if the run goes on. `on_step` hears how the error falls.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn look_for_cause(
+        &mut self,
+        experiment: &mut Experiment,
+        reason: &StopReason,
+        on_step: &dyn Fn(&LadderStep),
+    ) -> Result<bool, RunError> {
+        if !self.state.disengaged() {
+            return Ok(false);
+        }
+        let closed = self.state.history().iterations.len();
+        let cause = match self.larger.cause.take().filter(|cause| cause.after_iteration == closed) {
+            Some(known) => known,
+            None => {
+                let (cause, explanation) = Cause::of(experiment, &self.state, on_step);
+                self.larger.explanation = explanation;
+                cause
+            }
+        };
+        let stopped = *reason == StopReason::Disengaged;
+        if stopped && cause.verdict == Some(Verdict::NothingMissing) && self.explain(experiment) {
+            self.larger.cause = Some(cause);
+            self.checkpoint()?;
+            return Ok(true);
+        }
+        let missing = cause.missing();
+        let goes_on = self.state.plan().self_augment && stopped && !missing.is_empty();
+        let text = if goes_on { Some(cause.remedy(experiment)?) } else { None };
+        self.larger.cause = Some(Cause { added: if goes_on { missing } else { Vec::new() }, ..cause });
+        match text {
+            Some(text) => self.enlarge(experiment, text)?,
+            None => self.checkpoint()?,
+        }
+        Ok(goes_on)
+    }
+
+    /// Goes on with the experiment of this text, which has more parameters.
+    fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
+        experiment.enlarge(text.clone())?;
+        self.state.enlarge(&experiment.model.simulations);
+        self.explain(experiment);
+        self.larger.text = Some(text);
+        self.checkpoint()
+    }
+
+    /// Goes on from what is known to explain the tests; false where that is not known of the present S.
+    fn explain(&mut self, experiment: &Experiment) -> bool {
+        let known = self.larger.explanation.take();
+        known.is_some_and(|known| self.state.explain(&experiment.model.simulations, &known))
+    }
+
+    /// Why the run disengaged, as far as it has been asked.
+    pub fn cause(&self) -> Option<&Cause> {
+        self.larger.cause.as_ref()
+    }
+
+    /// Where the run is.
+    pub fn state(&self) -> &Coevolution {
+        &self.state
+    }
+
+    /// The run's folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Writes a file of the run, whole or not at all.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
+        let path = self.folder.join(name);
+        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        written
+            .and_then(|()| btr_io::write_whole(&path, |file| file.write_all(bytes)))
+            .map_err(|source| RunError::Io { path: path.clone(), source })?;
+        Ok(path)
+    }
+
+    fn checkpoint(&self) -> Result<(), RunError> {
+        let body = postcard::to_allocvec(&(&self.larger, self.state.state()))
+            .map_err(|e| RunError::Checkpoint { path: checkpoint_path(&self.folder), why: e.to_string() })?;
+        self.write("checkpoint.bin", &[MAGIC.as_slice(), &body].concat()).map(|_| ())
+    }
+}
+
+/// Gives an experiment the S that the run in this folder has, and the reality that it began with; `grown` is the run's text
+/// since its S has grown. Returns the experiment's own text where its S is larger still.
+fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path) -> Result<Option<String>, RunError> {
+    let (stamp, wished) = (experiment.stamp(), experiment.source().text.clone());
+    let began = stamp_of(folder);
+    let mut larger = None;
+    if began != stamp {
+        // A stamp's first line is the seed, its rest the text.
+        let (seed, text) = began.split_once('\n').unwrap_or_default();
+        let present = grown.unwrap_or(text);
+        let grows = enlarges(present, &wished);
+        if stamp.lines().next() != Some(seed) || !(grows || wished == present) {
+            return Err(RunError::OtherExperiment(folder.to_owned()));
+        }
+        experiment.restart(text.to_owned(), folder)?;
+        larger = grows.then_some(wished);
+    }
+    if let Some(text) = grown {
+        experiment.enlarge(text.to_owned())?;
+    }
+    Ok(larger)
+}
+
+/// The stamp of the experiment that the run in this folder was begun with; empty where there is none.
+fn stamp_of(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default()
+}
+
+fn checkpoint_path(folder: &Path) -> PathBuf {
+    folder.join("checkpoint.bin")
+}

@@ -1,0 +1,82 @@
+//! Why a run cannot begin or continue.
+
+use crate::distributed::DistributedError;
+use crate::experiment::FileError;
+use crate::failure::Failure;
+use crate::model_text::AddError;
+use btr_core::coevolve::PlanError;
+use std::path::PathBuf;
+
+/// Why a run cannot begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The experiment.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The plan does not fit the experiment.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The folder belongs to a run already.
+    #[error("{} holds a run already", .0.display())]
+    Exists(PathBuf),
+    /// There is nothing to resume.
+    #[error("{} holds no run to resume", .0.display())]
+    NoRun(PathBuf),
+    /// The experiment is not the one the run began with.
+    #[error("the experiment is not the one that {} was begun with", .0.display())]
+    OtherExperiment(PathBuf),
+    /// A checkpoint of another version, or a damaged one.
+    #[error("{} is not a checkpoint of this version: {why}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// An effect that cannot be added to S.
+    #[error(transparent)]
+    Augment(#[from] AddError),
+    /// A real test that was done and is gone.
+    #[error("{0}")]
+    LostTest(String),
+    /// The experiment cannot be packed for workers.
+    #[error(transparent)]
+    Distributed(#[from] DistributedError),
+    /// The disk refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
+}
+
+impl RunError {
+    /// What to do about it.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            RunError::File(error) => error.help.clone(),
+            RunError::Exists(_) => Some("go on with --resume, or choose another --out".to_owned()),
+            RunError::NoRun(_) => Some("start it without --resume".to_owned()),
+            RunError::OtherExperiment(path) => Some(format!(
+                "resume with the file, --set and --seed that {} shows, perhaps with further parameters behind its own (`btr add`), \
+                 or choose another --out",
+                path.join("experiment.toml").display()
+            )),
+            RunError::Checkpoint { .. } => {
+                Some("choose another --out; the real tests in transfers/ are untouched".to_owned())
+            }
+            RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
+            RunError::Augment(error) => error.help(),
+            RunError::Distributed(error) => error.help(),
+            RunError::Plan(_) | RunError::Io { .. } => None,
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        Failure::new("run", error.to_string(), error.help())
+    }
+}
