@@ -1,4 +1,4 @@
-//! The loop from Python, with a Python function for a robot if there is one.
+//! The Back-to-Reality loop, optionally with a Python function as the robot.
 
 use crate::error::{Raise, TestFailed, in_python, raised};
 use crate::log::{Log, warn};
@@ -96,7 +96,7 @@ fn robotic(function: Py<PyAny>, ended_with: Raised) -> RobotFunction {
     })
 }
 
-/// Tells a Python function of every closed iteration.
+/// Calls a Python function after every iteration.
 struct Watcher {
     context: Arc<ExecutionContext>,
     tell: Py<PyAny>,

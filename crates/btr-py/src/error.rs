@@ -1,4 +1,4 @@
-//! What Python is told when something cannot be done: the command line's message and its help.
+//! Errors as Python exceptions, with the message and the help of the command line.
 
 use btr_core::log::LogError;
 use btr_core::space::SpaceError;
@@ -44,7 +44,7 @@ const IN_PYTHON: &[(&str, &str)] = &[
     ("give the output another name", "give it another name, or write with overwrite=True what may be lost"),
 ];
 
-/// A sentence of the command line as somebody needs it who calls from Python.
+/// Rewrites a message of the command line for callers from Python.
 pub(crate) fn in_python(text: &str) -> String {
     let text = IN_PYTHON.iter().fold(text.to_owned(), |text, (theirs, ours)| text.replace(theirs, ours));
     let of_an_effect = text.split_once("`btr effects ").and_then(|(before, rest)| {
@@ -54,7 +54,7 @@ pub(crate) fn in_python(text: &str) -> String {
     of_an_effect.unwrap_or(text)
 }
 
-/// An exception with a message and what to do about it.
+/// An exception with a message and a remedy.
 pub(crate) fn raised(message: &str, help: Option<String>) -> PyErr {
     BtrError::new_err(match help {
         Some(help) => format!("{}\nhelp: {}", in_python(message), in_python(&help)),
@@ -62,7 +62,7 @@ pub(crate) fn raised(message: &str, help: Option<String>) -> PyErr {
     })
 }
 
-/// Whatever btr says when something cannot be done.
+/// Errors that are raised as Python exceptions.
 pub(crate) trait Raise {
     fn raise(self) -> PyErr;
 }

@@ -1,4 +1,4 @@
-//! A user's laws as functions in Python: how they are called, and how what they raise ends the work.
+//! Laws as Python functions: how they are called, and how their exceptions end the work.
 
 use crate::error::raised;
 use btr_lab::execution::{Cancelled, ExecutionContext};
@@ -11,15 +11,15 @@ use std::collections::BTreeMap;
 use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What stands for a function in a model's text, and the function.
+/// Python functions with their names in the model's text.
 pub(crate) type LawGiven = Vec<(String, Py<PyAny>)>;
 
 /// Functions so far, by their addresses: they stay, as laws do, so that no address is used twice.
 static KNOWN: Mutex<BTreeMap<usize, Arc<LawFunction>>> = Mutex::new(BTreeMap::new());
 
 thread_local! {
-    /// How work is done on this thread: it can be stopped.
-    static WAY: RefCell<Option<Arc<ExecutionContext>>> = const { RefCell::new(None) };
+    /// The execution context of this thread, which can be cancelled.
+    static CONTEXT: RefCell<Option<Arc<ExecutionContext>>> = const { RefCell::new(None) };
 }
 
 /// The functions of a model.
@@ -52,9 +52,9 @@ pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
     })
 }
 
-/// What the function says; an exception unwinds to whoever works with it.
+/// The value of the function; an exception unwinds to the caller of the work.
 fn value(function: &Py<PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> f64 {
-    if WAY.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_cancelled())) {
+    if CONTEXT.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_cancelled())) {
         resume_unwind(Box::new(Cancelled));
     }
     let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
@@ -80,9 +80,9 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
     }
 }
 
-/// Does work on this thread, whose functions heed whether it was stopped.
+/// Runs work on this thread; its Python functions stop when the context is cancelled.
 pub(crate) fn with_cancellation<T: Send>(context: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
-    WAY.set(Some(context.clone()));
+    CONTEXT.set(Some(context.clone()));
     // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.
     Python::attach(|py| py.detach(work))
 }

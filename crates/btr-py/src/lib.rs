@@ -1,5 +1,5 @@
-//! Python bindings of btr: `import btr`. Answers cross over as JSON text, logs as NumPy arrays; what is nice to have in
-//! Python is written in Python, in the package around this module.
+//! Python bindings of btr: `import btr`. Results are passed as JSON text, logs as NumPy arrays. Convenience functions
+//! are written in Python, in the package around this module.
 
 #![allow(clippy::needless_pass_by_value, reason = "what Python hands over is owned here")]
 
@@ -51,7 +51,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
-/// The command `btr`: takes its arguments, its own name first, and gives back its exit code.
+/// The command `btr`: takes its arguments, its own name first, and returns its exit code.
 #[cfg(feature = "command")]
 #[pyfunction]
 fn command(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {

@@ -37,7 +37,7 @@ impl Log {
         Log { name, is_named: true, log }
     }
 
-    /// One without a name of its own.
+    /// A log without a name of its own.
     pub(crate) fn made_here(kind: &str, log: log::Log) -> Self {
         Log { name: PathBuf::from(kind), is_named: false, log }
     }
@@ -50,10 +50,10 @@ impl Log {
     }
 }
 
-/// What a log is called that nobody gave a name.
+/// Name of a log that was not given one.
 const UNNAMED: &str = "log";
 
-/// Numbers of an array, but not times, which NumPy would turn into numbers of whatever unit they have.
+/// The numbers of an array. Times are refused, as NumPy would convert them to numbers of an arbitrary unit.
 fn numbers(values: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
     if let Ok(dtype) = values.getattr("dtype") {
         let kind = dtype.getattr("kind").and_then(|kind| kind.extract::<String>()).unwrap_or_default();
@@ -296,7 +296,7 @@ pub(crate) fn time_of(columns: Vec<String>, model: Option<ChannelNames>) -> PyRe
     Ok(btr_io::time_of(&columns, &mapping).map(|(column, unit_s)| (column.to_owned(), unit_s)))
 }
 
-/// What a reader noticed, as Python's warnings at the line that called btr.
+/// Issues a reader's warnings as Python warnings at the line that called btr.
 pub(crate) fn warn(py: Python<'_>, warnings: &[impl ToString]) -> PyResult<()> {
     for warning in warnings {
         py.import("btr._warnings")?.call_method1("warn", (warning.to_string(),))?;
@@ -328,7 +328,7 @@ pub(crate) fn log_of_messages(
     Ok(Log::new(name, log))
 }
 
-/// A log that somebody asks about: a path, or a log that is there, perhaps called otherwise.
+/// A log argument: a path, or a log in memory, optionally under another name.
 #[derive(FromPyObject)]
 pub(crate) enum LogArgument {
     Log(Py<Log>),

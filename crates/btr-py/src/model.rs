@@ -1,4 +1,4 @@
-//! Models: the text of a model file, and what can be done with it alone.
+//! Models: the text of a model file, and operations that need no logs.
 
 use crate::error::{Raise, raised};
 use crate::laws;
@@ -56,13 +56,13 @@ impl Model {
         &self.source.text
     }
 
-    /// What it is called.
+    /// Its name.
     #[getter]
     fn name(&self) -> PyResult<String> {
         Ok(self.source.parse().map_err(Raise::raise)?.name)
     }
 
-    /// Where it stands.
+    /// The path of its file.
     #[getter]
     fn path(&self) -> &PathBuf {
         &self.source.path

@@ -1,4 +1,4 @@
-//! Reports as HTML: the pages that the command line writes.
+//! HTML reports, as the command line writes them.
 
 use crate::error::{Raise, raised};
 use crate::work::at_once;
@@ -7,7 +7,7 @@ use btr_report::html;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// A report that is made when somebody wants to see it: drawing can take as long as the comparison did.
+/// A report that is rendered on demand: rendering can take as long as the comparison.
 #[pyclass(frozen, module = "btr._btr", name = "Page")]
 pub(crate) struct Page {
     /// Of the model that is simulated for it.

@@ -27,7 +27,7 @@ pub(crate) fn read<T: DeserializeOwned>(
     let mut table = Map::from_iter([(tag.to_owned(), json!(name))]);
     for (key, setting) in settings {
         let value = value(&said(key), setting)?;
-        // Alone first: everything else has a default, so that what is wrong is wrong with this one.
+        // Each setting is checked alone first: the others have defaults, so an error belongs to this one.
         let alone = serde_json::from_value::<T>(json!({ tag: name, key: value }));
         alone.map_err(|error| refused(&said(key), &error.to_string()))?;
         table.insert(key.clone(), value);
@@ -38,7 +38,7 @@ pub(crate) fn read<T: DeserializeOwned>(
 fn value(said: &str, setting: &Bound<'_, PyAny>) -> PyResult<Value> {
     match setting.extract() {
         Ok(Setting::Count(count)) => Ok(json!(count)),
-        // JSON would take them for nothing at all.
+        // JSON has no numbers for these and would write null.
         Ok(Setting::Number(number)) if !number.is_finite() => {
             Err(refused(said, &format!("expected a finite number, not {number}")))
         }

@@ -1,4 +1,4 @@
-//! What people ask of a model and its logs: the answers as the JSON documents of the command line.
+//! The verbs on a model and its logs: results as the JSON documents of the command line.
 
 use crate::error::{Raise, raised};
 use crate::log::{Log, LogArgument};
@@ -29,7 +29,7 @@ fn names(logs: &[LogSource]) -> Vec<PathBuf> {
     logs.iter().map(|log| log.path().to_owned()).collect()
 }
 
-/// What logs are worth, and what they tell about the numbers in doubt.
+/// The quality of logs, and which free parameters they identify.
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<String> {
     let logs = sources(logs);
@@ -39,7 +39,7 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> Py
     })
 }
 
-/// How far the model is off, and where: the answer and its page.
+/// The model's errors by channel and regime: the result and its page.
 #[pyfunction]
 pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<(String, Page)> {
     let logs = sources(logs);
@@ -122,7 +122,7 @@ pub(crate) fn fit(
     })
 }
 
-/// Tells a listener in Python. What is raised there ends the work: it unwinds to [`working`].
+/// Calls a listener in Python. An exception in it ends the work: it unwinds to [`working`].
 fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
     let heard = Python::attach(|py| tell.call1(py, (step, train, held_out)));
     if let Err(error) = heard {

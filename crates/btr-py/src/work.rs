@@ -1,4 +1,4 @@
-//! Long work: without Python's lock, heeding Ctrl-C, and perhaps done elsewhere.
+//! Long work: without Python's GIL, interruptible by Ctrl-C, and optionally on remote workers.
 
 use crate::error::raised;
 use crate::laws;
@@ -17,7 +17,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// How often Ctrl-C is looked for.
+/// Polling period of Ctrl-C.
 const POLL: Duration = Duration::from_millis(50);
 
 /// Who does the work: threads of this process (all, or so many), or an object of `btr.executors` with `workers` and
@@ -47,19 +47,19 @@ pub(crate) fn context(
     }))
 }
 
-/// The work on a model done by all threads, or by one.
+/// The local execution context of a model: all threads, or one if it has Python functions.
 fn here(source: &Source) -> ExecutionContext {
     if source.laws.is_empty() { ExecutionContext::default() } else { ExecutionContext::local(1) }
 }
 
-/// Batches go out through a Python object: `work(payloads, batch) -> answer`.
+/// Sends batches to a Python object: `work(payloads, batch) -> answer`.
 struct PythonExecutor {
     object: Py<PyAny>,
     workers: usize,
     functions: Vec<u8>,
 }
 
-/// What workers are told once; `key` is the same for the same content.
+/// Data sent to each worker once; equal contents have equal keys.
 #[pyclass(frozen, module = "btr", name = "Payload")]
 pub(crate) struct Payload(Arc<execution::Payload>);
 
@@ -86,18 +86,19 @@ impl Executor for PythonExecutor {
     }
 
     fn work(&self, payloads: &[Arc<execution::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
-        let asked = Python::attach(|py| -> PyResult<Vec<u8>> {
+        let answer = Python::attach(|py| -> PyResult<Vec<u8>> {
             let payloads: Vec<Payload> = payloads.iter().cloned().map(Payload).collect();
             let answer = self.object.call_method1(py, "work", (payloads, PyBytes::new(py, batch)))?;
             Ok(answer.cast_bound::<PyBytes>(py)?.as_bytes().to_vec())
         });
-        asked.map_err(|error| Box::new(error) as Box<dyn Any + Send>)
+        answer.map_err(|error| Box::new(error) as Box<dyn Any + Send>)
     }
 }
 
 /// How many forks lie between this process and the one that imported btr. A fork has none of its parent's threads.
 static FORKS: AtomicUsize = AtomicUsize::new(0);
-/// The threads of a fork, of a fork's fork, and so on: what a fork inherits here are its parent's, which are not in it.
+/// Thread pools by fork depth: the pool that a fork inherits belongs to its parent, and its threads do not exist in the
+/// fork.
 static OWN: [OnceLock<ThreadPool>; 8] = [const { OnceLock::new() }; 8];
 
 /// To be called in the child after a fork.
@@ -106,7 +107,7 @@ pub(crate) fn forked() {
     FORKS.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Does work where it finds threads: in a fork, in a pool of its own.
+/// Runs work on the global thread pool, or in a fork on a pool of its own.
 fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let Some(fork) = FORKS.load(Ordering::Relaxed).checked_sub(1) else { return Ok(work()) };
     let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
@@ -121,7 +122,7 @@ fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
 fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
     let own = OWN.get(fork).ok_or("there are too many forks within each other")?;
     if own.get().is_none() {
-        // Whoever comes second finds the first one's.
+        // Where two threads race, the first pool is kept.
         _ = own.set(ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?);
     }
     own.get().ok_or_else(|| "a fork found no threads".to_owned())
@@ -144,8 +145,8 @@ pub(crate) fn serve<'py>(
     }
 }
 
-/// Does work in a thread of its own while this one waits for it and for Ctrl-C. What was raised in it (by a listener, a
-/// worker, a user's function) is what is raised here.
+/// Runs work in a thread of its own while this one waits for it and for Ctrl-C. Exceptions in it (of a listener, a
+/// worker, a user's function) are raised here.
 pub(crate) fn working<T: Send>(
     py: Python<'_>,
     context: &Arc<ExecutionContext>,
@@ -187,7 +188,7 @@ pub(crate) fn at_once<T: Send>(
     if source.laws.is_empty() { py.detach(|| threaded(work))? } else { working(py, &Arc::new(here(source)), work) }
 }
 
-/// What work unwound with, as an exception.
+/// The payload of a panic as an exception.
 fn cause_of(cause: Box<dyn Any + Send>) -> PyErr {
     let cause = match cause.downcast::<PyErr>() {
         Ok(error) => return *error,
