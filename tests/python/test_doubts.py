@@ -61,7 +61,7 @@ def test_commands_that_come_at_another_time_are_told(pendulum: btr.Model, tmp_pa
 
     heard, found = told(pendulum, tmp_path / "lost", lost)
     assert heard == [
-        "real test 0: its commands come 20 ms before they were asked for: did it lose rows at its beginning? It is compared as "
+        "real test 0: its commands come 20 ms before they were requested: did it lose rows at its beginning? It is compared as "
         "if it had not"
     ]
     assert found.doubts[0]["topic"] == "command_lag" and found.doubts[0]["severity"] == "bad"
@@ -71,9 +71,9 @@ def test_commands_that_come_at_another_time_are_told(pendulum: btr.Model, tmp_pa
         return late | {"t": log["t"]}
 
     heard, _ = told(pendulum, tmp_path / "late", waits)
-    assert any("its commands come 300 ms after they were asked for" in line for line in heard), heard
+    assert any("its commands come 300 ms after they were requested" in line for line in heard), heard
     heard, _ = told(pendulum, tmp_path / "other", lambda log: log | {"cmd_hinge": -log["cmd_hinge"]})
-    assert any("its cmd_hinge is not what was asked for, at no shift in time" in line for line in heard), heard
+    assert any("its cmd_hinge is not what was requested, at any shift in time" in line for line in heard), heard
 
 
 def test_the_tests_clock_is_that_of_the_log_where_it_can_be(pendulum: btr.Model, tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def swings() -> list[tuple[btr.Model, btr.Log]]:
 
 
 def test_loads_and_resonances_are_not_taken_for_reversed_joints() -> None:
-    wrong = ("upside down", "does not follow its command", "mixed up", "freeze", "dead")
+    wrong = ("opposite to its command", "does not follow its command", "mixed up", "freeze", "dead")
     for model, log in walks() + swings():
         assert [line for line in said(model, log) if any(word in line for word in wrong)] == [], model.name
 
@@ -207,14 +207,14 @@ def test_loads_and_resonances_are_not_taken_for_reversed_joints() -> None:
 def test_a_joint_that_is_reversed_is_told() -> None:
     for model, log in swings():
         heard = said(model, btr.Log(log.clock_s, log.to_dict() | {"q_hinge": -log["q_hinge"], "dq_hinge": -log["dq_hinge"]}))
-        assert any("bad: hinge follows its command upside down" in line for line in heard), heard
+        assert any("bad: hinge moves opposite to its command" in line for line in heard), heard
     told = 0
     for model, log in walks()[:6]:
         knees = [joint for joint in model.joints if joint.endswith("knee")]
         turned = {f"{kind}_{joint}": -log[f"{kind}_{joint}"] for joint in knees for kind in ("q", "dq")}
         heard = said(model, btr.Log(log.clock_s, log.to_dict() | turned))
-        told += sum("upside down" in line for line in heard)
-        assert not any("upside down" in line and "knee" not in line for line in heard), heard
+        told += sum("opposite to its command" in line for line in heard)
+        assert not any("opposite to its command" in line and "knee" not in line for line in heard), heard
     assert told >= 24, f"{told} of 36"
 
 

@@ -160,7 +160,7 @@ fn units_and_signs_that_do_not_fit_are_told_and_end_with_1() {
     assert!(help.contains("in degrees? A column called q_hip_deg is read in degrees"), "{complaint}");
     assert!(complaint.contains("blew up at t = 0.001 s"), "{complaint}");
     scaled(&lab, "reversed.csv", &[Q_KNEE], -1.0);
-    says(&lab, "reversed.csv", 1, "bad: knee follows its command upside down");
+    says(&lab, "reversed.csv", 1, "bad: knee moves opposite to its command");
     scaled(&lab, "speed.csv", &[DQ_KNEE], 1f64.to_degrees());
     says(&lab, "speed.csv", 1, "bad: dq_knee is 57 times the slope of q_knee: is dq_knee in degrees?");
     scaled(&lab, "against.csv", &[DQ_KNEE], -1.0);

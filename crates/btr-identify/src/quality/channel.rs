@@ -1,39 +1,40 @@
-//! A channel on its own: what is missing, dead, saturated, rough or in another unit.
+//! Checks of a single channel: missing samples, dead or saturated signals, noise, units.
 
 use super::report::{Finding, SensorReport, Severity, Topic};
 use btr_core::log::{Channel, Log, Role};
 use btr_core::signal::missing::{Gap, spells};
 use btr_core::signal::noise::NoiseEstimate;
 
-/// Spells of torque off that are told one by one.
-const TOLD: usize = 3;
-/// A command with more spells than this was written when it was sent, most likely, not when it held.
+/// Number of torque-off intervals that a finding lists one by one.
+const LISTED: usize = 3;
+/// Most torque-off intervals of a command that is plausibly recorded at every sample. With more, its cells are most
+/// likely filled only when a command was sent.
 const SPARSE: usize = 10;
 
-/// A channel in numbers.
+/// The statistics of a channel.
 pub(super) fn sensor(name: &str, channel: &Channel) -> SensorReport {
-    let there: Vec<f64> = channel.values.iter().copied().filter(|x| x.is_finite()).collect();
-    let (min, max) = there.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let present: Vec<f64> = channel.values.iter().copied().filter(|x| x.is_finite()).collect();
+    let (min, max) = present.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let at_end = |x: &&f64| **x <= min || **x >= max;
     let noise = NoiseEstimate::of(&channel.values).filter(|_| channel.role == Role::Measured);
     SensorReport {
         name: name.to_owned(),
         unit: channel.unit.clone(),
-        missing: 1.0 - there.len() as f64 / channel.values.len().max(1) as f64,
+        missing: 1.0 - present.len() as f64 / channel.values.len().max(1) as f64,
         min,
         max,
         noise: noise.map(|noise| noise.sigma()),
         quantum: noise.map(|noise| noise.quantum).filter(|quantum| *quantum > 0.0),
-        at_ends: there.iter().filter(at_end).count() as f64 / there.len().max(1) as f64,
+        at_ends: present.iter().filter(at_end).count() as f64 / present.len().max(1) as f64,
     }
 }
 
-/// What is to be said about a channel.
+/// Findings about a channel.
 pub(super) fn findings(sensor: &SensorReport, channel: &Channel) -> Vec<Finding> {
     let mut found = Vec::new();
     let SensorReport { name, unit, missing, min, max, .. } = sensor;
     let mut say = |topic, severity, sentence| found.push(Finding::new(topic, severity, name, sentence));
-    // Commands that are missing in parts are told about spell by spell.
+    // For commands that are partly missing, `silences` reports each interval.
     if *missing > 0.01 && (channel.role != Role::Command || *missing >= 1.0) {
         let severity = if *missing > 0.5 { Severity::Bad } else { Severity::Doubtful };
         say(Topic::Missing, severity, format!("{name} lacks {:.1} % of its samples", 100.0 * missing));
@@ -53,18 +54,19 @@ pub(super) fn findings(sensor: &SensorReport, channel: &Channel) -> Vec<Finding>
         say(Topic::Unit, Severity::Doubtful, sentence);
     }
     if let Some(noise) = sensor.noise.filter(|noise| max > min && *noise > 0.1 * (max - min)) {
-        let sentence = format!("{name} errs by {noise:.2e} {unit} while it changes by {:.2e} {unit}", max - min);
+        let sentence =
+            format!("{name} has a noise of {noise:.2e} {unit} while it changes by only {:.2e} {unit}", max - min);
         say(Topic::Noise, Severity::Doubtful, sentence);
     }
     if name.starts_with("tau_") && max > min && sensor.at_ends > 0.05 {
         let sentence =
-            format!("{name} stands at its end {:.0} % of the time: the motor is at its limit", 100.0 * sensor.at_ends);
+            format!("{name} is at its extreme {:.0} % of the time: the motor is at its limit", 100.0 * sensor.at_ends);
         say(Topic::Saturation, Severity::Doubtful, sentence);
     }
     found
 }
 
-/// Where commands are missing: lost for a moment, or torque off.
+/// Intervals without commands: single messages lost, or torque off.
 pub(super) fn silences(log: &Log, name: &str, values: &[f64]) -> Vec<Finding> {
     let (lost, off): (Vec<Gap>, Vec<Gap>) = spells(log, values).into_iter().partition(|spell| spell.lost);
     let (lost, off) = (held(name, &lost), torque_off(name, &off, values));
@@ -84,10 +86,10 @@ fn torque_off(name: &str, off: &[Gap], values: &[f64]) -> Option<Finding> {
     if off.is_empty() || samples == values.len() {
         return None;
     }
-    let told: Vec<String> =
-        off.iter().take(TOLD).map(|spell| format!("{:.2}..{:.2} s", spell.start_s, spell.end_s)).collect();
-    let more = if off.len() > TOLD { format!(" and {} times more", off.len() - TOLD) } else { String::new() };
-    let sentence = format!("{name} is empty, which is torque off, {}{more}", told.join(", "));
+    let listed: Vec<String> =
+        off.iter().take(LISTED).map(|spell| format!("{:.2}..{:.2} s", spell.start_s, spell.end_s)).collect();
+    let more = if off.len() > LISTED { format!(" and {} more times", off.len() - LISTED) } else { String::new() };
+    let sentence = format!("{name} is empty, which is torque off, {}{more}", listed.join(", "));
     if off.len() <= SPARSE {
         return Some(Finding::new(Topic::Missing, Severity::Fine, name, sentence));
     }

@@ -19,10 +19,10 @@ pub(super) fn of(log: &Log) -> ClockReport {
     }
 }
 
-/// Fewest samples of a log that is of any use.
+/// Fewest samples of a usable log.
 pub const FEWEST_SAMPLES: usize = 20;
 
-/// What is to be said about a clock.
+/// Findings about a clock.
 pub(super) fn findings(clock: &ClockReport, log: &Log) -> Vec<Finding> {
     let mut found = Vec::new();
     let jitter = clock.jitter_s * clock.rate_hz;
@@ -37,13 +37,14 @@ pub(super) fn findings(clock: &ClockReport, log: &Log) -> Vec<Finding> {
     found.push(Finding::new(Topic::Clock, severity, "", sentence));
     found.extend(gaps(clock, log));
     if clock.duplicates > 0 {
-        let sentence = format!("{} samples follow another at once: the same sample twice?", clock.duplicates);
+        let sentence =
+            format!("{} samples have almost the time of the sample before: the same sample twice?", clock.duplicates);
         found.push(Finding::new(Topic::Clock, Severity::Doubtful, "", sentence));
     }
     found
 }
 
-/// Where samples are missing, and what becomes of it.
+/// Gaps in the clock, and how the replay handles them.
 fn gaps(clock: &ClockReport, log: &Log) -> Option<Finding> {
     let longest = clock.gaps.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let (at_s, long_s) = longest;
@@ -51,9 +52,9 @@ fn gaps(clock: &ClockReport, log: &Log) -> Option<Finding> {
         1 => format!("1 gap of {long_s:.3} s at {at_s:.3} s"),
         count => format!("{count} gaps, the longest of {long_s:.3} s at {at_s:.3} s"),
     };
-    let so = match missing::pieces(log).len() {
+    let consequence = match missing::pieces(log).len() {
         1 => "the last command is held".to_owned(),
         pieces => format!("the log is replayed in {pieces} pieces, each from its own start"),
     };
-    Some(Finding::new(Topic::Gaps, Severity::Doubtful, "", format!("{what}: {so}")))
+    Some(Finding::new(Topic::Gaps, Severity::Doubtful, "", format!("{what}: {consequence}")))
 }

@@ -5,13 +5,14 @@ use btr_core::log::{Channel, Log};
 use btr_core::signal::noise::NoiseEstimate;
 use std::ops::Range;
 
-/// What lasts shorter than this, in s, or has fewer samples, is no standstill.
+/// Shortest standstill: duration in s, and number of samples.
 const SHORTEST: (f64, usize) = (0.25, 10);
-/// A joint may take so long, in s, until it does what it is told.
+/// Longest time, in s, by which a joint may lag its command.
 const LATE_S: f64 = 0.15;
-/// What a joint is told meanwhile, as a share of all that it is told: enough to doubt, and enough to be sure of any joint.
-const TOLD: (f64, f64) = (0.25, 0.5);
-/// Commands that change by less, in rad or m, need not move a joint that never moves.
+/// Range of the command during the standstill, as a share of its range in the whole log: from the first a finding is
+/// doubtful, from the second it is certain for any joint.
+const COMMANDED: (f64, f64) = (0.25, 0.5);
+/// Smallest command range, in rad or m, for which a joint that never moves is reported.
 const LEAST: f64 = 0.02;
 
 /// A joint whose position stands still in every bit while its command moves.
@@ -19,47 +20,47 @@ pub(super) fn frozen(log: &Log, joint: &str, command: &Channel, position: &Chann
     if command.unit != position.unit {
         return None;
     }
-    let (told, moved) = (ends(&command.values)?, ends(&position.values)?);
-    let (asked, name) = (told.1 - told.0, format!("q_{joint}"));
+    let (commands, positions) = (ends(&command.values)?, ends(&position.values)?);
+    let (commanded, name) = (commands.1 - commands.0, format!("q_{joint}"));
     let say = |severity, sentence| Some(Finding::new(Topic::Dead, severity, &name, sentence));
-    if moved.0 >= moved.1 {
+    if positions.0 >= positions.1 {
         let sentence = format!(
-            "{name} never changes while its command does by {asked:.2} {}: is its encoder dead, or its motor off?",
+            "{name} never changes while its command does by {commanded:.2} {}: is its encoder dead, or its motor off?",
             command.unit
         );
-        return if asked > LEAST { say(Severity::Bad, sentence) } else { None };
+        return if commanded > LEAST { say(Severity::Bad, sentence) } else { None };
     }
     let noise = NoiseEstimate::of(&position.values)?;
-    // Where a live sensor's readings would tremble, a standstill is none of the joint's.
-    let trembles = !noise.is_negligible() && noise.white > 0.3 * noise.quantum;
-    let meanwhile = |run: &Range<usize>| {
+    // The readings of a live sensor with white noise change even while the joint rests.
+    let is_noisy = !noise.is_negligible() && noise.white > 0.3 * noise.quantum;
+    let commanded_during = |run: &Range<usize>| {
         let last_s = log.clock_s()[run.end - 1] - LATE_S;
         let until = run.start + log.clock_s()[run.clone()].partition_point(|t| *t <= last_s);
-        let told = ends(&command.values[run.start..until]).map_or(0.0, |(low, high)| high - low);
-        // Steps of the encoder are not left by small motions.
-        if told > 10.0 * noise.quantum { told } else { 0.0 }
+        let moved_by = ends(&command.values[run.start..until]).map_or(0.0, |(low, high)| high - low);
+        // A small motion may stay within one step of the encoder.
+        if moved_by > 10.0 * noise.quantum { moved_by } else { 0.0 }
     };
-    // What stands at an end of its range may stand at its stop.
+    // A joint at an end of its range may be at its mechanical stop.
     let at_a_stop = |run: &Range<usize>| {
         let held = position.values[run.start];
-        (held <= moved.0 || held >= moved.1) && !trembles
+        (held <= positions.0 || held >= positions.1) && !is_noisy
     };
     let runs = standstills(log, &position.values).into_iter().filter(|run| !at_a_stop(run));
-    let (run, told) = runs
-        .map(|run| (run.clone(), meanwhile(&run)))
+    let (run, moved_by) = runs
+        .map(|run| (run.clone(), commanded_during(&run)))
         .max_by(|(_, a), (_, b)| a.total_cmp(b))
-        .filter(|(_, told)| *told > TOLD.0 * asked)?;
+        .filter(|(_, moved_by)| *moved_by > COMMANDED.0 * commanded)?;
     let (from_s, to_s) = (log.clock_s()[run.start], log.clock_s()[run.end - 1]);
     let sentence = format!(
-        "{name} stands still in every bit from {from_s:.2} to {to_s:.2} s, while its command changes by {told:.2} {}: did its \
-         readings freeze?",
+        "{name} stands still in every bit from {from_s:.2} to {to_s:.2} s, while its command changes by {moved_by:.2} {}: did \
+         its readings freeze?",
         command.unit
     );
-    let sure = trembles || told > TOLD.1 * asked;
+    let sure = is_noisy || moved_by > COMMANDED.1 * commanded;
     say(if sure { Severity::Bad } else { Severity::Doubtful }, sentence)
 }
 
-/// Where readings are the same for long.
+/// Long runs of identical readings.
 fn standstills(log: &Log, values: &[f64]) -> Vec<Range<usize>> {
     let (mut runs, mut start) = (Vec::new(), 0);
     for k in 1..=values.len() {
@@ -75,8 +76,8 @@ fn standstills(log: &Log, values: &[f64]) -> Vec<Range<usize>> {
     runs
 }
 
-/// Least and greatest of what is there.
+/// Least and greatest of the values that are present.
 fn ends(values: &[f64]) -> Option<(f64, f64)> {
-    let there = values.iter().copied().filter(|x| x.is_finite());
-    there.fold(None, |ends, x| Some(ends.map_or((x, x), |(low, high): (f64, f64)| (low.min(x), high.max(x)))))
+    let present = values.iter().copied().filter(|x| x.is_finite());
+    present.fold(None, |ends, x| Some(ends.map_or((x, x), |(low, high): (f64, f64)| (low.min(x), high.max(x)))))
 }

@@ -8,42 +8,43 @@ use btr_core::signal::lag::{Lag, lag};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth::smooth;
 
-/// How late a joint is looked for, in s.
+/// Largest lag that is searched, in s.
 const MOST_LAG_S: f64 = 0.5;
-/// A lag that is less certain than this, in s, is not told.
-const MOST_DOUBT_S: f64 = 0.05;
-/// A servo that is later than this, in s, is an odd one.
+/// Largest standard deviation of a reported lag, in s.
+const MOST_SD_S: f64 = 0.05;
+/// Largest plausible lag of a servo, in s.
 const LATE_S: f64 = 0.15;
-/// A joint that is less like its command than this hardly follows it, or follows it in another way than most.
-const LIKE: f64 = 0.9;
-/// A lag below zero needs motions that are as much alike as this, and as this where the command pulls the joint.
-const FORETOLD: (f64, f64) = (0.8, 0.97);
-/// A command that pulls by so many standard deviations does pull.
+/// Smallest correlation of a joint with its command that is not doubtful.
+const FOLLOWS: f64 = 0.9;
+/// Smallest correlation for a negative lag to count: in general, and where the command pulls the joint.
+const NEGATIVE_LAG: (f64, f64) = (0.8, 0.97);
+/// Significance from which a command pulls its joint, in standard deviations.
 const PULLS: f64 = 3.0;
-/// One whose joint does nothing but swing towards it is so much like its acceleration.
+/// Correlation of command and acceleration from which a joint is a mass on a spring.
 const SWINGS: f64 = 0.98;
-/// One that pushes its joint away is so much like its acceleration turned over, by so many standard deviations.
+/// A command that pushes its joint away has at least this negative correlation with its acceleration, and this
+/// negative significance in standard deviations.
 const PUSHED: (f64, f64) = (0.7, 6.0);
-/// So many are enough to doubt that a joint is upside down.
+/// Significance, in standard deviations, from which an inverted joint is no longer plausible.
 const MAY_PULL: f64 = 2.0;
-/// Motions that differ by less than this are about as much alike.
+/// Correlations that differ by less than this are about equal.
 const ABOUT: f64 = 0.1;
-/// A joint that is upside down is so much like its command turned over, ...
-const TURNED_OVER: f64 = 0.9;
-/// ... and moves so far beside it, at least and at most.
-const AS_FAR: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// A joint that moves by less than this share of what it is told does not follow.
+/// Smallest correlation of an inverted joint with its inverted command, ...
+const INVERTED: f64 = 0.9;
+/// ... and the range of its slope.
+const INVERTED_SLOPE: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// A joint that moves by less than this share of its command's range does not follow it.
 const SMALL: f64 = 0.2;
-/// How far a ratio may be from the one that is expected, ...
+/// Relative tolerance of the ratio of two velocities, ...
 const NEAR: f64 = 0.15;
-/// ... and that of a position to its command, which servos follow more or less.
+/// ... and of a position to its command, which servos follow only roughly.
 const NEARLY: f64 = 0.4;
 
-/// Whether a joint follows its command, and how late; nothing without a command or a reading.
+/// Whether a joint follows its command, and with which lag; `None` without commands or readings.
 pub(super) fn follows(log: &Log, joint: &str) -> Option<(CommandResponse, Vec<Finding>)> {
-    let there = |channel: &&Channel| channel.values.iter().any(|x| x.is_finite());
-    let position = log.channel(&format!("q_{joint}")).filter(there)?;
-    let command = log.channel(&format!("cmd_{joint}")).filter(there)?;
+    let has_values = |channel: &&Channel| channel.values.iter().any(|x| x.is_finite());
+    let position = log.channel(&format!("q_{joint}")).filter(has_values)?;
+    let command = log.channel(&format!("cmd_{joint}")).filter(has_values)?;
     let lag = lag(log.clock_s(), &command.values, &position.values, MOST_LAG_S);
     let mut found: Vec<Finding> = pinned(joint, command, position).into_iter().collect();
     found.extend(in_degrees(joint, command, position, lag));
@@ -58,55 +59,57 @@ pub(super) fn follows(log: &Log, joint: &str) -> Option<(CommandResponse, Vec<Fi
     Some((CommandResponse { joint: joint.to_owned(), lag }, found))
 }
 
-/// A joint that stands at its very end while its command asks for more.
+/// A joint that is at the end of its range while its command lies beyond it.
 fn pinned(joint: &str, command: &Channel, position: &Channel) -> Option<Finding> {
     if command.unit != position.unit {
         return None;
     }
-    let there = || position.values.iter().zip(&command.values).filter(|(q, c)| q.is_finite() && c.is_finite());
-    let (min, max) = there().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (q, _)| (l.min(*q), h.max(*q)));
+    let pairs = || position.values.iter().zip(&command.values).filter(|(q, c)| q.is_finite() && c.is_finite());
+    let (min, max) = pairs().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (q, _)| (l.min(*q), h.max(*q)));
     let beyond = 0.1 * (max - min);
-    let pinned = |(q, told): &(&f64, &f64)| **q >= max && **told > max + beyond || **q <= min && **told < min - beyond;
-    let share = there().filter(pinned).count() as f64 / there().count().max(1) as f64;
+    let pinned = |(q, c): &(&f64, &f64)| **q >= max && **c > max + beyond || **q <= min && **c < min - beyond;
+    let share = pairs().filter(pinned).count() as f64 / pairs().count().max(1) as f64;
     (share > 0.02).then(|| {
-        let sentence =
-            format!("{joint} stands at its end {:.0} % of the time while its command asks for more", 100.0 * share);
+        let sentence = format!(
+            "{joint} is at the end of its range {:.0} % of the time while its command is beyond",
+            100.0 * share
+        );
         Finding::new(Topic::Saturation, Severity::Doubtful, joint, sentence)
     })
 }
 
-/// A joint that moves as it is told, but 57 times as far, or a 57th of it.
+/// A joint that follows its command with a gain of about 57 or 1/57: one of the two is in degrees.
 fn in_degrees(joint: &str, command: &Channel, position: &Channel, lag: Option<Lag>) -> Option<Finding> {
     let follows = lag.is_some_and(|lag| lag.correlation >= 0.5);
     if command.unit != "rad" || position.unit != "rad" || !follows || !is_moved(command, position) {
         return None;
     }
-    let both = || position.values.iter().zip(&command.values).filter(|(q, told)| (*q * *told).is_finite());
-    let ratio = range(both().map(|(q, _)| *q)) / range(both().map(|(_, told)| *told));
+    let both = || position.values.iter().zip(&command.values).filter(|(q, c)| (*q * *c).is_finite());
+    let ratio = range(both().map(|(q, _)| *q)) / range(both().map(|(_, c)| *c));
     let near = |expected: f64| (ratio / expected - 1.0).abs() < NEARLY;
     let degrees = 1f64.to_degrees();
-    let [q, told] = ["q", "cmd"].map(|kind| format!("{kind}_{joint}"));
+    let [q, cmd] = ["q", "cmd"].map(|kind| format!("{kind}_{joint}"));
     let (suspect, sentence) = match () {
-        () if near(degrees) => (&q, format!("{q} moves {ratio:.0} times as far as {told}: is {q} in degrees?")),
+        () if near(degrees) => (&q, format!("{q} moves {ratio:.0} times as far as {cmd}: is {q} in degrees?")),
         () if near(degrees.recip()) => {
-            (&told, format!("{told} moves {:.0} times as far as {q}: is {told} in degrees?", ratio.recip()))
+            (&cmd, format!("{cmd} moves {:.0} times as far as {q}: is {cmd} in degrees?", ratio.recip()))
         }
         () => return None,
     };
     Some(Finding::new(Topic::Unit, Severity::Bad, suspect, sentence))
 }
 
-/// How far values are apart.
+/// Difference of the largest and the smallest value.
 fn range(values: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     (high - low).max(0.0)
 }
 
-/// Whether a joint is told and moves enough to tell anything.
+/// Whether a joint's command changes and the joint moves enough for its response to be measured.
 fn is_moved(command: &Channel, position: &Channel) -> bool {
     let noise = NoiseEstimate::of(&position.values).map_or(0.0, |noise| noise.sigma());
-    let there = |channel: &'_ Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
-    there(command) > 0.0 && there(position) >= 20.0 * noise
+    let range_of = |channel: &'_ Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
+    range_of(command) > 0.0 && range_of(position) >= 20.0 * noise
 }
 
 /// A joint that moves against its command: the command pushes it away, or the inverted motion correlates better with
@@ -117,62 +120,62 @@ fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, strai
     }
     let say = |correlation: f64| {
         let sentence = format!(
-            "{joint} follows its command upside down (likeness {correlation:.2}): is its encoder reversed, or its command?"
+            "{joint} moves opposite to its command (correlation {correlation:.2}): is its encoder or its command reversed?"
         );
         Some(Finding::new(Topic::Sign, Severity::Bad, joint, sentence))
     };
-    // A swing beyond its resonance moves against its command as well, and a load moves a joint anywhere.
-    let pulled = pull(log.clock_s(), &command.values, &position.values);
-    let telling = pulled.map_or(0.0, |pulled| pulled.telling);
-    if let Some(pushed) = pulled.filter(|pulled| pulled.correlation <= -PUSHED.0 && pulled.telling <= -PUSHED.1) {
-        return say(-pushed.correlation);
+    // A joint that is driven above its resonance moves against its command as well, and a load may move it anywhere.
+    let influence = pull(log.clock_s(), &command.values, &position.values);
+    let significance = influence.map_or(0.0, |influence| influence.significance);
+    if let Some(push) = influence.filter(|of| of.correlation <= -PUSHED.0 && of.significance <= -PUSHED.1) {
+        return say(-push.correlation);
     }
-    let upside_down: Vec<f64> = position.values.iter().map(|q| -q).collect();
-    let against = lag(log.clock_s(), &command.values, &upside_down, MOST_LAG_S)?;
-    // What comes before its command does not come of it.
+    let inverted: Vec<f64> = position.values.iter().map(|q| -q).collect();
+    let against = lag(log.clock_s(), &command.values, &inverted, MOST_LAG_S)?;
+    // A motion that precedes the command is not caused by it.
     if against.seconds < -3.0 * against.sd_s - log.usual_step_s().unwrap_or(0.0) || against.correlation < 0.5 {
         return None;
     }
-    let (correlation, slope) = alike(log, command, position, against.seconds);
-    let turned_over = correlation <= -TURNED_OVER && AS_FAR.contains(&-slope);
-    // A wave that comes half a period late looks like one that is turned over, and may look so a little more.
-    let slack = if turned_over && telling < 0.0 { ABOUT } else { 0.0 };
+    let (correlation, slope) = position_correlation(log, command, position, against.seconds);
+    let is_inverted = correlation <= -INVERTED && INVERTED_SLOPE.contains(&-slope);
+    // A sine that lags by half a period looks inverted, and may correlate slightly better that way.
+    let slack = if is_inverted && significance < 0.0 { ABOUT } else { 0.0 };
     let better = straight.is_none_or(|lag| {
         let sooner = lag.seconds > LATE_S && against.seconds.abs() < lag.seconds;
         lag.correlation < against.correlation - ABOUT || sooner && lag.correlation < against.correlation + slack
     });
-    let sure = telling <= -PULLS || turned_over && telling < MAY_PULL;
+    let sure = significance <= -PULLS || is_inverted && significance < MAY_PULL;
     if better && sure { say(against.correlation) } else { None }
 }
 
-/// How late a joint follows.
+/// The lag of a joint behind its command.
 fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Option<Lag>) -> Finding {
     let say = |topic, severity, sentence| Finding::new(topic, severity, joint, sentence);
     if !is_moved(command, position) {
-        let sentence = format!("{joint} is hardly moved: it tells next to nothing about itself");
+        let sentence = format!("{joint} hardly moves: the log says next to nothing about it");
         return say(Topic::Excitation, Severity::Doubtful, sentence);
     }
     // A torque or a voltage is followed by the acceleration, not by the position.
     if command.unit != position.unit {
-        let sentence = format!("{joint} is told in {}; its lag cannot be seen from positions", command.unit);
+        let sentence = format!("{joint} is commanded in {}; its lag cannot be determined from positions", command.unit);
         return say(Topic::CommandLag, Severity::Fine, sentence);
     }
-    let of_positions = lag.map_or(0.0, |lag| alike(log, command, position, lag.seconds).0);
+    let of_positions = lag.map_or(0.0, |lag| position_correlation(log, command, position, lag.seconds).0);
     let pull = pull(log.clock_s(), &command.values, &position.values);
-    let pulled = pull.is_some_and(|pull| pull.telling >= PULLS);
-    // A mass on a spring is late without anybody's clock being wrong.
+    let pulled = pull.is_some_and(|pull| pull.significance >= PULLS);
+    // A mass on a spring lags although no clock is wrong.
     let swings = pull.is_some_and(|pull| pull.correlation >= SWINGS);
     let before = |lag: &Lag| lag.seconds < -3.0 * lag.sd_s - 1e-3;
     let least = |lag: &Lag| match (before(lag), pulled) {
         (false, _) => 0.5,
-        (true, false) => FORETOLD.0,
-        (true, true) => FORETOLD.1,
+        (true, false) => NEGATIVE_LAG.0,
+        (true, true) => NEGATIVE_LAG.1,
     };
     let Some(lag) = lag.filter(|lag| lag.correlation >= least(lag)) else {
-        return unlike(joint, command, position, pulled);
+        return uncorrelated(joint, command, position, pulled);
     };
-    if lag.sd_s > MOST_DOUBT_S {
-        let sentence = format!("{joint} follows its command, but its motion does not tell how late");
+    if lag.sd_s > MOST_SD_S {
+        let sentence = format!("{joint} follows its command, but its motion does not determine the lag");
         return say(Topic::CommandLag, Severity::Doubtful, sentence);
     }
     let (severity, why) = match () {
@@ -180,46 +183,47 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
         () if lag.seconds > LATE_S && !swings => {
             (Severity::Doubtful, ": late for a servo; are commands and positions stamped by one clock?")
         }
-        () if lag.correlation < LIKE && of_positions < LIKE && !pulled => {
-            (Severity::Doubtful, ": its motion is not much like its command; is it that joint's, in that unit?")
-        }
+        () if lag.correlation < FOLLOWS && of_positions < FOLLOWS && !pulled => (
+            Severity::Doubtful,
+            ": its motion correlates poorly with its command; is it the same joint's, in the same unit?",
+        ),
         () => (Severity::Fine, ""),
     };
     let (ms, sd) = (1e3 * lag.seconds, 1e3 * lag.sd_s);
     let sentence =
-        format!("{joint} follows its command after {ms:.1} ± {sd:.1} ms (likeness {:.2}){why}", lag.correlation);
+        format!("{joint} follows its command after {ms:.1} ± {sd:.1} ms (correlation {:.2}){why}", lag.correlation);
     say(Topic::CommandLag, severity, sentence)
 }
 
-/// A joint whose motion is not like its command: others may move it more, or it stands at a limit.
-fn unlike(joint: &str, command: &Channel, position: &Channel, pulled: bool) -> Finding {
+/// A joint whose motion does not correlate with its command: other forces may move it more, or it is at a limit.
+fn uncorrelated(joint: &str, command: &Channel, position: &Channel, pulled: bool) -> Finding {
     let say = |topic, severity, sentence| Finding::new(topic, severity, joint, sentence);
-    let told = |channel: &Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
-    let (asked, moved, unit) = (told(command), told(position), &position.unit);
-    let beside = format!("{joint} moves by {moved:.2e} {unit} while its command changes by {asked:.2e} {unit}");
+    let range_of = |channel: &Channel| range(channel.values.iter().copied().filter(|x| x.is_finite()));
+    let (commanded, moved, unit) = (range_of(command), range_of(position), &position.unit);
+    let ranges = format!("{joint} moves by {moved:.2e} {unit} while its command changes by {commanded:.2e} {unit}");
     match () {
         () if pulled => {
             let sentence =
-                format!("{joint} does what it is told, though its motion is not like its command: no lag is told");
+                format!("{joint} responds to its command, but its motion does not correlate with it: no lag is given");
             say(Topic::CommandLag, Severity::Fine, sentence)
         }
-        () if moved < SMALL * asked => {
-            say(Topic::CommandLag, Severity::Doubtful, format!("{beside}: it does not follow its command"))
+        () if moved < SMALL * commanded => {
+            say(Topic::CommandLag, Severity::Doubtful, format!("{ranges}: it does not follow its command"))
         }
         () => {
-            let why = "others move it, or these are not one joint's";
-            let sentence = format!("{beside}, and not like it: {why}; whether it follows is not told");
+            let why = "other forces move it, or these are not the same joint's";
+            let sentence = format!("{ranges}, without correlation: {why}; whether it follows is unknown");
             say(Topic::CommandLag, Severity::Doubtful, sentence)
         }
     }
 }
 
-/// How much a joint's positions are like its commands so much earlier, and how far they go beside these. A lag is told by
-/// velocities, and those of a step are like no motion's.
-fn alike(log: &Log, command: &Channel, position: &Channel, lag_s: f64) -> (f64, f64) {
+/// Correlation of a joint's positions with its commands `lag_s` earlier, and the slope of the positions over these. The
+/// lag itself is estimated from velocities, which correlate with no motion where the command is a step.
+fn position_correlation(log: &Log, command: &Channel, position: &Channel, lag_s: f64) -> (f64, f64) {
     let earlier_s: Vec<f64> = log.clock_s().iter().map(|t| t - lag_s).collect();
-    let told = interpolate(log.clock_s(), &command.values, &earlier_s);
-    let pairs = || told.iter().zip(&position.values).filter(|(a, b)| (*a * *b).is_finite());
+    let commands = interpolate(log.clock_s(), &command.values, &earlier_s);
+    let pairs = || commands.iter().zip(&position.values).filter(|(a, b)| (*a * *b).is_finite());
     let n = pairs().count().max(1) as f64;
     let (a, b) = pairs().fold((0.0, 0.0), |(x, y), (a, b)| (x + a / n, y + b / n));
     let (aa, bb, ab) = pairs().fold((0.0, 0.0, 0.0), |(aa, bb, ab), (x, y)| {
@@ -233,13 +237,13 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
     let position = log.channel(&format!("q_{joint}"))?;
     let velocity = log.channel(&format!("dq_{joint}"))?;
     let slopes = smooth(log.clock_s(), &position.values);
-    let said = smooth(log.clock_s(), &velocity.values);
-    let pairs = slopes.iter().zip(&said).map(|(q, dq)| (q.velocity, dq.value)).filter(|(a, b)| (a * b).is_finite());
+    let measured = smooth(log.clock_s(), &velocity.values);
+    let pairs = slopes.iter().zip(&measured).map(|(q, dq)| (q.velocity, dq.value)).filter(|(a, b)| (a * b).is_finite());
     let (aa, bb, ab) = pairs.fold((0.0, 0.0, 0.0), |(aa, bb, ab), (a, b)| (aa + a * a, bb + b * b, ab + a * b));
     let (ratio, correlation) = (ab / aa, ab / (aa * bb).sqrt());
     let moves = NoiseEstimate::of(&position.values).is_some_and(|noise| {
         let usual_s = log.usual_step_s().unwrap_or(1.0);
-        // The slope of smoothed noise is below this.
+        // The slope of smoothed noise alone stays below this.
         (aa / slopes.len() as f64).sqrt() > 0.3 * noise.sigma() / usual_s
     });
     if !moves || !correlation.is_finite() {
@@ -256,10 +260,10 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
         () if !(0.7..1.4).contains(&ratio) => (Topic::Unit, Severity::Doubtful, &dq, format!("is {ratio:.2} times")),
         () => return None,
     };
-    let ask = match (topic, severity) {
+    let question = match (topic, severity) {
         (Topic::Unit, Severity::Bad) => format!(": is {suspect} in degrees?"),
         (Topic::Sign, Severity::Bad) => ": is one of them reversed?".to_owned(),
         _ => String::new(),
     };
-    Some(Finding::new(topic, severity, suspect, format!("{dq} {what} the slope of {q}{ask}")))
+    Some(Finding::new(topic, severity, suspect, format!("{dq} {what} the slope of {q}{question}")))
 }

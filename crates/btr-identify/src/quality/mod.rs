@@ -1,4 +1,4 @@
-//! What a log is worth before anything is fitted to it: clock, sensors, and how the joints follow their commands.
+//! Quality checks of a log before anything is fitted to it: clock, sensors, and how the joints follow their commands.
 
 mod channel;
 mod clock;
@@ -16,7 +16,7 @@ pub use report::{ClockReport, CommandResponse, Finding, Quality, SensorReport, S
 
 use btr_core::log::{Log, Role};
 
-/// Looks at a log.
+/// Checks a log.
 pub fn check(log: &Log) -> Quality {
     let known = || log.channels().filter(|(_, channel)| channel.role != Role::Truth);
     let mut quality = Quality { clock: clock::of(log), sensors: Vec::new(), joints: Vec::new(), findings: Vec::new() };

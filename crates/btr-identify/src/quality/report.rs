@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
-    /// As it should be.
+    /// No problem.
     Fine,
-    /// Results may suffer.
+    /// Results may be affected.
     Doubtful,
-    /// Nothing that uses it can be trusted.
+    /// Results that use it cannot be trusted.
     Bad,
 }
 
@@ -21,17 +21,17 @@ pub enum Severity {
 pub enum Topic {
     /// Rate, jitter.
     Clock,
-    /// Holes in the clock.
+    /// Gaps in the clock.
     Gaps,
-    /// Samples that are not there.
+    /// Missing samples.
     Missing,
     /// A channel that never changes.
     Dead,
-    /// A channel that stands at its end.
+    /// A channel that is at the end of its range.
     Saturation,
-    /// Noise or steps that are large beside the motion.
+    /// Noise or quantisation steps that are large compared with the motion.
     Noise,
-    /// Numbers that look like another unit.
+    /// Values that look like another unit.
     Unit,
     /// Positions that a joint cannot have.
     Limits,
@@ -47,21 +47,21 @@ pub enum Topic {
     Start,
 }
 
-/// One thing that was found.
+/// One result of a quality check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// What it is about.
+    /// Its topic.
     pub topic: Topic,
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
     /// The channel or joint; empty for the clock.
     pub channel: String,
-    /// In one sentence.
+    /// Its description, one sentence.
     pub sentence: String,
 }
 
 impl Finding {
-    /// Something that was found.
+    /// A finding about a channel or joint.
     pub fn new(topic: Topic, severity: Severity, channel: &str, sentence: String) -> Self {
         Finding { topic, severity, channel: channel.to_owned(), sentence }
     }
@@ -78,7 +78,7 @@ pub struct ClockReport {
     pub rate_hz: f64,
     /// Standard deviation of the usual steps, in s.
     pub jitter_s: f64,
-    /// Steps longer than three usual ones: when they begin and how long they are, in s.
+    /// Steps longer than three usual ones: their begin and their length, in s.
     pub gaps: Vec<(f64, f64)>,
     /// Steps shorter than a tenth of the usual one: the same sample twice, most likely.
     pub duplicates: usize,
@@ -91,7 +91,7 @@ pub struct SensorReport {
     pub name: String,
     /// SI unit as text.
     pub unit: String,
-    /// Share of the samples that are not there.
+    /// Share of missing samples.
     pub missing: f64,
     /// Smallest value.
     pub min: f64,
@@ -101,7 +101,7 @@ pub struct SensorReport {
     pub noise: Option<f64>,
     /// The readings' step; `None` where there is none.
     pub quantum: Option<f64>,
-    /// Share of the samples that stand at the smallest or the largest value.
+    /// Share of the samples at the smallest or the largest value.
     pub at_ends: f64,
 }
 
@@ -110,11 +110,11 @@ pub struct SensorReport {
 pub struct CommandResponse {
     /// The joint.
     pub joint: String,
-    /// How late; `None` where it does not follow at all.
+    /// Its lag; `None` where it does not follow at all.
     pub lag: Option<Lag>,
 }
 
-/// All that was found.
+/// The result of a quality check.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quality {
     /// The clock.
@@ -123,17 +123,17 @@ pub struct Quality {
     pub sensors: Vec<SensorReport>,
     /// Joints with a command and a position.
     pub joints: Vec<CommandResponse>,
-    /// What is to be said about all of them, worst first.
+    /// All findings, worst first.
     pub findings: Vec<Finding>,
 }
 
 impl Quality {
-    /// The worst that was found.
+    /// The worst severity.
     pub fn worst(&self) -> Severity {
         self.findings.iter().map(|finding| finding.severity).max().unwrap_or(Severity::Fine)
     }
 
-    /// What makes results doubtful, worst first.
+    /// The findings that are not [`Severity::Fine`], worst first.
     pub fn doubts(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.severity > Severity::Fine)
     }

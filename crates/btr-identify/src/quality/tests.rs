@@ -10,10 +10,10 @@ fn healthy() -> Log {
     let clock: Vec<f64> = (0..2000).map(|i| 0.005 * f64::from(i)).collect();
     let step = 1e-3;
     let read = |late: f64| clock.iter().map(|t| (motion(t - late) / step).round() * step).collect::<Vec<_>>();
-    let told: Vec<f64> = clock.iter().map(|t| motion(*t)).collect();
+    let commands: Vec<f64> = clock.iter().map(|t| motion(*t)).collect();
     let mut log = Log::new(clock.clone()).unwrap();
     for (joint, late) in [("hip", 0.02), ("knee", 0.04)] {
-        log.insert(format!("cmd_{joint}"), "rad", Role::Command, told.clone()).unwrap();
+        log.insert(format!("cmd_{joint}"), "rad", Role::Command, commands.clone()).unwrap();
         log.insert(format!("q_{joint}"), "rad", Role::Measured, read(late)).unwrap();
     }
     log
@@ -24,7 +24,7 @@ fn severity(quality: &Quality, topic: Topic, channel: &str) -> Option<Severity> 
 }
 
 #[test]
-fn a_healthy_log_is_fine_and_its_lags_are_told() {
+fn a_healthy_log_is_fine_and_its_lags_are_measured() {
     let quality = check(&healthy());
     assert_eq!(quality.worst(), Severity::Fine, "{:?}", quality.findings);
     assert!((quality.clock.rate_hz - 200.0).abs() < 1e-6 && quality.clock.jitter_s < 1e-9);
@@ -34,7 +34,7 @@ fn a_healthy_log_is_fine_and_its_lags_are_told() {
 }
 
 #[test]
-fn degrees_are_told_from_the_command_beside_them() {
+fn degrees_are_recognised_by_comparison_with_the_command() {
     for (scaled, factor) in [("q_hip", 50.0), ("cmd_hip", 60.0), ("q_hip", 10.0)] {
         let mut log = healthy();
         log.values_mut(scaled).unwrap().iter_mut().for_each(|x| *x *= factor);
@@ -44,7 +44,7 @@ fn degrees_are_told_from_the_command_beside_them() {
 }
 
 #[test]
-fn every_fault_is_found_where_it_is() {
+fn every_fault_is_reported_for_its_channel() {
     let mut log = healthy();
     let n = log.len();
     log.values_mut("q_hip").unwrap()[..1200].fill(f64::NAN);
@@ -70,13 +70,13 @@ fn every_fault_is_found_where_it_is() {
 }
 
 #[test]
-fn clocks_with_holes_and_commands_from_the_future_are_told() {
+fn clock_gaps_and_commands_after_the_motion_are_reported() {
     let clock = (0..1000).map(|i| 0.01 * f64::from(i) + if i >= 400 { 0.3 } else { 0.0 }).collect();
     let mut log = Log::new(clock).unwrap();
     let at = |late: f64| log.clock_s().iter().map(|t| motion(t - late)).collect::<Vec<_>>();
-    let (told, did) = (at(0.05), at(0.0));
-    log.insert("cmd_knee", "rad", Role::Command, told).unwrap();
-    log.insert("q_knee", "rad", Role::Measured, did).unwrap();
+    let (commands, positions) = (at(0.05), at(0.0));
+    log.insert("cmd_knee", "rad", Role::Command, commands).unwrap();
+    log.insert("q_knee", "rad", Role::Measured, positions).unwrap();
     let quality = check(&log);
     assert!(quality.clock.gaps.len() == 1 && (quality.clock.gaps[0].1 - 0.31).abs() < 1e-9);
     assert_eq!(severity(&quality, Topic::Gaps, ""), Some(Severity::Doubtful));
@@ -84,26 +84,26 @@ fn clocks_with_holes_and_commands_from_the_future_are_told() {
     assert_eq!(check(&Log::default()).worst(), Severity::Bad);
 }
 
-/// A mass of 0.1 kg·m² on a servo of 10 N·m/rad, told a wave beyond its resonance.
+/// An inertia of 0.1 kg·m² on a servo of 10 N·m/rad, whose command is a sine above its resonance.
 fn swinging() -> Log {
     let clock: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
-    let told: Vec<f64> = clock.iter().map(|t| 0.6 * (14.0 * t).sin()).collect();
-    let (mut q, mut dq, mut moved) = (0.0, 0.0, Vec::new());
-    for command in &told {
-        moved.push(q);
+    let commands: Vec<f64> = clock.iter().map(|t| 0.6 * (14.0 * t).sin()).collect();
+    let (mut q, mut dq, mut positions) = (0.0, 0.0, Vec::new());
+    for command in &commands {
+        positions.push(q);
         for _ in 0..10 {
             dq += 1e-3 * (10.0 * (command - q) - 0.1 * dq) / 0.1;
             q += 1e-3 * dq;
         }
     }
     let mut log = Log::new(clock).unwrap();
-    log.insert("cmd_hip", "rad", Role::Command, told).unwrap();
-    log.insert("q_hip", "rad", Role::Measured, moved).unwrap();
+    log.insert("cmd_hip", "rad", Role::Command, commands).unwrap();
+    log.insert("q_hip", "rad", Role::Measured, positions).unwrap();
     log
 }
 
 #[test]
-fn a_swing_beyond_resonance_is_not_upside_down_unless_it_is() {
+fn a_motion_above_resonance_counts_as_reversed_only_if_it_is() {
     let mut log = swinging();
     assert_eq!(severity(&check(&log), Topic::Sign, "hip"), None, "{:?}", check(&log).findings);
     log.values_mut("q_hip").unwrap().iter_mut().for_each(|q| *q = -*q);
@@ -111,37 +111,38 @@ fn a_swing_beyond_resonance_is_not_upside_down_unless_it_is() {
 }
 
 #[test]
-fn readings_that_freeze_are_told_and_those_that_rest_are_not() {
+fn frozen_readings_are_reported_and_a_resting_joint_is_not() {
     let frozen = |log: &Log| severity(&check(log), Topic::Dead, "q_hip");
     let mut log = healthy();
     assert_eq!(frozen(&log), None);
     let held = log.channel("q_hip").unwrap().values[700];
     log.values_mut("q_hip").unwrap()[700..].fill(held);
     assert_eq!(frozen(&log), Some(Severity::Bad));
-    // What it is told does not move either.
-    let told = log.channel("cmd_hip").unwrap().values[650];
-    log.values_mut("cmd_hip").unwrap()[650..].fill(told);
+    // Now the command does not move either.
+    let held = log.channel("cmd_hip").unwrap().values[650];
+    log.values_mut("cmd_hip").unwrap()[650..].fill(held);
     assert_eq!(frozen(&log), None, "{:?}", check(&log).findings);
     log.values_mut("q_hip").unwrap().fill(0.3);
     assert_eq!(frozen(&log), Some(Severity::Bad));
 }
 
 #[test]
-fn commands_are_looked_for_where_they_were_asked() {
-    let asked_for = swinging();
+fn commands_are_compared_with_the_requested_ones() {
+    let requested = swinging();
     let shifted = |by: f64| {
         let clock: Vec<f64> = (0..1500).map(|i| 0.002 * f64::from(i)).collect();
         let earlier: Vec<f64> = clock.iter().map(|t| t - by).collect();
-        let told = btr_core::log::hold(asked_for.clock_s(), &asked_for.channel("cmd_hip").unwrap().values, &earlier);
+        let commands =
+            btr_core::log::hold(requested.clock_s(), &requested.channel("cmd_hip").unwrap().values, &earlier);
         let mut log = Log::new(clock).unwrap();
-        log.insert("cmd_hip", "rad", Role::Command, told).unwrap();
+        log.insert("cmd_hip", "rad", Role::Command, commands).unwrap();
         log
     };
-    let say = |log: &Log| check_references(&asked_for, log).map(|found| found.sentence).unwrap_or_default();
+    let say = |log: &Log| check_references(&requested, log).map(|found| found.sentence).unwrap_or_default();
     assert_eq!(say(&shifted(0.0)), "");
     assert!(say(&shifted(-0.02)).starts_with("its commands come 20 ms before"), "{}", say(&shifted(-0.02)));
     assert!(say(&shifted(0.1)).starts_with("its commands come 100 ms after"), "{}", say(&shifted(0.1)));
     let mut other = shifted(0.0);
     other.values_mut("cmd_hip").unwrap().iter_mut().enumerate().for_each(|(k, c)| *c = (0.01 * k as f64).sin());
-    assert!(say(&other).starts_with("its cmd_hip is not what was asked for"), "{}", say(&other));
+    assert!(say(&other).starts_with("its cmd_hip is not what was requested"), "{}", say(&other));
 }
