@@ -1,4 +1,4 @@
-//! What an effect is: its parameters, what it says about itself, the hooks by which it acts, and an effect at a site.
+//! The effect trait with its hooks, the effect's specification and parameters, and an effect placed at a site.
 
 use crate::actuation::{JointInput, MotorTorque};
 use crate::engine::{Affine, Dof};
@@ -9,23 +9,23 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::fmt;
 
-/// Where an effect can sit.
+/// Kinds of sites that an effect can be placed at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SiteKind {
     /// On joints.
     Joint,
     /// On links; `base` means the root.
     Link,
-    /// On the root's mounting or its sensors; its site is `base` (or `*`).
+    /// On the root's mounting or its sensors; the site is `base` (or `*`).
     Base,
-    /// On the floor; its site is always `*`.
+    /// On the floor; the site is always `*`.
     Ground,
-    /// On the robot as a whole, all joints at once; its site is always `*`.
+    /// On the robot as a whole, all joints at once; the site is always `*`.
     Robot,
 }
 
 impl SiteKind {
-    /// Whether its effects act through the joints they sit on.
+    /// Whether effects at these sites act through joints.
     pub(crate) fn is_on_joints(self) -> bool {
         matches!(self, SiteKind::Joint | SiteKind::Robot)
     }
@@ -34,18 +34,18 @@ impl SiteKind {
 /// A parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Param {
-    /// Unique in its effect.
+    /// Name, unique within the effect.
     pub name: &'static str,
     /// SI unit as text.
     pub unit: &'static str,
     /// Smallest and largest sensible value.
     pub bounds: (f64, f64),
-    /// The value at which the effect is not there: infinite for limits, NaN where the model's own value stands. Shapes
-    /// have their usual value here.
+    /// The value at which the effect is absent: infinite for limits, NaN where the model's own value applies. Shape
+    /// parameters have their typical value here.
     pub off: f64,
-    /// A typical value, to start a search from.
+    /// Typical value, from which a search starts.
     pub hint: f64,
-    /// Whether it only shapes the effect (the speed of a Stribeck curve, the order of cogging) and switches nothing on.
+    /// Whether it only shapes the effect (the speed of a Stribeck curve, the order of cogging) and does not enable it.
     pub shape: bool,
 }
 
@@ -55,64 +55,64 @@ impl Param {
         Param { name, unit, bounds, off: 0.0, hint, shape: false }
     }
 
-    /// A limit: off where it is infinite.
+    /// A limit, which is off when infinite.
     pub(crate) const fn limit(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
         Param { name, unit, bounds, off: f64::INFINITY, hint, shape: false }
     }
 
-    /// One that takes the place of a value that the model has anyway.
-    pub(crate) const fn own(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+    /// A parameter that replaces a value of the model; off when NaN.
+    pub(crate) const fn replacement(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
         Param { name, unit, bounds, off: f64::NAN, hint, shape: false }
     }
 
-    /// One that only shapes the effect.
+    /// A parameter that only shapes the effect.
     pub(crate) const fn shape(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
         Param { name, unit, bounds, off: hint, hint, shape: true }
     }
 }
 
-/// What an effect says about itself.
+/// Static description of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectSpec {
-    /// Its name everywhere.
+    /// Name in model files, output and code.
     pub name: &'static str,
-    /// The law in a line.
+    /// The law in one line.
     pub law: &'static str,
-    /// Where it sits.
+    /// The kind of its sites.
     pub site: SiteKind,
-    /// Where the law is from.
+    /// Source of the law.
     pub cite: &'static str,
-    /// How it shows in the error of a model that lacks it.
+    /// How it appears in the error of a model that lacks it.
     pub symptom: &'static str,
     /// Its parameters, in the order of [`PlacedEffect::values`].
     pub params: &'static [Param],
-    /// Values of its shapes (in their order among the parameters) from which a search for the effect should start.
+    /// Values of its shape parameters (in their order among the parameters) from which a search should start.
     pub starts: &'static [&'static [f64]],
-    /// Names of effects that most motions cannot tell from it.
+    /// Names of effects that most motions cannot distinguish from it.
     pub similar: &'static [&'static str],
-    /// Those among them that it becomes for some values of its parameters, with the values at which it is the other at
-    /// its hint.
+    /// Those of the similar effects that it contains as a special case, with the parameter values at which it equals
+    /// the other effect at that effect's hint.
     pub nested: &'static [(&'static str, &'static [f64])],
 }
 
-/// A physical effect. Every hook has a body that does nothing; an effect implements those that it needs. `p` are the
-/// values of its parameters, `memory` is its own (one for each joint), zero at the start of a run. An effect that is
-/// off is left out of a run altogether.
+/// A physical effect. Every hook does nothing by default; an effect implements the hooks that it needs. `p` holds the
+/// values of its parameters. `memory` is private to the effect (one per joint) and zero at the start of a run. An
+/// effect that is off is not part of a run.
 pub trait Effect: Sync {
-    /// What it says about itself.
+    /// Static description.
     fn spec(&self) -> &'static EffectSpec;
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
     /// Changes gravity or the floor before the world is built.
     fn world(&self, _p: &[f64], _setup: &mut Setup) {}
-    /// Adds to what always acts on a joint.
+    /// Adds constant properties of a joint, before the run.
     fn joint(&self, _p: &[f64], _dof: &mut Dof) {}
-    /// How many numbers it remembers for each joint, when the step is `dt_s` long.
+    /// Number of values in its memory per joint, for steps of `dt_s`.
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         0
     }
-    /// Position and velocity that the servo works with in the coming step, from those that the state gives: the
-    /// joint's, or what the effects before this one make of them. Called first.
+    /// Position and velocity that the servo works with in the coming step, computed from those of the state: the
+    /// joint's, or the output of the effects before this one. Called first.
     fn encoder(&self, _p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         (state.q, state.dq)
     }
@@ -120,29 +120,28 @@ pub trait Effect: Sync {
     fn command(&self, _p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         state.command
     }
-    /// Changes the motor's torque of the coming step; `q` and `dq` are what the servo sees.
+    /// Changes the motor's torque in the coming step; `q` and `dq` are what the servo sees.
     fn motor(&self, _p: &[f64], _memory: &mut [f64], _motor: &mut MotorTorque, _state: &JointInput) {}
-    /// Turns a torque in terms of what [`encoder`](Effect::encoder) gave into one in terms of what it was given.
+    /// Converts a torque that depends on the output of [`encoder`](Effect::encoder) into one that depends on its input.
     fn transmit(&self, _p: &[f64], _memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
         motor
     }
-    /// Torque and velocity on the motor's side of a transmission with a state of its own, after a step that brought the
-    /// other side to the velocity `dq`.
+    /// Torque and velocity on the motor's side of a transmission that has a state, after a step in which the link's
+    /// side reached the velocity `dq`.
     fn motor_side(&self, _memory: &[f64], _dq: f64) -> Option<(f64, f64)> {
         None
     }
-    /// Adds to what acts on the joint in the coming step.
+    /// Adds torques and friction that act on the joint in the coming step.
     fn torque(&self, _p: &[f64], _memory: &mut [f64], _dof: &mut Dof, _state: &JointInput) {}
-    /// The position whose reading is `reading`: where a joint starts of which only the reading is known.
+    /// The position whose reading is `reading`: the start of a joint of which only the reading is known.
     fn start(&self, _p: &[f64], reading: f64) -> f64 {
         reading
     }
-    /// What it could not do at this joint: a user's law that gave no number. Asked when a run ends.
+    /// The error at this joint, if any: a user's law that returned no finite number. Queried at the end of a run.
     fn trouble(&self, _p: &[f64], _memory: &[f64], _joint: &str) -> Option<WorldError> {
         None
     }
-    /// Changes what the sensors of a joint (of the base; of the robot) say, once the run is over and before noise is
-    /// added.
+    /// Changes the logged readings of a joint (of the base; of the robot) after the run and before noise is added.
     fn sense(&self, _p: &[f64], _joint: &str, _log: &mut Log) {}
 }
 
@@ -152,29 +151,29 @@ impl fmt::Debug for dyn Effect {
     }
 }
 
-/// A command that follows another, when the step begins and when it ends: `memory` says whether there was one, and
-/// holds its last value; `change` turns the distance to go into what is gone of it in this step. NaN switches the motor
-/// off and forgets.
+/// A value that follows the command: its values at the start and at the end of the step. `memory` holds whether there
+/// was a command, and the last value; `change` maps the remaining error to the change in this step. A NaN command
+/// switches the motor off and resets the memory.
 pub(super) fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f64) -> (f64, f64) {
-    let [started, told] = memory else { return (command, command) };
+    let [started, value] = memory else { return (command, command) };
     if command.is_nan() {
         *started = 0.0;
         return (command, command);
     }
-    let before = if *started > 0.0 { *told } else { command };
-    *told = before + change(command - before);
+    let before = if *started > 0.0 { *value } else { command };
+    *value = before + change(command - before);
     *started = 1.0;
-    (before, *told)
+    (before, *value)
 }
 
-/// An effect somewhere, with values for its parameters.
+/// An effect at a site, with values for its parameters.
 #[derive(Clone, Debug)]
 pub struct PlacedEffect {
-    /// Which effect.
+    /// The effect.
     pub effect: &'static dyn Effect,
     /// Names of joints or links, as [`site::matches`](crate::robot::site::matches) reads them.
     pub site: String,
-    /// One value per parameter of its card.
+    /// One value per parameter of its specification.
     pub values: Vec<f64>,
 }
 
@@ -193,20 +192,20 @@ impl PlacedEffect {
         }
     }
 
-    /// Whether it does nothing: all its parameters but the shapes are off. A formula may have none, and acts.
+    /// Whether it does nothing: all its parameters except the shapes are off. A formula without parameters is on.
     pub fn is_off(&self) -> bool {
         let params = self.values.iter().zip(self.effect.spec().params);
         !self.values.is_empty()
             && params.filter(|(_, param)| !param.shape).all(|(value, param)| value.to_bits() == param.off.to_bits())
     }
 
-    /// Whether there is one value for each parameter, and each is a number (of a sign that makes sense) or the
-    /// parameter's off.
+    /// Checks that there is one value for each parameter, and that each is finite with a valid sign or equals the
+    /// parameter's `off`.
     pub fn check(&self) -> Result<(), WorldError> {
         let spec = self.effect.spec();
         if self.values.len() != spec.params.len() {
-            let (name, wanted, got) = (spec.name, spec.params.len(), self.values.len());
-            return Err(setup_error(format!("effect `{name}` takes {wanted} values, not {got}")));
+            let (name, expected, count) = (spec.name, spec.params.len(), self.values.len());
+            return Err(setup_error(format!("effect `{name}` takes {expected} values, not {count}")));
         }
         let fits = |value: f64, param: &Param| {
             let positive = !(param.shape && param.bounds.0 > 0.0) || value > 0.0;
@@ -223,10 +222,10 @@ impl PlacedEffect {
         }
     }
 
-    /// Checks that there is something at its site.
+    /// Checks that its site names something on the robot.
     ///
     /// # Errors
-    /// [`WorldError::Setup`] when the robot has nothing of that name.
+    /// [`WorldError::Setup`] if the robot has nothing of that name.
     pub fn check_site(&self, robot: &Robot) -> Result<(), WorldError> {
         match self.effect.spec().site {
             SiteKind::Joint | SiteKind::Robot => self.joints(robot).map(|_| ()),
@@ -235,23 +234,23 @@ impl PlacedEffect {
         }
     }
 
-    /// The movable joints that it sits on, as indices among them; none for effects that sit elsewhere.
+    /// The joints at its site, as indices among the movable joints; none for effects on other kinds of sites.
     pub(crate) fn joints(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
         if !self.effect.spec().site.is_on_joints() {
             return Ok(Vec::new());
         }
         let names = robot.movable().map(|(_, link)| link.joint.name.as_str());
-        self.found(names.enumerate().filter(|(_, name)| matches(&self.site, name)).map(|(i, _)| i).collect())
+        self.non_empty(names.enumerate().filter(|(_, name)| matches(&self.site, name)).map(|(i, _)| i).collect())
     }
 
-    /// The links that it sits on.
+    /// The links at its site.
     pub(crate) fn links(&self, robot: &Robot) -> Result<Vec<usize>, WorldError> {
-        let is_meant = |i: usize, name: &str| matches(&self.site, name) || (i == 0 && self.site == "base");
+        let is_at_site = |i: usize, name: &str| matches(&self.site, name) || (i == 0 && self.site == "base");
         let links = robot.links.iter().enumerate();
-        self.found(links.filter(|(i, link)| is_meant(*i, &link.name)).map(|(i, _)| i).collect())
+        self.non_empty(links.filter(|(i, link)| is_at_site(*i, &link.name)).map(|(i, _)| i).collect())
     }
 
-    fn found(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
+    fn non_empty(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
         if sites.is_empty() {
             let name = self.effect.spec().name;
             return Err(setup_error(format!("effect `{name}`: the robot has nothing called `{}`", self.site)));

@@ -1,5 +1,5 @@
-//! Physical effects: what a model may lack. Each is a named group of parameters with an *off* value, in a file of its
-//! own that tells everything about it.
+//! Physical effects that a model may lack. Each effect is a named group of parameters with *off* values, defined in its
+//! own file.
 
 mod effect;
 mod formula;
@@ -13,18 +13,18 @@ pub use formula::{FORMULA, FormulaTarget, formula, formula_or_function};
 
 use btr_core::world::WorldError;
 
-/// Declares the effects' files, folder by folder, and lists them.
+/// Declares the effects' modules by folder, and lists the effects in [`EFFECTS`].
 macro_rules! effects {
     ($($folder:ident { $($file:ident::$effect:ident),* $(,)? })*) => {
         $(mod $folder {
             $(pub(super) mod $file;)*
         })*
-        /// Every effect there is.
+        /// All effects, in the order in which they act.
         pub static EFFECTS: &[&dyn Effect] = &[$($(&$folder::$file::$effect),*),*];
     };
 }
 
-// The order is that in which they act on a run, wherever a file lists them: commands from the sender to the servo,
+// Effects act in this order, whatever their order in a model file: commands from the sender to the servo,
 // transmissions from the link to the motor, encoders from the shaft to the reading.
 effects! {
     friction {
@@ -81,10 +81,10 @@ pub fn find(name: &str) -> Option<&'static dyn Effect> {
     EFFECTS.iter().copied().find(|effect| effect.spec().name == name)
 }
 
-/// The effects that do something, in the order in which they act.
+/// The effects that are not off, in the order in which they act.
 ///
 /// # Errors
-/// [`WorldError::Setup`] for values that make no sense.
+/// [`WorldError::Setup`] for invalid values.
 pub(crate) fn in_force(effects: &[PlacedEffect]) -> Result<Vec<PlacedEffect>, WorldError> {
     effects.iter().try_for_each(PlacedEffect::check)?;
     let mut acting: Vec<PlacedEffect> = effects.iter().filter(|placed| !placed.is_off()).cloned().collect();
@@ -92,7 +92,7 @@ pub(crate) fn in_force(effects: &[PlacedEffect]) -> Result<Vec<PlacedEffect>, Wo
     Ok(acting)
 }
 
-/// Its place in the order in which effects act.
+/// Index in the order in which effects act.
 fn rank(placed: &PlacedEffect) -> usize {
     let name = placed.effect.spec().name;
     EFFECTS.iter().position(|effect| effect.spec().name == name).unwrap_or(EFFECTS.len())

@@ -1,11 +1,11 @@
 //! The Nao of the paper's Table 1: 23 bodies of 4.34 kg in sum, 22 motors.
 //!
-//! **Axes.** The table has y up, z forward, x to the robot's left; here x is forward, y left, z up: (x, y, z) of the table
-//! becomes (z, x, y). All link frames are parallel to the world's at q = 0, the pose of the table: legs stretched, arms
-//! forward. Joints and links bear the table's body names; the root is `Torso`.
+//! **Axes.** The table has y up, z forward, x to the robot's left; here x is forward, y left, z up: (x, y, z) of the
+//! table becomes (z, x, y). All link frames are parallel to the world's at q = 0, the pose of the table: legs
+//! stretched, arms forward. Joints and links bear the table's body names; the root is `Torso`.
 //!
-//! **Anchors.** The table gives where bodies are, not where joints are. As on the real robot, the three hip axes, the two
-//! ankle axes, the two shoulder axes, the two elbow axes and the two neck axes meet in one point each:
+//! **Anchors.** The table gives where bodies are, not where joints are. As on the real robot, the three hip axes, the
+//! two ankle axes, the two shoulder axes, the two elbow axes and the two neck axes meet in one point each:
 //!
 //! | joint | forward, left (left side), up, m | chosen because |
 //! |---|---|---|
@@ -21,19 +21,19 @@
 //! is half-way between knee and ankle. At the start the soles touch the ground (z = 0), the torso is at a height of
 //! 0.35 m.
 //!
-//! **Chosen here**, since the table is silent: homogeneous bodies; the roll axis of the left ankle like the right one's (the
-//! table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005 kg·m² of rotor
-//! inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
+//! **Chosen here**, since the table is silent: homogeneous bodies; the roll axis of the left ankle like the right one's
+//! (the table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005 kg·m² of
+//! rotor inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
 //!
 //! **Motors** are those of Aldebaran's documentation ("H25 - Motors - V 3.2", doc.aldebaran.com/1-14/family/nao_h25/
 //! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. What
 //! gears lose is not published and left out, so that a real joint is somewhat weaker; that a motor's torque falls with
 //! its speed is the effect `speed_torque_limit`. References may ask for no more than the no-load speed.
 //!
-//! **Ranges** are those of `nao_description/urdf/naoV32_generated_urdf` in github.com/ros-naoqi/nao_robot, which has these axes
-//! at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its two sides
-//! differ by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would end 0.0087
-//! rad from zero; here they reach it, for the pose of the table.
+//! **Ranges** are those of `nao_description/urdf/naoV32_generated_urdf` in github.com/ros-naoqi/nao_robot, which has
+//! these axes at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its
+//! two sides differ by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would
+//! end 0.0087 rad from zero; here they reach it, for the pose of the table.
 
 pub use crate::drive::{CONTROL_S, STEPS_PER_CONTROL};
 

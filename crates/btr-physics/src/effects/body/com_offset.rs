@@ -1,6 +1,6 @@
-//! A centre of mass that is elsewhere than drawn: cables, screws, a battery that was left out.
+//! Offset of a link's centre of mass from the model's: cables, screws, a battery that was left out.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
@@ -11,8 +11,12 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the link's centre of mass is (x, y, z) away from the model's, in the link's axes",
     site: SiteKind::Link,
     cite: "Newton",
-    symptom: "static errors that follow the posture like a payload's, but turned",
-    params: &[Param::new("x", "m", (-0.2, 0.2), 0.02), Param::new("y", "m", (-0.2, 0.2), 0.02), Param::new("z", "m", (-0.2, 0.2), 0.02)],
+    symptom: "static errors that follow the posture like a payload's, but in another direction",
+    params: &[
+        Param::new("x", "m", (-0.2, 0.2), 0.02),
+        Param::new("y", "m", (-0.2, 0.2), 0.02),
+        Param::new("z", "m", (-0.2, 0.2), 0.02),
+    ],
     starts: &[],
     similar: &["encoder_offset", "gravity_tilt", "payload", "link_inertia", "armature"],
     nested: &[],

@@ -1,8 +1,8 @@
-//! A base that does not stand level: seen from the robot, gravity is tilted the other way.
+//! Base that is not level: in the robot's frame, gravity is tilted the opposite way.
 //!
-//! Roll and pitch are those of URDF: first about x, then about y. A floor tilts along.
+//! Roll and pitch follow URDF: first about x, then about y. The floor tilts with gravity.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::setup::Setup;
 use nalgebra::UnitQuaternion;
 
@@ -13,7 +13,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the world under the robot is rolled about x, then pitched about y",
     site: SiteKind::Base,
     cite: "URDF's roll and pitch",
-    symptom: "static errors that follow the posture, as if everything hung a little aside",
+    symptom: "static errors that follow the posture, as if gravity were not vertical",
     params: &[Param::new("roll", "rad", (-0.5, 0.5), 0.05), Param::new("pitch", "rad", (-0.5, 0.5), 0.05)],
     starts: &[],
     similar: &["com_offset", "encoder_offset"],

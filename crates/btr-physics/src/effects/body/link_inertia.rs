@@ -1,6 +1,6 @@
-//! A link that is harder to turn than its mass and shape suggest: the same about every axis.
+//! Additional rotational inertia of a link, the same about every axis.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::robot::Robot;
 use nalgebra::Matrix3;
 

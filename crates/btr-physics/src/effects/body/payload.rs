@@ -1,6 +1,6 @@
-//! Something heavy on a link.
+//! Additional mass on a link.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::robot::Robot;
 
 pub(in crate::effects) struct Payload;

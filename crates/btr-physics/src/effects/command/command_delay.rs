@@ -1,7 +1,7 @@
-//! Commands that arrive late: a bus, a buffer, a filter ahead of the servo.
+//! Delay of the commands: a bus, a buffer, a filter before the servo.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 
 pub(in crate::effects) struct CommandDelay;
 
@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     nested: &[],
 };
 
-/// Longer delays than this (s) are taken as this, so that no value can ask for endless memory.
+/// Longest delay, in s. Longer ones are clamped to it, which bounds the memory.
 const LONGEST_S: f64 = 10.0;
 
 /// The delay in steps.
@@ -25,7 +25,7 @@ fn steps(p: &[f64], dt_s: f64) -> f64 {
     p[0].clamp(0.0, LONGEST_S) / dt_s
 }
 
-/// The memory is a counter of the commands so far, then a ring of the latest ones.
+/// The memory is a counter of the commands so far, followed by a ring buffer of the latest ones.
 impl Effect for CommandDelay {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
@@ -43,11 +43,11 @@ impl Effect for CommandDelay {
         let now = *count as usize;
         ring[now % ring.len()] = state.command;
         *count += 1.0;
-        // Between two steps the command is taken as linear.
-        let late = steps(p, state.dt_s);
-        let whole = late.floor() as usize;
-        let share = late - late.floor();
+        // The command is interpolated linearly between steps.
+        let delay_steps = steps(p, state.dt_s);
+        let whole = delay_steps.floor() as usize;
+        let fraction = delay_steps - delay_steps.floor();
         let past = |steps: usize| ring[(now + ring.len() - steps % ring.len()) % ring.len()];
-        if share > 0.0 { past(whole) + share * (past(whole + 1) - past(whole)) } else { past(whole) }
+        if fraction > 0.0 { past(whole) + fraction * (past(whole + 1) - past(whole)) } else { past(whole) }
     }
 }

@@ -1,19 +1,19 @@
-//! A servo whose zero is not that of whoever commands it: it goes to another place than it is told.
+//! Offset between the command's zero and the servo's zero: the servo goes to another position than commanded.
 //!
-//! For actuators that take positions. Together with [`encoder_offset`](crate::effects::sensor::encoder_offset) of the
-//! same size it is a log whose zero is not the robot's, while the servo's is.
+//! For actuators that take position commands. With an [`encoder_offset`](crate::effects::sensor::encoder_offset) of the
+//! same size it describes a log whose zero differs from the robot's, while the servo's zero is the robot's.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 
 pub(in crate::effects) struct CommandOffset;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "command_offset",
-    law: "the servo is told cmd + offset",
+    law: "the servo sees cmd + offset",
     site: SiteKind::Joint,
-    cite: "a servo whose middle was set by hand, or a log that counts from another zero",
-    symptom: "a constant distance between command and reading, whatever the load",
+    cite: "a servo whose centre was set by hand, or a log with another zero",
+    symptom: "a constant difference between command and reading, at any load",
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
     similar: &["encoder_offset", "gravity_tilt", "parallel_spring"],

@@ -1,7 +1,7 @@
-//! A command that changes no faster than so: a ramp in the servo's firmware, a profile that the motion is fitted into.
+//! Rate limit of the command: a ramp in the servo's firmware, a motion profile.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, follow};
 
 pub(in crate::effects) struct CommandRateLimit;
 
@@ -10,14 +10,14 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the servo sees a value that moves towards cmd with at most ±rate; it starts at the first command",
     site: SiteKind::Joint,
     cite: "slew-rate limit, as in servo firmware",
-    symptom: "large steps become ramps of one slope, small motions are untouched",
+    symptom: "large steps become ramps of constant slope; small motions are unchanged",
     params: &[Param::limit("rate", "rad/s", (0.01, 100.0), 1.5)],
     starts: &[],
     similar: &["motor_lag", "torque_limit"],
     nested: &[],
 };
 
-/// The memory says whether there was a command, and holds what the servo was told last.
+/// The memory holds whether there was a command, and the last value that the servo saw.
 impl Effect for CommandRateLimit {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
@@ -28,10 +28,10 @@ impl Effect for CommandRateLimit {
     }
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
-        let most = p[0] * state.dt_s;
-        let (before, after) = follow(memory, state.command, |error| error.clamp(-most, most));
+        let max_change = p[0] * state.dt_s;
+        let (before, after) = follow(memory, state.command, |error| error.clamp(-max_change, max_change));
         let moved = after - before;
-        // The mean of a ramp that may arrive before the step ends.
-        before + moved * (1.0 - 0.5 * moved.abs() / most)
+        // Mean of a ramp that may reach the command before the step ends.
+        before + moved * (1.0 - 0.5 * moved.abs() / max_change)
     }
 }

@@ -1,10 +1,10 @@
-//! A command that arrives smoothed: a filter, a current loop, a slow servo.
+//! First-order lag of the command: a filter, a current loop, a slow servo.
 //!
-//! What the servo is told is the mean of the lag's value over the step, exact for a command that is held over it: at
-//! the step's end the lag would seem shorter by half a step.
+//! The servo sees the mean of the lag's output over the step, which is exact for a command held over the step. The
+//! output at the end of the step would make the lag seem shorter by half a step.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind, follow};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, follow};
 
 pub(in crate::effects) struct MotorLag;
 
@@ -12,15 +12,15 @@ static SPEC: EffectSpec = EffectSpec {
     name: "motor_lag",
     law: "time_constant·du/dt = cmd - u: the servo sees u, a first-order lag that starts at the first command",
     site: SiteKind::Joint,
-    cite: "first-order lag, as in any textbook of control",
-    symptom: "steps are answered round instead of sharp; slow motions trail by the time constant, fast ones shrink",
+    cite: "first-order lag, as in any control textbook",
+    symptom: "step responses are rounded; slow motions trail by the time constant, fast ones lose amplitude",
     params: &[Param::new("time_constant", "s", (0.0, 0.5), 0.03)],
     starts: &[],
     similar: &["command_delay", "encoder_delay"],
     nested: &[],
 };
 
-/// The memory says whether there was a command, and holds what the servo was told last.
+/// The memory holds whether there was a command, and the lag's output at the end of the last step.
 impl Effect for MotorLag {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
@@ -32,9 +32,9 @@ impl Effect for MotorLag {
 
     fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
         let steps = state.dt_s / p[0];
-        let gone = -(-steps).exp_m1();
-        let (before, _) = follow(memory, state.command, |error| error * gone);
-        // The mean of an exponential that covers the share `gone` of the way.
-        state.command - (state.command - before) * gone / steps
+        let covered = -(-steps).exp_m1();
+        let (before, _) = follow(memory, state.command, |error| error * covered);
+        // Mean of an exponential that covers the fraction `covered` of the error.
+        state.command - (state.command - before) * covered / steps
     }
 }

@@ -1,9 +1,9 @@
-//! What is wrong with a law.
+//! Errors in a user's law.
 
-/// What is wrong with a law.
+/// Why a law is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FormulaError {
-    /// It cannot be read.
+    /// The expression has a syntax error.
     #[error("the law cannot be read: {0}")]
     Syntax(String),
     /// A name that is neither a variable nor a parameter.
@@ -14,13 +14,13 @@ pub enum FormulaError {
         /// Variables and parameters.
         known: Vec<String>,
     },
-    /// A parameter that the law does not have.
+    /// A parameter that does not occur in the law.
     #[error("`{0}` does not occur in the law")]
     Unused(String),
-    /// A parameter that cannot have this name.
+    /// A parameter whose name is reserved.
     #[error("`{0}` means something else in every law")]
     Taken(String),
-    /// A function that did not come with the model.
+    /// A function that was not supplied with the model.
     #[error("the law `{0}` is a function, and there is none of that name here")]
     Absent(String),
 }

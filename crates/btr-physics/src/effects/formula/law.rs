@@ -1,5 +1,4 @@
-//! What the text of a law stands for: an expression, which is compiled, or a function of the program that made the
-//! model.
+//! A law by its text: an expression, which is compiled, or a function of the program that built the model.
 
 use super::error::FormulaError;
 use super::expression;
@@ -9,25 +8,25 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-/// What every law knows of its joint, in the order of [`LawInputs`].
+/// Variables of every law, in the order of [`LawInputs`].
 pub(super) const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
 
 /// Values of `q`, `dq`, `ddq`, `cmd`, `tau` and `t`, in SI units.
 pub type LawInputs = [f64; VARIABLES.len()];
 
-/// A law as a function of the scene and of its parameters, whose names come with it in the order of their values. It
-/// may be called from any thread, more than once for a step, and for velocities near the joint's own.
+/// A law as a function of the inputs, the parameters (in the order of their values) and the values. It may be called
+/// from any thread, several times per step, and for velocities near the joint's own.
 pub type LawFunction = dyn Fn(&LawInputs, &[Param], &[f64]) -> f64 + Send + Sync;
 
-/// Stands in the text of a law that is a function, and in no expression.
+/// Character that occurs in the text of every function and in no expression.
 const OF_A_FUNCTION: char = ':';
 
-/// The functions that a model's laws name: `python:slip` for instance.
+/// Functions that a model's laws may name, `python:slip` for instance.
 #[derive(Clone, Default)]
 pub struct Laws(BTreeMap<String, Arc<LawFunction>>);
 
 impl Laws {
-    /// Functions by the text that stands for them in a model file, which has a colon in it.
+    /// Functions by the text that names them in a model file, which contains a colon.
     pub fn new(laws: impl IntoIterator<Item = (String, Arc<LawFunction>)>) -> Self {
         Laws(laws.into_iter().collect())
     }
@@ -37,7 +36,7 @@ impl Laws {
         self.0.is_empty()
     }
 
-    /// Tells functions of the same name apart; `None` for what is none.
+    /// Distinguishes functions of the same name; `None` if there is no such function.
     pub(super) fn identity(&self, text: &str) -> Option<usize> {
         self.0.get(text).map(|function| Arc::as_ptr(function).cast::<()>() as usize)
     }
@@ -49,7 +48,7 @@ impl fmt::Debug for Laws {
     }
 }
 
-/// What can be asked for a value.
+/// A law that can be evaluated.
 pub(super) enum Law {
     Expression(Expression),
     Function(Arc<LawFunction>),
@@ -69,24 +68,24 @@ impl Law {
         }
     }
 
-    /// The law's value; NaN where it has none.
-    pub(super) fn at(&self, params: &[Param], p: &[f64], scene: &LawInputs) -> f64 {
+    /// Value of the law; NaN where it has none.
+    pub(super) fn at(&self, params: &[Param], p: &[f64], inputs: &LawInputs) -> f64 {
         match self {
             Law::Expression(expression) => {
-                expression.at(|name| scene.get(name).copied().unwrap_or_else(|| p[name - scene.len()]))
+                expression.at(|name| inputs.get(name).copied().unwrap_or_else(|| p[name - inputs.len()]))
             }
-            // A simulation that blows up is no function's mistake.
-            Law::Function(_) if scene.iter().any(|x| !x.is_finite()) => f64::NAN,
-            Law::Function(function) => function(scene, params, p),
+            // A simulation that diverges is not the function's fault.
+            Law::Function(_) if inputs.iter().any(|x| !x.is_finite()) => f64::NAN,
+            Law::Function(function) => function(inputs, params, p),
         }
     }
 }
 
-/// An expression in what every law knows and these parameters, each of which it must have.
+/// Compiles an expression in the variables and these parameters, each of which must occur.
 fn expression(text: &str, params: &[&str]) -> Result<Expression, FormulaError> {
     let names: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
     let expression = Expression::new(text, &names)?;
-    match params.iter().zip(VARIABLES.len()..).find(|(_, place)| !expression.has(*place)) {
+    match params.iter().zip(VARIABLES.len()..).find(|(_, index)| !expression.has(*index)) {
         Some((&unused, _)) => Err(FormulaError::Unused(unused.to_owned())),
         None => Ok(expression),
     }

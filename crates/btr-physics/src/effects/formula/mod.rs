@@ -1,10 +1,10 @@
-//! A user's own law as text: on a joint's torque, its command or its reading.
+//! User-defined law as text: on a joint's torque, its command or its reading.
 //!
-//! A torque that jumps, as with `sign(dq)`, makes a light joint tremble by what the jump does in a step: for dry
+//! A discontinuous torque, as with `sign(dq)`, makes a light joint chatter by the effect of the jump in a step. For dry
 //! friction there are effects that hold at rest.
 //!
-//! A law is made once. Effects live as long as the program, and so do laws: one for each distinct text (and function)
-//! that a process meets, less than a kB for an expression.
+//! A law is compiled once. Effects live as long as the program, and so do laws: one for each distinct text (and
+//! function) in a process, less than 1 kB for an expression.
 
 pub(super) mod error;
 mod expression;
@@ -20,22 +20,23 @@ use law::{Law, LawInputs, Laws, VARIABLES};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-/// What `btr effects` says about formulas; each one has a card of its own with its law and its parameters.
+/// Description of formulas in `btr effects`; each formula has its own specification with its law and parameters.
 pub static FORMULA: EffectSpec = EffectSpec {
     name: "formula",
     law: "law = \"an expression\" on = \"torque\", \"command\" or \"reading\"; its own parameters by name: a = 0.1",
     site: SiteKind::Joint,
     cite: "the model file",
-    symptom: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + ...); it knows q, \
-           dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) \
-           ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
+    symptom: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + \
+              ...); it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its \
+              parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) \
+              log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
     similar: &[],
     nested: &[],
 };
 
-/// What a law gives.
+/// The quantity that a law computes.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -43,10 +44,9 @@ pub static FORMULA: EffectSpec = EffectSpec {
 pub enum FormulaTarget {
     /// A torque that is added to the motor's, in N·m (N).
     Torque,
-    /// The command that reaches the servo, in place of the one that was sent: `cmd + ...`.
+    /// The command that reaches the servo, replacing the one that was sent: `cmd + ...`.
     Command,
-    /// The position that the servo and the log read, in place of the joint's: `q + ...`; the velocity stays the
-    /// joint's.
+    /// The position that the servo and the log read, replacing the joint's: `q + ...`; the velocity stays the joint's.
     Reading,
 }
 
@@ -57,13 +57,13 @@ struct Formula {
     law: Law,
 }
 
-/// What tells laws apart: what they are on, text, names of parameters and, for functions, which one.
+/// Identity of a law: its target, its text, the names of its parameters and, for functions, which one.
 type Key = (FormulaTarget, String, Vec<String>, Option<usize>);
 
-/// All laws so far.
+/// All laws compiled so far.
 static COMPILED: Mutex<BTreeMap<Key, &'static Formula>> = Mutex::new(BTreeMap::new());
 
-/// The effect of an expression with parameters of these names.
+/// Effect of an expression with parameters of these names.
 ///
 /// # Errors
 /// See [`formula_or_function`].
@@ -71,10 +71,10 @@ pub fn formula(on: FormulaTarget, law: &str, params: &[&str]) -> Result<&'static
     formula_or_function(on, law, params, &Laws::default())
 }
 
-/// The effect of a law with parameters of these names; `laws` are the functions that the text may name.
+/// Effect of a law with parameters of these names; `laws` are the functions that the text may name.
 ///
 /// # Errors
-/// An expression that cannot be read, unknown names, parameters that it does not have; a function that is not there.
+/// An expression with a syntax error, unknown names, parameters that do not occur, a function that is missing.
 pub fn formula_or_function(
     on: FormulaTarget,
     text: &str,
@@ -88,8 +88,8 @@ pub fn formula_or_function(
         return Ok(known);
     }
     let law = Law::new(text, params, laws)?;
-    let own = |name: &&str| Param::own(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
-    let params: Vec<Param> = params.iter().map(own).collect();
+    let param = |name: &&str| Param::replacement(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
+    let params: Vec<Param> = params.iter().map(param).collect();
     let spec = Box::leak(Box::new(EffectSpec { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
     let formula: &'static Formula = Box::leak(Box::new(Formula { spec, on, law }));
     compiled.insert(key, formula);
@@ -100,50 +100,50 @@ fn leaked(text: &str) -> &'static str {
     Box::leak(text.to_owned().into_boxed_str())
 }
 
-/// What a law remembers: whether the run has begun, the velocity of the last step, how far the reading is from the
-/// joint, and the first thing that it gave that is no finite number: whether there is one, which, and of what scene.
+/// Layout of a law's memory: whether the run has begun, the velocity of the last step, the difference between reading
+/// and joint, and the first value that was not finite: whether there is one, the value, and the inputs it came from.
 const STARTED: usize = 0;
-const BEFORE: usize = 1;
-const AHEAD: usize = 2;
+const LAST_DQ: usize = 1;
+const OFFSET: usize = 2;
 const FAILED: usize = 3;
-const GIVEN: usize = 4;
-const OF: usize = 5;
-const MEMORY: usize = OF + VARIABLES.len();
+const FAILED_VALUE: usize = 4;
+const FAILED_INPUTS: usize = 5;
+const MEMORY: usize = FAILED_INPUTS + VARIABLES.len();
 
 impl Formula {
-    fn at(&self, p: &[f64], scene: &LawInputs) -> f64 {
-        self.law.at(self.spec.params, p, scene)
+    fn at(&self, p: &[f64], inputs: &LawInputs) -> f64 {
+        self.law.at(self.spec.params, p, inputs)
     }
 
-    /// The law's value; what is no finite number is remembered.
-    fn told(&self, p: &[f64], memory: &mut [f64], scene: &LawInputs) -> f64 {
-        let value = self.at(p, scene);
+    /// Value of the law; a value that is not finite is recorded.
+    fn evaluate(&self, p: &[f64], memory: &mut [f64], inputs: &LawInputs) -> f64 {
+        let value = self.at(p, inputs);
         if !value.is_finite() {
-            remember(memory, value, scene);
+            record_failure(memory, value, inputs);
         }
         value
     }
 }
 
-/// A simulation that blows up by itself is no law's mistake.
+/// Records the first failure of a law. A simulation that diverges by itself is not the law's fault.
 #[cold]
-fn remember(memory: &mut [f64], value: f64, scene: &LawInputs) {
-    if memory.len() == MEMORY && memory[FAILED] == 0.0 && scene.iter().all(|x| x.is_finite()) {
+fn record_failure(memory: &mut [f64], value: f64, inputs: &LawInputs) {
+    if memory.len() == MEMORY && memory[FAILED] == 0.0 && inputs.iter().all(|x| x.is_finite()) {
         memory[FAILED] = 1.0;
-        memory[GIVEN] = value;
-        memory[OF..].copy_from_slice(scene);
+        memory[FAILED_VALUE] = value;
+        memory[FAILED_INPUTS..].copy_from_slice(inputs);
     }
 }
 
-/// What the law sees of a joint. A motor that is switched off is told to stay where it is.
-fn scene(memory: &mut [f64], state: &JointInput) -> LawInputs {
+/// Inputs of the law at a joint. The command of a motor that is switched off is the joint's position.
+fn law_inputs(memory: &mut [f64], state: &JointInput) -> LawInputs {
     let command = if state.command.is_nan() { state.q } else { state.command };
     let mut ddq = 0.0;
-    if let Ok([started, before]) = memory.get_disjoint_mut([STARTED, BEFORE]) {
+    if let Ok([started, last_dq]) = memory.get_disjoint_mut([STARTED, LAST_DQ]) {
         if *started > 0.0 {
-            ddq = (state.dq - *before) / state.dt_s;
+            ddq = (state.dq - *last_dq) / state.dt_s;
         }
-        (*started, *before) = (1.0, state.dq);
+        (*started, *last_dq) = (1.0, state.dq);
     }
     [state.q, state.dq, ddq, command, state.torque, state.time_s]
 }
@@ -157,18 +157,18 @@ impl Effect for Formula {
         MEMORY
     }
 
-    /// What the law says of the step's beginning, and its slope over the velocity as damping in the step: friction that
-    /// grows with the speed then cannot make it unstable.
+    /// Torque at the start of the step, with its slope over the velocity as damping in the step, so that friction that
+    /// grows with the speed cannot make the step unstable.
     fn torque(&self, p: &[f64], memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         if self.on != FormulaTarget::Torque {
             return;
         }
-        let here = scene(memory, state);
+        let inputs = law_inputs(memory, state);
         let dq = state.dq;
         let at = |dq: f64| {
-            let mut scene = here;
-            scene[1] = dq;
-            self.at(p, &scene)
+            let mut varied = inputs;
+            varied[1] = dq;
+            self.at(p, &varied)
         };
         let nearby = 1e-4 * (1.0 + dq.abs());
         let damping = ((at(dq - nearby) - at(dq + nearby)) / (2.0 * nearby)).max(0.0);
@@ -176,9 +176,9 @@ impl Effect for Formula {
         if !constant.is_finite() {
             let at_fault = [dq, dq - nearby, dq + nearby].into_iter().find(|&dq| !at(dq).is_finite());
             let dq = at_fault.unwrap_or(dq);
-            let mut scene = here;
-            scene[1] = dq;
-            remember(memory, at(dq), &scene);
+            let mut varied = inputs;
+            varied[1] = dq;
+            record_failure(memory, at(dq), &varied);
         }
         dof.torque.add(&Affine { constant, stiffness: 0.0, damping });
     }
@@ -187,27 +187,27 @@ impl Effect for Formula {
         if self.on != FormulaTarget::Command || state.command.is_nan() {
             return state.command;
         }
-        let scene = scene(memory, state);
-        self.told(p, memory, &scene)
+        let inputs = law_inputs(memory, state);
+        self.evaluate(p, memory, &inputs)
     }
 
     fn encoder(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         if self.on != FormulaTarget::Reading {
             return (state.q, state.dq);
         }
-        let scene = scene(memory, state);
-        let reading = self.told(p, memory, &scene);
-        if let Some(ahead) = memory.get_mut(AHEAD) {
-            *ahead = reading - state.q;
+        let inputs = law_inputs(memory, state);
+        let reading = self.evaluate(p, memory, &inputs);
+        if let Some(offset) = memory.get_mut(OFFSET) {
+            *offset = reading - state.q;
         }
         (reading, state.dq)
     }
 
-    /// Within a step the reading moves as the joint does.
+    /// Within a step the reading moves with the joint.
     fn transmit(&self, _p: &[f64], memory: &mut [f64], motor: Affine, _dof: &mut Dof, _state: &JointInput) -> Affine {
-        match (self.on, memory.get(AHEAD)) {
-            (FormulaTarget::Reading, Some(ahead)) => {
-                Affine { constant: motor.constant - motor.stiffness * ahead, ..motor }
+        match (self.on, memory.get(OFFSET)) {
+            (FormulaTarget::Reading, Some(offset)) => {
+                Affine { constant: motor.constant - motor.stiffness * offset, ..motor }
             }
             _ => motor,
         }
@@ -222,11 +222,11 @@ impl Effect for Formula {
             FormulaTarget::Command => "command",
             FormulaTarget::Reading => "reading",
         };
-        let of = VARIABLES.into_iter().zip(&memory[OF..]).map(|(name, value)| format!("{name}={value}"));
+        let of = VARIABLES.into_iter().zip(&memory[FAILED_INPUTS..]).map(|(name, value)| format!("{name}={value}"));
         let with = self.spec.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
         let (of, with) = (of.collect::<Vec<_>>().join(", "), with.collect::<Vec<_>>().join(", "));
         let with = if with.is_empty() { with } else { format!(" with {with}") };
-        let (law, value) = (self.spec.law, memory[GIVEN]);
+        let (law, value) = (self.spec.law, memory[FAILED_VALUE]);
         Some(WorldError::Law { what: format!("the law `{law}` on the {on} of `{joint}` gave {value} at {of}{with}") })
     }
 
@@ -255,7 +255,7 @@ impl Effect for Formula {
                 load: 0.0,
                 command,
             };
-            *reading = self.at(p, &scene(&mut memory, &state));
+            *reading = self.at(p, &law_inputs(&mut memory, &state));
         }
     }
 }

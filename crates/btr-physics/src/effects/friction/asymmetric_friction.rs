@@ -1,11 +1,11 @@
 //! Friction that differs between the two directions: a worn gear, a seal, a cable that pulls.
 //!
-//! Dry friction between -forward and +backward is one of equal sizes about a constant: the engine holds the joint with
-//! the mean of the two, and half their difference acts all the time.
+//! Dry friction between -forward and +backward equals a symmetric one plus a constant: the engine holds the joint with
+//! the mean of the two, and half their difference acts as a constant torque.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::Dof;
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::Dof;
 
 pub(in crate::effects) struct AsymmetricFriction;
 
@@ -15,7 +15,12 @@ static SPEC: EffectSpec = EffectSpec {
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
     symptom: "the torque residual flips with the sign of the velocity, but not about zero; one direction is slower",
-    params: &[Param::new("coulomb_forward", "N·m", (0.0, 5.0), 0.2), Param::new("coulomb_backward", "N·m", (0.0, 5.0), 0.05), Param::new("viscous_forward", "N·m·s/rad", (0.0, 5.0), 0.05), Param::new("viscous_backward", "N·m·s/rad", (0.0, 5.0), 0.02)],
+    params: &[
+        Param::new("coulomb_forward", "N·m", (0.0, 5.0), 0.2),
+        Param::new("coulomb_backward", "N·m", (0.0, 5.0), 0.05),
+        Param::new("viscous_forward", "N·m·s/rad", (0.0, 5.0), 0.05),
+        Param::new("viscous_backward", "N·m·s/rad", (0.0, 5.0), 0.02),
+    ],
     starts: &[],
     similar: &["coulomb_friction", "viscous_friction"],
     nested: &[("coulomb_friction", &[0.1, 0.1, 0.0, 0.0]), ("viscous_friction", &[0.0, 0.0, 0.1, 0.1])],

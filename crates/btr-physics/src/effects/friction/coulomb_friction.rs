@@ -1,6 +1,6 @@
 //! Coulomb friction: a constant torque against the motion, and up to that torque at rest.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct CoulombFriction;
@@ -10,7 +10,8 @@ static SPEC: EffectSpec = EffectSpec {
     law: "-torque·sign(dq); holds at rest",
     site: SiteKind::Joint,
     cite: "Coulomb, Théorie des machines simples, 1785",
-    symptom: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at reversals",
+    symptom: "a square wave in the torque residual that flips with the sign of the velocity; the joint sticks at \
+              reversals",
     params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1)],
     starts: &[],
     similar: &["stribeck_friction", "asymmetric_friction"],

@@ -1,10 +1,10 @@
-//! Friction in the teeth of a gear: the harder they are pressed together, the more they rub.
+//! Gear friction that grows with the transmitted torque.
 //!
-//! The load is the motor's torque in the last step.
+//! The transmitted torque is the motor's torque in the last step.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::Dof;
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::Dof;
 
 pub(in crate::effects) struct LoadDependentFriction;
 
@@ -12,8 +12,9 @@ static SPEC: EffectSpec = EffectSpec {
     name: "load_dependent_friction",
     law: "-ratio·|transmitted torque|·sign(dq); holds at rest",
     site: SiteKind::Joint,
-    cite: "Duclusaud, Passault, Padois and Ly, Extended Friction Models for the Physics Simulation of Servo Actuators, arXiv:2410.08650",
-    symptom: "dry friction that grows with the torque: little where the joint hangs, much where it lifts",
+    cite: "Duclusaud, Passault, Padois and Ly, Extended Friction Models for the Physics Simulation of Servo Actuators, \
+           arXiv:2410.08650",
+    symptom: "dry friction that grows with the torque: small where the joint hangs, large where it lifts",
     params: &[Param::new("ratio", "1", (0.0, 0.95), 0.15)],
     starts: &[],
     similar: &["coulomb_friction"],

@@ -1,8 +1,8 @@
 //! Drag that grows with the square of the speed: air, water, churned grease.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::Dof;
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::Dof;
 
 pub(in crate::effects) struct QuadraticDrag;
 
@@ -11,7 +11,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "-coefficient·|dq|·dq",
     site: SiteKind::Joint,
     cite: "Newton's law of resistance, Principia, book II",
-    symptom: "a torque residual against the motion that fast stretches show and slow ones do not",
+    symptom: "a torque residual against the motion in fast sections, absent in slow ones",
     params: &[Param::new("coefficient", "N·m·s^2/rad^2", (0.0, 1.0), 0.03)],
     starts: &[],
     similar: &["viscous_friction"],

@@ -1,11 +1,11 @@
 //! Stribeck friction: dry friction that is larger at rest than in motion, as lubricant is drawn in with speed.
 //!
-//! The size of the friction is that of the speed at which a step begins; the engine then holds or brakes with it, so
-//! nothing creeps below the breakaway torque.
+//! The friction torque is evaluated once per step; the engine then holds or brakes the joint with it, so nothing creeps
+//! below the breakaway torque.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::Dof;
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::Dof;
 
 pub(in crate::effects) struct StribeckFriction;
 
@@ -14,8 +14,12 @@ static SPEC: EffectSpec = EffectSpec {
     law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
-    symptom: "the torque residual is largest just after a reversal and falls with speed; slow ramps move in jerks",
-    params: &[Param::new("coulomb", "N·m", (0.0, 5.0), 0.1), Param::new("static", "N·m", (0.0, 5.0), 0.25), Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2)],
+    symptom: "the torque residual is largest just after a reversal and falls with speed; slow ramps show stick-slip",
+    params: &[
+        Param::new("coulomb", "N·m", (0.0, 5.0), 0.1),
+        Param::new("static", "N·m", (0.0, 5.0), 0.25),
+        Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2),
+    ],
     starts: &[&[0.05], &[0.2], &[1.0]],
     similar: &["coulomb_friction"],
     nested: &[("coulomb_friction", &[0.1, 0.1, 0.2])],

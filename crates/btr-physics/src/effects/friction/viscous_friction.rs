@@ -1,6 +1,6 @@
 //! Viscous friction: a torque against the motion, proportional to its speed.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ViscousFriction;
@@ -10,7 +10,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "-coefficient·dq",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
-    symptom: "a torque residual proportional to the velocity; free swings die out exponentially",
+    symptom: "a torque residual proportional to the velocity; free swings decay exponentially",
     params: &[Param::new("coefficient", "N·m·s/rad", (0.0, 5.0), 0.1)],
     starts: &[],
     similar: &["quadratic_drag"],

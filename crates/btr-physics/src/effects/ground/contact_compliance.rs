@@ -1,13 +1,13 @@
-//! A floor (or soles) that gives way: rubber, carpet, a bending foot.
+//! Compliant floor (or soles): rubber, carpet, a bending foot.
 //!
-//! Every point that touches the floor is a spring and a damper of these values: a box on its side has four, a sphere
-//! has one, and a robot sinks by its weight over the sum of all.
+//! Every contact point with the floor is a spring and a damper of these values: a box on its side has four points, a
+//! sphere has one, and a robot sinks by its weight divided by the sum of the stiffnesses.
 //!
-//! Rapier knows no such springs. It gives every contact the frequency and the damping ratio that they would have under
-//! the robot's whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so that a contact that only
-//! feels a share of the mass, as at the end of a leg, is softer by that share.
+//! Rapier has no such springs. It gives every contact the frequency and the damping ratio that they would have under
+//! the robot's whole mass, sqrt(stiffness/mass)/2pi and damping/(2·sqrt(stiffness·mass)), so a contact that only
+//! carries a fraction of the mass, as at the end of a leg, is softer by that fraction.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::setup::{Compliance, Setup};
 
 pub(in crate::effects) struct ContactCompliance;
@@ -18,7 +18,10 @@ static SPEC: EffectSpec = EffectSpec {
     site: SiteKind::Ground,
     cite: "Hooke's law; Catto, Soft Constraints, Game Developers Conference 2011",
     symptom: "the body sinks and bounces where it should stand; contact forces rise and fall slowly",
-    params: &[Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0), Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0)],
+    params: &[
+        Param::limit("stiffness", "N/m", (200.0, 1e6), 3000.0),
+        Param::shape("damping", "N·s/m", (0.0, 1000.0), 30.0),
+    ],
     starts: &[&[5.0], &[50.0]],
     similar: &["ground_friction"],
     nested: &[],

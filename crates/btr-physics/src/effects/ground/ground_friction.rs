@@ -1,6 +1,6 @@
-//! A floor that is more or less slippery than the model's.
+//! Friction coefficient of the floor that differs from the model's.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::setup::Setup;
 
 pub(in crate::effects) struct GroundFriction;
@@ -10,8 +10,8 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the floor's Coulomb coefficient is this instead of the model's",
     site: SiteKind::Ground,
     cite: "Coulomb, Théorie des machines simples, 1785",
-    symptom: "feet slip where they should not, or grip; the distance walked is wrong while the joints follow",
-    params: &[Param::own("coefficient", "1", (0.0, 2.0), 0.5)],
+    symptom: "feet slip or grip where the model's do not; the distance walked is wrong while the joints follow",
+    params: &[Param::replacement("coefficient", "1", (0.0, 2.0), 0.5)],
     starts: &[],
     similar: &["contact_compliance"],
     nested: &[],

@@ -1,6 +1,6 @@
-//! Rotor inertia: a geared rotor's inertia times the squared ratio, felt at the joint.
+//! Rotor inertia reflected to the joint: the geared rotor's inertia times the squared ratio.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct Armature;
@@ -10,7 +10,8 @@ static SPEC: EffectSpec = EffectSpec {
     law: "adds inertia·ddq to what the motor has to move",
     site: SiteKind::Joint,
     cite: "Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6",
-    symptom: "a torque residual proportional to the acceleration, the same in every posture; the joint responds sluggishly",
+    symptom: "a torque residual proportional to the acceleration, the same in every posture; the joint responds \
+              sluggishly",
     params: &[Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01)],
     starts: &[],
     similar: &["link_inertia"],

@@ -1,9 +1,9 @@
-//! Cogging: a torque that follows the position, from magnets that prefer the stator's teeth, or from a gear out of
-//! round.
+//! Cogging: a torque that is periodic in the position, from magnets attracted by the stator's teeth or from an
+//! eccentric gear.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::Dof;
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::Dof;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 pub(in crate::effects) struct Cogging;
@@ -14,20 +14,36 @@ static SPEC: EffectSpec = EffectSpec {
     site: SiteKind::Joint,
     cite: "Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, 2010",
     symptom: "a ripple in the torque residual that repeats with the position, the same at every speed",
-    params: &[Param::new("amplitude", "N·m", (0.0, 5.0), 0.1), Param::shape("order", "1", (0.5, 100.0), 6.0), Param::shape("phase", "rad", (-PI, PI), 0.0)],
+    params: &[
+        Param::new("amplitude", "N·m", (0.0, 5.0), 0.1),
+        Param::shape("order", "1", (0.5, 100.0), 6.0),
+        Param::shape("phase", "rad", (-PI, PI), 0.0),
+    ],
     starts: &[
-        &[1.0, 0.0], &[1.0, FRAC_PI_2],
-        &[2.0, 0.0], &[2.0, FRAC_PI_2],
-        &[3.0, 0.0], &[3.0, FRAC_PI_2],
-        &[4.0, 0.0], &[4.0, FRAC_PI_2],
-        &[5.0, 0.0], &[5.0, FRAC_PI_2],
-        &[6.0, 0.0], &[6.0, FRAC_PI_2],
-        &[7.0, 0.0], &[7.0, FRAC_PI_2],
-        &[8.0, 0.0], &[8.0, FRAC_PI_2],
-        &[9.0, 0.0], &[9.0, FRAC_PI_2],
-        &[10.0, 0.0], &[10.0, FRAC_PI_2],
-        &[11.0, 0.0], &[11.0, FRAC_PI_2],
-        &[12.0, 0.0], &[12.0, FRAC_PI_2],
+        &[1.0, 0.0],
+        &[1.0, FRAC_PI_2],
+        &[2.0, 0.0],
+        &[2.0, FRAC_PI_2],
+        &[3.0, 0.0],
+        &[3.0, FRAC_PI_2],
+        &[4.0, 0.0],
+        &[4.0, FRAC_PI_2],
+        &[5.0, 0.0],
+        &[5.0, FRAC_PI_2],
+        &[6.0, 0.0],
+        &[6.0, FRAC_PI_2],
+        &[7.0, 0.0],
+        &[7.0, FRAC_PI_2],
+        &[8.0, 0.0],
+        &[8.0, FRAC_PI_2],
+        &[9.0, 0.0],
+        &[9.0, FRAC_PI_2],
+        &[10.0, 0.0],
+        &[10.0, FRAC_PI_2],
+        &[11.0, 0.0],
+        &[11.0, FRAC_PI_2],
+        &[12.0, 0.0],
+        &[12.0, FRAC_PI_2],
     ],
     similar: &["com_offset", "parallel_spring"],
     nested: &[],

@@ -1,6 +1,6 @@
-//! A spring beside the motor: a balancing spring, a cable bundle that is bent.
+//! Spring in parallel with the motor: a balancing spring, a bent cable bundle.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ParallelSpring;
@@ -10,7 +10,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "-stiffness·(q - rest)",
     site: SiteKind::Joint,
     cite: "Hooke's law",
-    symptom: "a torque residual that is a straight line over the position, whatever gravity does",
+    symptom: "a torque residual that is linear in the position, independent of gravity",
     params: &[Param::new("stiffness", "N·m/rad", (0.0, 50.0), 0.5), Param::shape("rest", "rad", (-3.2, 3.2), 0.0)],
     starts: &[&[0.0], &[-1.0], &[1.0]],
     similar: &["com_offset", "gravity_tilt"],

@@ -1,9 +1,9 @@
-//! A motor that gets weaker as it gets warm: its magnets fade, its winding resists.
+//! Motor that weakens as it heats up: its magnets lose flux, its winding's resistance rises.
 //!
-//! The energy is what it has put into the joint or taken from it since the start; nothing cools it down.
+//! The energy is the mechanical work delivered to or absorbed from the joint since the start; there is no cooling.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::{JointInput, MotorTorque};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 
 pub(in crate::effects) struct ThermalFade;
 
@@ -11,8 +11,8 @@ static SPEC: EffectSpec = EffectSpec {
     name: "thermal_fade",
     law: "the motor's torque and its limit times exp(-rate·∫|torque·dq|dt)",
     site: SiteKind::Joint,
-    cite: "a constant decay per energy: the simplest law of a winding that heats up",
-    symptom: "the error grows in the course of a run while the motion repeats itself",
+    cite: "constant decay per energy, the simplest law of a winding that heats up",
+    symptom: "the error grows over the run while the motion repeats",
     params: &[Param::new("rate", "1/J", (0.0, 10.0), 0.1)],
     starts: &[],
     similar: &[],
@@ -30,8 +30,8 @@ impl Effect for ThermalFade {
     }
 
     fn motor(&self, p: &[f64], memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {
-        let [spent] = memory else { return };
-        *spent += (state.torque * state.dq).abs() * state.dt_s;
-        motor.scale((-p[0] * *spent).exp());
+        let [energy_j] = memory else { return };
+        *energy_j += (state.torque * state.dq).abs() * state.dt_s;
+        motor.scale((-p[0] * *energy_j).exp());
     }
 }

@@ -1,7 +1,7 @@
-//! A motor that gives no more than so much torque.
+//! Upper limit of a motor's torque.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::{JointInput, MotorTorque};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 
 pub(in crate::effects) struct TorqueLimit;
 
@@ -10,7 +10,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the motor's torque is clamped to ±torque",
     site: SiteKind::Joint,
     cite: "saturation, as in any servo's data sheet",
-    symptom: "the joint falls behind fast or heavy commands and only there; its torque reaches a plateau",
+    symptom: "the joint falls behind in fast or heavily loaded motions only; its torque reaches a plateau",
     params: &[Param::limit("torque", "N·m", (0.01, 100.0), 1.0)],
     starts: &[],
     similar: &["speed_torque_limit"],

@@ -1,9 +1,9 @@
-//! A supply that gives way: the more all motors together ask of it, the less each gets.
+//! Supply voltage that drops under load: the more torque all motors deliver together, the less each motor has.
 //!
-//! The load is the sum of the sizes of all motors' torques in the last step.
+//! The load is the sum of the magnitudes of all motors' torques in the last step.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::actuation::{JointInput, MotorTorque};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 
 pub(in crate::effects) struct VoltageSag;
 
@@ -11,8 +11,8 @@ static SPEC: EffectSpec = EffectSpec {
     name: "voltage_sag",
     law: "the motor's torque and its limit times 1/(1 + sag·load)",
     site: SiteKind::Robot,
-    cite: "a source with an inner resistance, as in any textbook of circuits",
-    symptom: "joints get weak when others work hard, and recover with them",
+    cite: "a source with an internal resistance, as in any textbook on circuits",
+    symptom: "joints weaken while others deliver high torque, and recover afterwards",
     params: &[Param::new("sag", "1/(N·m)", (0.0, 10.0), 0.1)],
     starts: &[],
     similar: &["load_dependent_friction"],

@@ -1,10 +1,9 @@
-//! A recorder whose clock runs fast or slow against the robot's: the later, the further is everything measured out of
-//! place.
+//! Recorder whose clock runs fast or slow against the robot's: the shift of the measurements grows with time.
 //!
 //! Beyond the end of a run (a clock that runs slow) the last readings are held.
 
-use crate::effects::readings::taken_at;
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::readings::resample;
 use btr_core::log::{Log, Role};
 
 pub(in crate::effects) struct ClockSkew;
@@ -13,8 +12,8 @@ static SPEC: EffectSpec = EffectSpec {
     name: "clock_skew",
     law: "what the log shows at t was measured at t/(1 + skew)",
     site: SiteKind::Robot,
-    cite: "two quartzes that disagree",
-    symptom: "an error like a delay's that grows in the course of a run",
+    cite: "drift between two quartz clocks",
+    symptom: "an error like a delay's that grows over the run",
     params: &[Param::new("skew", "1", (-0.05, 0.05), 0.01)],
     starts: &[],
     similar: &["encoder_delay"],
@@ -27,11 +26,11 @@ impl Effect for ClockSkew {
     }
 
     fn sense(&self, p: &[f64], _site: &str, log: &mut Log) {
-        let taken: Vec<f64> = log.clock_s().iter().map(|t| t / (1.0 + p[0])).collect();
+        let measured_s: Vec<f64> = log.clock_s().iter().map(|t| t / (1.0 + p[0])).collect();
         let measured = log.channels().filter(|(_, channel)| channel.role == Role::Measured);
         let names: Vec<String> = measured.map(|(name, _)| name.to_owned()).collect();
-        // Positions before velocities, which say how they go on between samples.
+        // Positions first: their interpolation uses the original velocities.
         let (positions, others): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| name.starts_with("q_"));
-        positions.into_iter().chain(others).for_each(|name| taken_at(log, name, &taken));
+        positions.into_iter().chain(others).for_each(|name| resample(log, name, &measured_s));
     }
 }

@@ -1,7 +1,7 @@
-//! Readings that reach the log late; the servo has its own.
+//! Delay of the logged readings; the servo's readings are not delayed.
 
-use crate::effects::readings::taken_at;
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::readings::resample;
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderDelay;
@@ -24,9 +24,9 @@ impl Effect for EncoderDelay {
     }
 
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
-        let taken: Vec<f64> = log.clock_s().iter().map(|t| t - p[0]).collect();
+        let measured_s: Vec<f64> = log.clock_s().iter().map(|t| t - p[0]).collect();
         for channel in ["q", "dq"] {
-            taken_at(log, &format!("{channel}_{joint}"), &taken);
+            resample(log, &format!("{channel}_{joint}"), &measured_s);
         }
     }
 }

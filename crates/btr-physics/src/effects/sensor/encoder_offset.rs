@@ -1,8 +1,8 @@
-//! An encoder whose zero is elsewhere than the model's: the servo and the log work with its reading.
+//! Zero offset of an encoder: the servo and the log use its reading.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::{Affine, Dof};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderOffset;
@@ -12,7 +12,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the reading is q + offset",
     site: SiteKind::Joint,
     cite: "a horn or a magnet that is mounted one tooth off",
-    symptom: "a constant error of the position, and wrong gravity torque for where the joint seems to be",
+    symptom: "a constant position error, and a gravity torque that does not match the reading",
     params: &[Param::new("offset", "rad", (-0.5, 0.5), 0.03)],
     starts: &[],
     similar: &["com_offset", "gravity_tilt"],

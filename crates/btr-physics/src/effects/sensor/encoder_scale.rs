@@ -1,8 +1,8 @@
-//! An encoder that counts too much or too little per turn: the servo and the log work with its reading.
+//! Scale error of an encoder, which counts too much or too little per turn: the servo and the log use its reading.
 
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
-use crate::engine::{Affine, Dof};
 use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
 
 pub(in crate::effects) struct EncoderScale;
@@ -12,7 +12,7 @@ static SPEC: EffectSpec = EffectSpec {
     law: "the reading is (1 + error)·q, and so is its velocity",
     site: SiteKind::Joint,
     cite: "gain error of a potentiometer, a wrong gear ratio",
-    symptom: "an error of the position that grows with the distance from zero",
+    symptom: "a position error that grows with the distance from zero",
     params: &[Param::new("error", "1", (-0.5, 0.5), 0.05)],
     starts: &[],
     similar: &["encoder_offset"],

@@ -1,14 +1,14 @@
-//! A joint that winds up: belts, harmonic drives, printed gears, springs in series.
+//! Elastic joint: belts, harmonic drives, printed gears, springs in series.
 //!
-//! The servo and its encoder sit on the motor's side, the logged position is the link's. The rotor's inertia is the
-//! joint's armature, or a hundredth of what the joint carries where the model has none; it starts where spring and
-//! servo are in balance.
+//! The servo and its encoder are on the motor's side; the logged position is the link's. The rotor's inertia is the
+//! joint's armature, or a hundredth of the inertia that the joint carries where the model has none. The rotor starts
+//! where spring and servo are in equilibrium.
 
+use crate::actuation::JointInput;
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::effects::rotor;
 use crate::effects::rotor::Spring;
-use crate::effects::effect::{EffectSpec, Effect, Param, SiteKind};
 use crate::engine::{Affine, Dof};
-use crate::actuation::JointInput;
 
 pub(in crate::effects) struct JointElasticity;
 
@@ -17,8 +17,11 @@ static SPEC: EffectSpec = EffectSpec {
     law: "motor and link are joined by stiffness·(theta - q) + damping·(dtheta - dq)",
     site: SiteKind::Joint,
     cite: "De Luca and Book, Robots with Flexible Elements, Springer Handbook of Robotics, 2008, chapter 13",
-    symptom: "the link rings after stops while the motor stands, and yields under load in proportion to the torque",
-    params: &[Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0), Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02)],
+    symptom: "the link oscillates after stops while the motor stands still, and deflects in proportion to the torque",
+    params: &[
+        Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0),
+        Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02),
+    ],
     starts: &[&[0.0], &[0.05]],
     similar: &["backlash", "command_delay", "motor_lag"],
     nested: &[],

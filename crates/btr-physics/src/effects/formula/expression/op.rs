@@ -1,11 +1,11 @@
-//! The steps of an expression, and the functions and numbers that it may name.
+//! Operations of a compiled expression, and the built-in functions and numbers.
 
 use std::f64::consts::PI;
 
 pub(super) type One = fn(f64) -> f64;
 pub(super) type Two = fn(f64, f64) -> f64;
 
-/// Functions of one value, ...
+/// Functions of one value.
 pub(super) const ONES: [(&str, One); 20] = [
     ("abs", f64::abs),
     ("sign", sign),
@@ -28,17 +28,17 @@ pub(super) const ONES: [(&str, One); 20] = [
     ("round", f64::round),
     ("trunc", f64::trunc),
 ];
-/// ... of two, ...
+/// Functions of two values.
 pub(super) const TWOS: [(&str, Two); 3] = [("min", f64::min), ("max", f64::max), ("atan2", f64::atan2)];
-/// ... and numbers with a name.
+/// Named numbers.
 pub(super) const NUMBERS: [(&str, f64); 2] = [("pi", PI), ("PI", PI)];
 
-/// A sign that is 0 at 0.
+/// Sign of a number; 0 at 0.
 pub(super) fn sign(x: f64) -> f64 {
     if x > 0.0 { 1.0 } else { -f64::from(x < 0.0) }
 }
 
-/// Squares are exact to the last bit on every machine.
+/// Power. Squares are computed as a product, so that they are bit-identical on every machine.
 pub(super) fn power(x: f64, y: f64) -> f64 {
     if y.to_bits() == 2.0f64.to_bits() { x * x } else { x.powf(y) }
 }
@@ -46,13 +46,13 @@ pub(super) fn power(x: f64, y: f64) -> f64 {
 #[derive(Clone, Copy)]
 pub(super) enum Op {
     Number(f64),
-    /// The value of a name, by its place.
+    /// Value of a name, by its index.
     Name(usize),
     One(One),
     Two(Two),
 }
 
-/// A function that takes so many values.
+/// Built-in function, by its number of arguments.
 #[derive(Clone, Copy)]
 pub(super) enum BuiltinFunction {
     One(One),

@@ -1,13 +1,13 @@
-//! From the text of an expression to its steps.
+//! Parser of expressions.
 
 use super::op::{BuiltinFunction, ONES, One, Op, TWOS, Two, function, number, power};
 use crate::effects::formula::error::FormulaError;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// The most parentheses and exponents within each other.
-const MOST_NESTED: usize = 64;
+/// Maximum nesting of parentheses and exponents.
+const MAX_NESTING: usize = 64;
 
-/// The steps of an expression in these names.
+/// Parses an expression in these names into operations.
 pub(super) fn parsed(text: &str, names: &[&str]) -> Result<Vec<Op>, FormulaError> {
     let tokens = tokens(text)?;
     if tokens.is_empty() {
@@ -48,7 +48,7 @@ impl<'a> Token<'a> {
 fn tokens(text: &str) -> Result<Vec<Token<'_>>, FormulaError> {
     let (mut tokens, mut rest) = (Vec::new(), text.trim_start());
     while let Some(first) = rest.chars().next() {
-        let long = match first {
+        let length = match first {
             '0'..='9' | '.' => digits(rest),
             '*' if rest.starts_with("**") => 2,
             '+' | '-' | '*' | '/' | '^' | '(' | ')' | ',' => 1,
@@ -57,7 +57,7 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, FormulaError> {
             }
             _ => return syntax(format!("`{first}` means nothing in a law")),
         };
-        let (token, after) = rest.split_at(long);
+        let (token, after) = rest.split_at(length);
         tokens.push(match first {
             '0'..='9' | '.' => match token.parse() {
                 Ok(number) => Token::Number(token, number),
@@ -71,7 +71,7 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, FormulaError> {
     Ok(tokens)
 }
 
-/// How long a number is: digits with points, and an exponent.
+/// Length of a number: digits with points, and an exponent.
 fn digits(text: &str) -> usize {
     let end =
         |from: usize| text[from..].find(|c: char| !c.is_ascii_digit() && c != '.').map_or(text.len(), |k| from + k);
@@ -84,7 +84,7 @@ fn digits(text: &str) -> usize {
     }
 }
 
-/// What is left to read, and the steps so far.
+/// The remaining tokens, and the operations so far.
 struct Parser<'a> {
     tokens: &'a [Token<'a>],
     names: &'a [&'a str],
@@ -93,7 +93,7 @@ struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
-    /// Takes one of some symbols, if it comes next.
+    /// Consumes the next token if it is one of these symbols.
     fn takes(&mut self, symbols: &[&str]) -> Option<&'a str> {
         let (Token::Symbol(next), rest) = self.tokens.split_first()? else { return None };
         symbols.contains(next).then(|| self.tokens = rest)?;
@@ -124,7 +124,7 @@ impl<'a> Parser<'a> {
         self.chain(Self::signed, [("*", f64::mul), ("/", f64::div)])
     }
 
-    /// Parts with operators between them that bind alike, from left to right.
+    /// A chain of operators of the same precedence, from left to right.
     fn chain(
         &mut self,
         part: fn(&mut Self) -> Result<(), FormulaError>,
@@ -160,7 +160,7 @@ impl<'a> Parser<'a> {
     }
 
     fn deeper(&mut self, read: fn(&mut Self) -> Result<(), FormulaError>) -> Result<(), FormulaError> {
-        if self.nested >= MOST_NESTED {
+        if self.nested >= MAX_NESTING {
             return too_deep();
         }
         self.nested += 1;
@@ -197,7 +197,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// A name, or a function with its values.
+    /// A name, or a function with its arguments.
     fn named(&mut self, name: &str) -> Result<(), FormulaError> {
         let calls = self.takes(&["("]).is_some();
         match (function(name), calls) {

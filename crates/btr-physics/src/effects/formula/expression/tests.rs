@@ -1,4 +1,4 @@
-//! What is written is what is worked out, and mistakes are told.
+//! Expressions evaluate to the right value, and syntax errors are described.
 #![allow(clippy::unwrap_used)]
 use super::op::power;
 use super::*;
@@ -38,8 +38,8 @@ fn operators_bind_as_in_mathematics() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
-    let told = [
+fn syntax_errors_are_described() {
+    let errors = [
         ("", "it is empty"),
         ("dq*", "a value is missing at its end"),
         ("*dq", "a value is missing before `*`"),
@@ -62,7 +62,7 @@ fn what_is_wrong_is_said() {
         ("q $ 2", "`$` means nothing in a law"),
         ("a*q", "`a` is not known; there are q, dq"),
     ];
-    for (text, why) in told {
+    for (text, why) in errors {
         assert!(refused(text).contains(why), "{text}: {}", refused(text));
     }
     assert!(refused(&"(".repeat(1000)).contains("within each other"));
@@ -70,17 +70,17 @@ fn what_is_wrong_is_said() {
     assert!(refused(&format!("{}q{}", "q+(".repeat(40), ")".repeat(40))).contains("within each other"));
 }
 
-/// An expression as it is written, ...
+/// A random expression: its text, ...
 #[derive(Clone, Debug)]
 struct Written {
     text: String,
-    /// ... what it is worked out to, ...
+    /// ... its value, ...
     is: f64,
-    /// ... how its outermost operator binds: 0 sums, 1 products, 2 signs, 3 powers, 4 values, ...
+    /// ... the precedence of its outermost operator: 0 sums, 1 products, 2 signs, 3 powers, 4 values, ...
     binds: u8,
-    /// ... whether no name is in it, ...
+    /// ... whether it contains no name, ...
     constant: bool,
-    /// ... and whether one of its parts without names is no number.
+    /// ... and whether one of its constant parts is not finite.
     refused: bool,
 }
 
@@ -89,12 +89,12 @@ impl Written {
         Written { text: text.to_owned(), is, binds: 4, constant, refused: false }
     }
 
-    /// In parentheses, if it binds less than this.
+    /// In parentheses if its precedence is below `least`.
     fn within(&self, least: u8) -> String {
         if self.binds < least { format!("({})", self.text) } else { self.text.clone() }
     }
 
-    /// What is wrong with it beside something else: a constant is worked out first, and has to be a number.
+    /// Whether it is refused as a part of another expression: a constant is evaluated first and must be finite.
     fn spoils(&self) -> bool {
         self.refused || (self.constant && !self.is.is_finite())
     }
@@ -129,14 +129,14 @@ fn expressions() -> impl Strategy<Value = Written> {
 
 proptest! {
     #[test]
-    fn what_is_written_is_what_is_worked_out(written in expressions()) {
+    fn an_expression_evaluates_to_its_value(written in expressions()) {
         let (text, is) = (&written.text, written.is);
         if written.spoils() {
             prop_assert!(refused(text).contains("a part of it is no number"), "{text}: {}", refused(text));
         } else {
-            let worked_out = value(text);
-            let same = worked_out.to_bits() == is.to_bits() || (worked_out.is_nan() && is.is_nan());
-            prop_assert!(same, "{text}: {worked_out}, not {is}");
+            let evaluated = value(text);
+            let same = evaluated.to_bits() == is.to_bits() || (evaluated.is_nan() && is.is_nan());
+            prop_assert!(same, "{text}: {evaluated}, not {is}");
         }
     }
 }
