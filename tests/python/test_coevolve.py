@@ -109,11 +109,11 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
     assert list(found.get_ydata()) == [iteration["phi"] for iteration in run.iterations] and phi.get_yscale() == "log"
     assert list(predicted.get_ydata()) == [iteration["phi_predicted"] for iteration in run.iterations]
     assert list(grown.get_xdata()) == [1.5, 1.5] and grown.get_label() == "+ coulomb_friction.torque@hinge"
-    promised, real, _ = fitness.lines
-    assert list(promised.get_xdata()) == list(range(1, len(run.iterations) + 1))
-    assert list(promised.get_ydata()) == [iteration["fitness_sim"] for iteration in run.iterations]
+    predicted, real, _ = fitness.lines
+    assert list(predicted.get_xdata()) == list(range(1, len(run.iterations) + 1))
+    assert list(predicted.get_ydata()) == [iteration["fitness_sim"] for iteration in run.iterations]
     assert np.isnan(real.get_ydata()[1]) and np.isfinite(real.get_ydata()[0])
-    assert [text.get_text() for text in fitness.get_legend().get_texts()][:2] == ["promised", "real"]
+    assert [text.get_text() for text in fitness.get_legend().get_texts()][:2] == ["predicted", "real"]
     pair = pyplot.subplots(1, 2)[1]
     assert disengaged.plot(ax=pair) == list(pair)
     for iteration in run.iterations:

@@ -137,7 +137,7 @@ def test_diagnose_draws_how_the_error_fell(answers: dict) -> None:
     assert names(ax) == [step["step"] for step in found.error_ladder]
     assert drawn(ax, "main") == [[step["train"] for step in found.error_ladder]]
     assert drawn(ax, "second") == [[step["held_out"] for step in found.error_ladder]]
-    assert labels(ax) == ["learnt from", "held out", "noise floor"] and "noise floors" in ax.get_xlabel()
+    assert labels(ax) == ["training logs", "held-out logs", "noise floor"] and "noise floors" in ax.get_xlabel()
 
 
 def test_fit_draws_every_value_between_its_bounds(answers: dict) -> None:
@@ -164,7 +164,7 @@ def test_what_was_withheld_is_not_drawn(answers: dict) -> None:
         step["held_out"] = None
     values, ladder = found.plot()
     assert not values.collections and len(drawn(values, "alarm")) == 1 and "at its bound" in labels(values)
-    assert labels(ladder) == ["learnt from", "noise floor"]
+    assert labels(ladder) == ["training logs", "noise floor"]
 
 
 def test_pictures_go_where_they_are_told(answers: dict) -> None:

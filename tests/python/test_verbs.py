@@ -206,7 +206,7 @@ def test_effects_are_told() -> None:
         (lambda arm: arm.simulate_all({"kp@yaww": [20.0]}), btr.BtrError, "none of the model's parameters is called `kp@yaww`"),
         (lambda arm: arm.simulate_all(controllers={"gain": [1.0]}), btr.BtrError, "there are no controllers"),
         (lambda arm: arm.simulate_all({}), ValueError, "or columns by name"),
-        (lambda arm: arm.simulate_all(controllers=[[]], log=LEARN[0]), ValueError, "controllers have no say"),
+        (lambda arm: arm.simulate_all(controllers=[[]], log=LEARN[0]), ValueError, "controllers would have no effect"),
         (lambda arm: arm.simulate_all({"mass@upper": [0.5], "mass@turret": [1.0, 2.0]}), ValueError, r"shape \(1,\)"),
         (lambda arm: arm.simulate_all(), ValueError, "needs parameters, controllers, or both"),
         (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\) where \(1, 9\)"),

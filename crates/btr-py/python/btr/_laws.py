@@ -1,4 +1,4 @@
-"""A user's own laws as functions: what they are called in a model's text, and how pickles hold them."""
+"""User-defined laws that are Python functions: their names in a model's text, and how they are pickled."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from btr._btr import BtrError
 Law = Callable[..., float]
 """`law(q, dq, ddq, cmd, tau, t, **parameters)` in SI units; see `Model.add_law`."""
 Number = Union[float, tuple[float, float]]
-"""A parameter of a law: its value, or bounds between which a fit looks for it."""
+"""A parameter of a law: its value, or the bounds of a fit."""
 
 _VARIABLES = ("q", "dq", "ddq", "cmd", "tau", "t")
 
 
 def in_text(name: str) -> str:
-    """What stands for a function in the text of a model."""
+    """The name of a function in the text of a model."""
     return f"python:{name}"
 
 
 def by_text(laws: Mapping[str, Law]) -> list[tuple[str, Law]]:
-    """Functions by what stands for them; raises `TypeError` for what cannot be called."""
+    """Functions by their names in a model's text. Raises `TypeError` for a value that is not callable."""
     if not isinstance(laws, Mapping):
         raise TypeError(f"laws are functions by name, {{'slip': slip}}, not {type(laws).__name__}")
     for name, law in laws.items():
@@ -34,7 +34,7 @@ def by_text(laws: Mapping[str, Law]) -> list[tuple[str, Law]]:
 
 
 def name_of(law: Law, among: Mapping[str, Law]) -> str:
-    """What a function is called in a model that has others."""
+    """The name of a function in a model with the laws `among`. Raises `BtrError` if another law has that name."""
     name = getattr(law, "__name__", type(law).__name__)
     if among.get(name, law) is not law:
         raise BtrError(f"the model has another law called {name}\nhelp: give one of them another name, with `def`")
@@ -42,7 +42,7 @@ def name_of(law: Law, among: Mapping[str, Law]) -> str:
 
 
 def numbers(parameters: Mapping[str, Number]) -> list[tuple[str, float | tuple[float, float]]]:
-    """The numbers as floats; raises `TypeError` for what is neither a number nor bounds."""
+    """Values or bounds as floats. Raises `TypeError` for a value that is neither a number nor bounds."""
     return [(name, _number(name, given)) for name, given in parameters.items()]
 
 
@@ -58,10 +58,10 @@ def _number(name: str, given: Number) -> float | tuple[float, float]:
 
 def must_fit(laws: Mapping[str, Law], of_model: Sequence[tuple[str, Sequence[str]]]) -> None:
     """Raises `TypeError` for a function that cannot be called with the parameters that the model's text gives it."""
-    by_stand_in = {in_text(name): (name, law) for name, law in laws.items()}
+    by_name = {in_text(name): (name, law) for name, law in laws.items()}
     for text, parameters in of_model:
-        if text in by_stand_in:
-            name, law = by_stand_in[text]
+        if text in by_name:
+            name, law = by_name[text]
             must_take(law, parameters, f"the law {name}")
 
 
@@ -70,16 +70,16 @@ def must_take(law: Law, parameters: Iterable[str], what: str = "a law") -> None:
     try:
         signature = inspect.signature(law)
     except ValueError:
-        return  # Some that are written in C do not say.
+        return  # Some functions written in C have no signature.
     try:
         signature.bind(*_VARIABLES, **dict.fromkeys(parameters))
     except TypeError as error:
-        wanted = ", ".join([*_VARIABLES, *parameters])
-        raise TypeError(f"{what} is called with ({wanted}), but this one has {signature}: {error}") from None
+        arguments = ", ".join([*_VARIABLES, *parameters])
+        raise TypeError(f"{what} is called with ({arguments}), but this one has {signature}: {error}") from None
 
 
 class _ByValue:
-    """A function that no other program could import, as cloudpickle's bytes."""
+    """Pickles a function that other processes cannot import, as cloudpickle's bytes."""
 
     def __init__(self, law: Law) -> None:
         self._law = law
@@ -94,7 +94,7 @@ class _ByValue:
 
 
 def _cloudpickle() -> Any:
-    """The package, or Ray's copy of it; None where neither is there."""
+    """The package cloudpickle, or Ray's copy of it; None if neither is installed."""
     for name in ("cloudpickle", "ray.cloudpickle"):
         try:
             return importlib.import_module(name)
@@ -104,26 +104,26 @@ def _cloudpickle() -> Any:
 
 
 def for_pickles(laws: Mapping[str, Law]) -> dict[str, Law | _ByValue]:
-    """Functions as pickles hold them: by their names where they can be imported."""
+    """Functions in a form that can be pickled: by name if importable, otherwise by value."""
     return {name: law if _is_importable(law) else _ByValue(law) for name, law in laws.items()}
 
 
 def packed(laws: Sequence[tuple[str, Law]]) -> bytes:
-    """Functions for other processes; raises `BtrError` for one that cannot go there."""
+    """Pickles functions for other processes. Raises `BtrError` for a function that cannot be pickled."""
     try:
-        return pickle.dumps([(name, _travelling(law)) for name, law in laws])
+        return pickle.dumps([(name, _portable(law)) for name, law in laws])
     except pickle.PicklingError as error:
-        raise BtrError(f"a law cannot be called elsewhere: {error}") from None
+        raise BtrError(f"a law cannot be sent to another process: {error}") from None
 
 
-def _travelling(law: Law) -> Law | _ByValue:
-    # What a notebook or script defines is there under its name only in processes that run the same one.
-    is_at_home = getattr(law, "__module__", None) == "__main__" and _cloudpickle() is not None
-    return law if _is_importable(law) and not is_at_home else _ByValue(law)
+def _portable(law: Law) -> Law | _ByValue:
+    # A function defined in a notebook or script is importable by name only in processes that run the same one.
+    is_in_main = getattr(law, "__module__", None) == "__main__" and _cloudpickle() is not None
+    return law if _is_importable(law) and not is_in_main else _ByValue(law)
 
 
 def unpacked(content: bytes) -> list[tuple[str, Law]]:
-    """What another process packed."""
+    """The functions that another process packed with `packed`."""
     laws: list[tuple[str, Law]] = pickle.loads(content)
     return laws
 

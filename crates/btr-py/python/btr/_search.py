@@ -1,4 +1,4 @@
-"""What all searches have in common: asking, telling, stopping."""
+"""The common interface of all searches: ask, tell, stop."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from btr._inputs import count, floats, must_be_called, wrong
 from btr.executors import must_be_some as some_threads
 
 Scale = Literal["linear", "log"]
-"""Equal steps are equal differences, or equal ratios: for what may be small or large by orders of magnitude."""
+"""Equal steps are equal differences (`linear`) or equal ratios (`log`, for values that span orders of magnitude)."""
 Cost = Callable[[NDArray[np.float64]], Any]
-"""What is minimised: takes an array of shape (dimensions,), gives one number."""
+"""The function to minimise: takes an array of shape (dimensions,), returns one number."""
 S = TypeVar("S", bound="Search")
 
 
@@ -29,16 +29,17 @@ class Executor(Protocol):
     """An executor like `concurrent.futures.ProcessPoolExecutor`: `submit` returns a future."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
-        """Has `fn(*args)` called, and gives back its future."""
+        """Schedules `fn(*args)` and returns its future."""
 
 
 ExecutorLike = Union[Executor, int, Literal["threads"], None]
-"""Who evaluates: an executor, so many threads of this process (for functions that wait, or that let go of Python's lock), as
-many as it has processors (`"threads"`), or the calling thread."""
+"""Where costs are evaluated: an executor, a number of threads of this process (for functions that wait or release
+the GIL), one thread per processor (`"threads"`), or the calling thread (None)."""
 
 
 class Best(NamedTuple):
-    """The best solution told, its cost, and which evaluation it was, counted from 1; (None, inf, 0) before any success."""
+    """The best solution so far, its cost, and the number of its evaluation from 1; (None, inf, 0) before any
+    success."""
 
     x: NDArray[np.float64] | None
     f: float
@@ -46,25 +47,25 @@ class Best(NamedTuple):
 
 
 class SearchResult(NamedTuple):
-    """What a search has found so far: the fields of pycma's result, and SciPy's names for the main ones."""
+    """State of a search: the fields of pycma's result, and SciPy's names for the main ones."""
 
     xbest: NDArray[np.float64] | None
-    """The best solution told, of shape (dimensions,); None before any success."""
+    """The best solution so far, of shape (dimensions,); None before any success."""
     fbest: float
     """Its cost; inf before any success."""
     evals_best: int
-    """Which evaluation it was, counted from 1; 0 before any success."""
+    """Number of its evaluation, from 1; 0 before any success."""
     evaluations: int
-    """How many costs were told."""
+    """Number of evaluated costs."""
     iterations: int
-    """How many populations were told."""
+    """Number of evaluated populations."""
     xfavorite: NDArray[np.float64] | None
-    """Where CMA-ES expects the minimum (its mean); the best solution for the others."""
+    """The mean of CMA-ES, where it expects the minimum; the best solution for the other algorithms."""
     stds: NDArray[np.float64] | None
-    """Standard deviations of CMA-ES along the dimensions, as they are at `xfavorite` where a scale is logarithmic; else
-    None."""
+    """Standard deviations of CMA-ES along the dimensions (at `xfavorite` for logarithmic scales); None for the other
+    algorithms."""
     stop: dict[str, float | str]
-    """Why the search is over; empty while it goes on."""
+    """Stop reasons; empty while the search is running."""
 
     @property
     def x(self) -> NDArray[np.float64] | None:
@@ -88,7 +89,7 @@ class SearchResult(NamedTuple):
 
 
 class Search:
-    """What `CMAES`, `GA` and `RealGA` have in common."""
+    """Base class of `CMAES`, `GA` and `RealGA`."""
 
     def __init__(
         self,
@@ -100,7 +101,7 @@ class Search:
         scale: Scale | Sequence[Scale],
         limits: tuple[float | None, float | None, float | None],
     ) -> None:
-        """Begins a search by its name in experiment files, with their settings; None stands for a default."""
+        """Creates a search by its name and settings in experiment files; None selects a default."""
         pairs = _pairs(bounds)
         start = None if x0 is None else floats(x0, "x0 is an array of shape (dimensions,)").ravel().tolist()
         given = [(key, value) for key, value in settings.items() if value is not None]
@@ -109,29 +110,32 @@ class Search:
         for name, limit in zip(("maxiter", "maxfevals", "ftarget"), limits):
             _limit(name, limit)
         maxiter, self._maxfevals, self._ftarget = limits
-        # As pycma: it grows with the dimensions, and large populations need fewer. Each restart has as many again.
+        # pycma's default: more for more dimensions, fewer for larger populations; the same again for each restart.
         runs = 1 + (settings.get("restarts") or 0)
         self._maxiter = runs * (100 + 150 * (len(pairs) + 3) ** 2 // self.popsize**0.5) if maxiter is None else maxiter
 
     @property
     def popsize(self) -> int:
-        """How many solutions `ask` gives; more after a restart of CMA-ES."""
+        """Number of solutions that `ask` returns; larger after a restart of CMA-ES."""
         return self._search.popsize
 
     def ask(self) -> list[NDArray[np.float64]]:
-        """The solutions to evaluate, arrays of shape (dimensions,) within the bounds; the same ones until they are told."""
+        """The solutions to evaluate, arrays of shape (dimensions,) within the bounds; the same ones until `tell`."""
         return self._search.ask()
 
     def tell(self, solutions: Sequence[ArrayLike], costs: ArrayLike) -> None:
-        """Learns the costs of the solutions that were asked, in their order. Raises `BtrError` for any other."""
-        asked = self._search.asked
-        if asked is None:
-            raise wrong("nothing was asked, so nothing can be told", "call ask() before each tell()")
-        if len(solutions) != len(asked):
-            raise wrong(f"{len(solutions)} solutions where {len(asked)} were asked", "tell all that ask() gave, in its order")
-        for i, (told, wanted) in enumerate(zip(solutions, asked)):
-            if not np.array_equal(floats(told, "a solution is an array of numbers"), wanted):
-                raise wrong(f"solution {i} is not the one that was asked", "tell what ask() gave, unchanged and in its order")
+        """Updates the search with the costs of the solutions from `ask`, in their order. Raises `BtrError` for other
+        solutions."""
+        pending = self._search.asked
+        if pending is None:
+            raise wrong("nothing was asked: no solutions are pending", "call ask() before each tell()")
+        if len(solutions) != len(pending):
+            what = f"{len(solutions)} solutions where {len(pending)} are pending"
+            raise wrong(what, "pass all solutions of ask(), in its order")
+        for i, (solution, expected) in enumerate(zip(solutions, pending)):
+            if not np.array_equal(floats(solution, "a solution is an array of numbers"), expected):
+                what = f"solution {i} is not the one that ask() returned"
+                raise wrong(what, "pass the solutions of ask(), unchanged and in its order")
         self._tell(floats(costs, "costs are one number for each solution"))
 
     def _tell(self, costs: NDArray[np.float64]) -> None:
@@ -140,8 +144,9 @@ class Search:
         self._search.tell(costs.tolist())
 
     def stop(self) -> dict[str, float | str]:
-        """Why the search is over; empty while it goes on. `maxiter`, `maxfevals` and `ftarget` come with their limits, the
-        reasons of CMA-ES (`tolx`, `tolfunhist`, `tolstagnation`, `tolconditioncov`, `failures`) with what they mean."""
+        """Stop reasons; empty while the search is running. `maxiter`, `maxfevals` and `ftarget` map to their limits,
+        the reasons of CMA-ES (`tolx`, `tolfunhist`, `tolstagnation`, `tolconditioncov`, `failures`) to a
+        description."""
         search = self._search
         reached: dict[str, float | str] = {}
         if search.iterations >= self._maxiter:
@@ -161,11 +166,12 @@ class Search:
         executor: ExecutorLike = None,
         callback: Callable[[S], object] | None = None,
     ) -> S:
-        """Evaluates populations until `stop`, or for so many more iterations, and gives back itself. The executor, or so many
-        threads, evaluates a population at once; the results are the same with any or none. `callback` hears the search after
-        each generation.
+        """Evaluates populations until `stop`, or for `iterations` more generations, and returns the search. The
+        executor (or that number of threads) evaluates a population in parallel; the results do not depend on it.
+        `callback` is called with the search after each generation.
 
-        Where `f` raises, the search stays where it was before that generation: `ask` gives the same solutions again."""
+        If `f` raises, the search keeps its state from before that generation: `ask` returns the same solutions
+        again."""
         must_be_called(f, "what is minimised is a function of an array of shape (dimensions,)")
         last = None if iterations is None else self._search.iterations + count(iterations, "iterations")
         with _evaluator(executor) as evaluates:
@@ -177,13 +183,13 @@ class Search:
 
     @property
     def best(self) -> Best:
-        """The best solution told."""
+        """The best solution so far."""
         best = self._search.best
         return Best(None, float("inf"), 0) if best is None else Best(*best)
 
     @property
     def result(self) -> SearchResult:
-        """What has been found so far."""
+        """The current state of the search."""
         search, best = self._search, self.best
         favorite, stds = search.distribution or (best.x, None)
         return SearchResult(*best, search.evaluations, search.iterations, favorite, stds, self.stop())
@@ -196,7 +202,8 @@ class Search:
 
     def __repr__(self) -> str:
         search, best = self._search, self.best
-        return f"<{type(self).__name__}: {search.iterations} iterations, {search.evaluations} evaluations, best {best.f:.6g}>"
+        counts = f"{search.iterations} iterations, {search.evaluations} evaluations"
+        return f"<{type(self).__name__}: {counts}, best {best.f:.6g}>"
 
 
 def _pairs(bounds: ArrayLike) -> list[tuple[float, float]]:
@@ -242,16 +249,17 @@ def _limit(name: str, limit: float | None) -> None:
 
 
 def _breeding(settings: Mapping[str, Any]) -> None:
-    """Raises `BtrError` for inconsistent numbers of parents. Each number alone is checked by the compiled half."""
+    """Raises `BtrError` for inconsistent numbers of parents. The compiled module checks each number by itself."""
     elite, popsize, tournament = (settings.get(key) for key in ("elite", "population", "tournament"))
     if isinstance(elite, int) and isinstance(popsize, int) and 2 <= popsize <= elite:
-        raise wrong(f"elite = {elite} of popsize = {popsize}", "keep fewer than there are: one at least has to be new")
+        raise wrong(f"elite = {elite} of popsize = {popsize}", "keep fewer than popsize: at least one must be new")
     if isinstance(tournament, int) and tournament == 0:
         raise wrong("tournament = 0: nobody competes", "give 1 or more; with 1, parents are chosen at random")
 
 
 def _evaluator(executor: ExecutorLike) -> AbstractContextManager[Executor | None]:
-    """Who evaluates, as long as it is needed; raises `TypeError` or `ValueError` for what cannot."""
+    """Context of an executor; None evaluates in this thread. Raises `TypeError` or `ValueError` for invalid
+    arguments."""
     if isinstance(executor, str) and executor == "threads":
         return ThreadPoolExecutor(os.cpu_count())
     if isinstance(executor, (int, Real)):
@@ -265,14 +273,14 @@ def _evaluator(executor: ExecutorLike) -> AbstractContextManager[Executor | None
 
 
 def _evaluated(f: Cost, solutions: list[NDArray[np.float64]], executor: Executor | None) -> NDArray[np.float64]:
-    """The costs in the order of the solutions, whoever is done first."""
+    """The costs in the order of the solutions, not of completion."""
     if executor is None:
         return np.array([_number(f(x)) for x in solutions])
     futures = [executor.submit(f, x) for x in solutions]
     try:
         return np.array([_number(future.result()) for future in futures])
     except BaseException:
-        # What has not begun is not worth its time any more.
+        # Cancel evaluations that have not started.
         for future in futures:
             future.cancel()
         raise

@@ -1,5 +1,5 @@
-"""The loop: it searches controllers in simulation, tests a few in reality, and improves the simulation with the
-measured behaviour."""
+"""The Back-to-Reality loop: searches controllers in simulation, tests a few in reality, and improves the simulation
+with the measured behaviour."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ from btr.logs import LogLike, is_columns, load_log
 from btr.model import Model, loaded
 from btr.results import CoevolveResult
 
-
 Reality = Callable[[Controller], LogLike]
-"""Executes a controller's references on a robot, or on a substitute, and returns the sensor readings: a `Log`, a
-frame, a mapping of arrays, or a path, under btr's names or those of the experiment's `[channels]`; what is bad about it is a
-`UserWarning`, and under `doubts` in the result. Raises `btr.TestFailed` where the robot could not do it; whatever else it raises
-ends the run, which can be resumed. Called on another thread; Ctrl-C waits for it, so that no real test is lost. A log whose times
-can be the test's is taken at its word (one that begins at 0.02 s lost what came before); any other clock has its first row at the
-test's beginning, and what comes after the test (the last of the references may) is left out. Where it brings commands
-(`cmd_<joint>`), they are compared with what was asked for. A simulator that stands for the robot must take finer steps than the
-model, or its own error is what is found. Where another model is to stand for the robot, `model.simulate` takes the controller
-itself: its `references` alone do not say where a floating robot begins."""
+"""Executes a controller's references on a robot, or on a substitute, and returns the sensor readings: a `Log`, a frame,
+a mapping of arrays, or a path, with btr's channel names or those of the experiment's `[channels]`.
+
+Raises `btr.TestFailed` if the robot could not execute the test. Any other exception ends the run, which can be resumed.
+The function is called on another thread; Ctrl-C waits for it, so that no real test is lost. Problems of a log are
+reported as a `UserWarning`, and under `doubts` in the result.
+
+Times of a log that are possible times of the test are used as they are (a log that begins at 0.02 s lacks the samples
+before). For any other clock, the first row is the start of the test. Rows after the end of the test are dropped (the
+last reference may be later). Commands in the log (`cmd_<joint>`) are compared with the references.
+
+A simulator in place of the robot must use smaller time steps than the model; otherwise its own error is identified. To
+use another btr model as the robot, pass the controller itself to `model.simulate`: the `references` alone do not
+contain the initial pose of a floating robot."""
 
 
 def coevolve(
@@ -45,18 +49,19 @@ def coevolve(
     """Co-evolves controllers and simulations of an experiment (Zagal, Delpiano and Ruiz-del-Solar 2009), like `btr
     coevolve`.
 
-    `reality` replaces the experiment's `[reality]`. The folder `out` (`runs/<name>`) holds all files and a checkpoint after
-    every step: `resume` continues a run that was interrupted by Ctrl-C, an exception, or a lost machine. The same
-    experiment and seed give the same results for every `executor`. `tell` is called with every closed iteration
-    (`tell=print` shows them).
+    `reality` replaces the experiment's `[reality]`. The folder `out` (default: `runs/<name>`) receives all files and a
+    checkpoint after every step. `resume` continues a run that was interrupted by Ctrl-C, an exception, or a lost
+    machine. The same experiment and seed give the same results for every `executor`. `tell` is called with every
+    completed iteration (`tell=print` shows them).
 
-    Raises `BtrError` if the experiment is invalid or the folder holds another run, and exceptions of `reality` or `tell`.
+    Raises `BtrError` if the experiment is invalid or the folder contains another run, and exceptions of `reality` or
+    `tell`.
     """
     model = loaded(experiment)
-    must_be_called(_nobody if reality is None else reality, "reality is a function of a Controller that gives back a log")
-    must_be_called(_nobody if tell is None else tell, "tell is a function that hears every iteration")
+    execute = _no_reality if reality is None else reality
+    must_be_called(execute, "reality is a function of a Controller that gives back a log")
+    must_be_called(_no_reality if tell is None else tell, "tell is a function that hears every iteration")
     folder = Path("runs") / model.name if out is None else Path(out)
-    asked = _nobody if reality is None else reality
 
     def robot(
         number: int,
@@ -71,10 +76,10 @@ def coevolve(
     ) -> Log:
         parameters = dict(zip(names, values))
         controller = Controller(number, iteration, scenario, parameters, references, dict(start), base, duration_s)
-        log = asked(controller)
+        log = execute(controller)
         return load_log(log, f"the log of real test {number}" if is_columns(log) else None, model=model)
 
-    def heard(iteration: str) -> None:
+    def report(iteration: str) -> None:
         if tell is not None:
             tell(Iteration(json.loads(iteration)))
 
@@ -86,7 +91,7 @@ def coevolve(
     seed = None if seed is None else count(seed, "seed")
     function, workers = None if reality is None else robot, executor_of(executor)
     try:
-        document = _btr.coevolve(model._model, folder, seed, resume, function, heard, warned, workers)
+        document = _btr.coevolve(model._model, folder, seed, resume, function, report, warned, workers)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"go on with btr.coevolve(..., out={str(folder)!r}, resume=True)") from interrupt
     if document is None:
@@ -94,6 +99,6 @@ def coevolve(
     return CoevolveResult(json.loads(document), folder)
 
 
-def _nobody(controller: Controller) -> LogLike:
-    """Placeholder for the experiment's own reality."""
-    raise BtrError(f"nobody was to be asked for real test {controller.number}")
+def _no_reality(controller: Controller) -> LogLike:
+    """Placeholder for the experiment's own `[reality]`; never called."""
+    raise BtrError(f"real test {controller.number} was requested, but no function executes it")

@@ -1,13 +1,13 @@
-"""Distances between what really happened and what a simulation says: those of experiments, on any series.
+"""Distances between real and simulated series: those of experiments, for any series.
 
     btr.distance.rmse(real, simulated)                                  # arrays (samples,) or (samples, channels)
     btr.distance.dtw({"q_knee": real}, {"q_knee": simulated}, band=0.05)
     btr.distance.information(real_log, simulated_log, channels=["q_*"])
 
-Both sides are arrays of one shape, dicts of series by name, or logs (`btr.Log`, or whatever `btr.load_log` reads). Of arrays
-and dicts everything is compared; of logs the channels that both have, but not outside knowledge (`base_*`, names that btr
-does not know), the simulated ones on the real clock. A sample that is NaN on either side is ignored on both. 0 is equality;
-inf says that nothing was left to compare.
+Both sides are arrays of one shape, dicts of series by name, or logs (`btr.Log`, or anything that `btr.load_log` reads).
+Arrays and dicts are compared as a whole. Of logs, the channels that both have are compared, the simulated ones
+resampled on the real clock, except for external measurements (`base_*`, names unknown to btr). A sample that is NaN on
+either side is ignored on both. 0 means equality; inf means that no samples were left to compare.
 """
 
 from __future__ import annotations
@@ -36,19 +36,21 @@ _SENTENCES = {name: sentence for name, sentence, _ in _btr.distances()}
 _COMMON = """
 
     real, simulated: arrays of shape (samples,) or (samples, channels), dicts of arrays by name, or logs.
-    channels: names to compare, `*` for any characters; all unless given. Columns of arrays are called 0, 1, ...
-    clock_s: when the samples of arrays and dicts were taken, in s, increasing; or dt_s, the time between them. Even unless
-    given.
+    channels: names to compare, `*` matches any characters; default: all. Columns of arrays are named 0, 1, ...
+    clock_s: times of the samples of arrays and dicts, in s, increasing; or dt_s, the time between them. Default: evenly
+    spaced.
 
-    Channels are weighed by the standard deviation of the real one, so that units mix. One that hardly moves is weighed by a
-    tenth of the liveliest of its unit, and what has no unit counts as of one: columns of arrays, and names in dicts that say
-    none. Where these are not of one unit, say so by names (`q_` is rad, `q_<joint>_m` m, `dq_` rad/s, `tau_` N·m), or one that
-    moves by millimetres is judged as if it were degrees.
-    Raises BtrError where series do not belong together, TypeError where they are none."""
+    Each channel is divided by the standard deviation of the real one, so that channels of different units can be
+    combined. For a channel that hardly moves, the divisor is a tenth of the largest one among channels of its unit.
+    Columns of arrays and names in dicts without a unit count as having the same unit. If their units differ, name the
+    channels accordingly (`q_` is rad, `q_<joint>_m` m, `dq_` rad/s, `tau_` N·m); otherwise a channel that moves by
+    millimetres is weighted as if it were an angle.
+    Raises BtrError if the series do not match each other, TypeError for values that are not series."""
 
 
 def _as_in_experiments(function: F) -> F:
-    """Starts the docstring with the description of `btr info` and ends it with the arguments common to all distances."""
+    """Starts the docstring with the description of `btr info` and ends it with the arguments common to all
+    distances."""
     common = "" if function.__name__ == "fitness" else _COMMON
     sentence = _SENTENCES[function.__name__]
     function.__doc__ = f"{sentence[0].upper()}{sentence[1:]}.\n\n    {function.__doc__}{common}"
@@ -57,7 +59,7 @@ def _as_in_experiments(function: F) -> F:
 
 @_as_in_experiments
 def fitness(real: float, simulated: float) -> float:
-    """Takes two numbers, what the experimenter thinks of the two behaviours; inf where one is NaN."""
+    """Takes the fitness of the real and of the simulated behaviour, two numbers; inf if one is NaN."""
     return _btr.fitness_distance(real, simulated)
 
 
@@ -71,8 +73,8 @@ def information(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """Summed over the channels, commands included. Units do not matter here, only the `bins`: how many equal steps there are
-    across the range of both series."""
+    """Summed over the channels, including commands. Independent of units; depends on `bins`, the number of equal
+    intervals across the range of both series."""
     return _distance("information", real, simulated, dt_s, clock_s, bins=bins, channels=channels)
 
 
@@ -85,7 +87,7 @@ def rmse(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """A model that stays at the mean scores 1."""
+    """A constant prediction at the mean scores 1."""
     return _distance("rmse", real, simulated, dt_s, clock_s, channels=channels)
 
 
@@ -99,7 +101,7 @@ def normalised_rmse(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """No channel counts more than `most`, so that a single bad one does not hide the others."""
+    """Each channel contributes at most `most`, so that a single bad channel does not hide the others."""
     return _distance("normalised_rmse", real, simulated, dt_s, clock_s, most=most, channels=channels)
 
 
@@ -112,7 +114,7 @@ def spectrum(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """Needs four samples at least."""
+    """Needs at least four samples."""
     return _distance("spectrum", real, simulated, dt_s, clock_s, channels=channels)
 
 
@@ -127,8 +129,8 @@ def dtw(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """A sample may be moved by `band`, a share of the whole series. Longer series than `samples` are averaged in blocks
-    first. Each channel is warped by itself."""
+    """A sample may be shifted by `band`, a fraction of the series' length. Series longer than `samples` are first
+    averaged in blocks. Each channel is warped separately."""
     return _distance("dtw", real, simulated, dt_s, clock_s, band=band, samples=samples, channels=channels)
 
 
@@ -142,8 +144,8 @@ def whitened(
     dt_s: float | None = None,
     clock_s: ArrayLike | None = None,
 ) -> float:
-    """`noise` is the standard deviation of each channel's noise in its unit, by name or pattern (`{"q_*": 0.0005}`); where it
-    says nothing, it is estimated from the real readings. Channels are not weighed by anything else."""
+    """`noise` is the standard deviation of each channel's noise in its unit, by name or pattern (`{"q_*": 0.0005}`);
+    for channels without an entry it is estimated from the real readings. There is no other weighting of channels."""
     return _distance("whitened", real, simulated, dt_s, clock_s, noise=dict(noise), channels=channels)
 
 
@@ -164,29 +166,31 @@ def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLik
             raise wrong("logs have clocks of their own", "leave out dt_s and clock_s")
         return one, other
     if isinstance(one, Log) or isinstance(other, Log):
-        raise TypeError("both sides are logs, or none is: a log has a clock of its own")
+        raise TypeError("both sides are logs or neither is: a log has a clock of its own")
     if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
         raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
     for name in one:
         if name in other and len(one[name]) != len(other[name]):
             what = f"{len(one[name])} real samples beside {len(other[name])} simulated ones"
-            raise wrong(f"{what}{_of(name, real)}", "give both sides as many samples, or as logs with clocks of their own")
-    apart = sorted(one.keys() ^ other.keys())
-    if apart:
-        raise wrong(f"only one side has {', '.join(apart)}", "give both sides the same channels")
+            how = "give both sides as many samples, or pass logs, which have clocks of their own"
+            raise wrong(f"{what}{_of(name, real)}", how)
+    unmatched = sorted(one.keys() ^ other.keys())
+    if unmatched:
+        raise wrong(f"only one side has {', '.join(unmatched)}", "give both sides the same channels")
     lengths = {len(series): name for name, series in one.items()}
     if len(lengths) > 1:
         (a, one_of_a), (b, one_of_b), *_ = lengths.items()
         what = f"{one_of_a} has {a} samples, {one_of_b} has {b}"
-        raise wrong(what, "give all channels as many samples, or as logs with clocks of their own")
-    clock = _clock(max(lengths, default=0), dt_s, clock_s)
-    if len(clock) != max(lengths, default=0):
-        raise wrong(f"clock_s has {len(clock)} times for {max(lengths, default=0)} samples", "give one time per sample, in s")
+        raise wrong(what, "give all channels as many samples, or pass logs, which have clocks of their own")
+    samples = max(lengths, default=0)
+    clock = _clock(samples, dt_s, clock_s)
+    if len(clock) != samples:
+        raise wrong(f"clock_s has {len(clock)} times for {samples} samples", "give one time per sample, in s")
     return _btr.measured("real", clock, list(one.items())), _btr.measured("simulated", clock, list(other.items()))
 
 
 def _of(name: str, series: Any) -> str:
-    """Which channel that is; nothing to say where there is but one without a name."""
+    """The channel's name for a message; empty for a single series without a name."""
     return f" of channel {name}" if isinstance(series, Mapping) or np.ndim(series) == 2 else ""
 
 

@@ -1,4 +1,4 @@
-"""Logs: from files, frames, arrays and bags, alone or many at once."""
+"""Logs from files, frames, arrays and bags, one or several at once."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
     from btr.model import Model
 
 LogLike = Union[str, os.PathLike[str], Log, Any]
-"""A path (.csv, .csv.gz, .mcap, a LeRobot data set's folder; verbs take patterns like `"monday/*.csv"`, too), a `Log`, or
-columns by name with `t` in seconds (or as times): a pandas or polars frame, or a mapping of arrays. The `[channels]` of the
-model it is for say what foreign names mean."""
+"""A path (.csv, .csv.gz, .mcap, the folder of a LeRobot data set; verbs also accept patterns like `"monday/*.csv"`), a
+`Log`, or columns by name with `t` in seconds (or as dates or durations): a pandas or polars frame, or a mapping of
+arrays. The `[channels]` of the model map foreign names to btr's."""
 Given = Union[Log, Path, tuple[str, Log]]
-"""A log, or where it is, or what it is called and the log."""
+"""A log, its path, or a pair of name and log."""
 
 
 def load_log(
     source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
 ) -> Log:
-    """A log of a file, of an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), of a ROS 2 bag's
-    folder or an open reader of the package rosbags, or of columns with a `t` in seconds: a frame, or a mapping of arrays.
-    Where `t` holds dates or durations, it counts from the first one. The others are called as in a CSV: `cmd_<joint>`,
-    `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with `_deg` at the end for degrees. Foreign names mean what the `[channels]` of
-    a model say; what a `Log` has under btr's names stays as it is. Raises `BtrError` for what cannot be read, `TypeError` for
-    what is no log."""
+    """Reads a log from a file, an episode of a LeRobot data set's folder (`"folder#3"` is `"folder", episode=3`), the
+    folder of a ROS 2 bag, an open reader of the package rosbags, or columns with `t` in seconds (a frame or a mapping
+    of arrays). If `t` holds dates or durations, times count from the first one. The other columns are named as in a
+    CSV: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`, with the suffix `_deg` for degrees. The `[channels]`
+    of `model` map foreign names; channels of a `Log` that have btr's names are kept. Raises `BtrError` if the log
+    cannot be read, `TypeError` for a source that is not a log."""
     if isinstance(source, (str, os.PathLike, Log)) and name is not None:
-        raise TypeError("a file or a Log has a name of its own")
+        raise TypeError("a file or a Log already has a name")
     if isinstance(source, Log):
         if episode is not None:
             raise TypeError("an episode is one of a data set's folder, not of a Log")
@@ -56,19 +56,19 @@ def load_log(
 
 
 def _of_columns(source: Any, name: str | None, model: Model | None) -> Log:
-    """A log of a frame or a mapping of arrays; raises `TypeError` for what is neither."""
+    """A log of a frame or a mapping of arrays. Raises `TypeError` for anything else."""
     columns = source.keys() if isinstance(source, Mapping) else getattr(source, "columns", None)
     if columns is None:
-        wanted = "a path, a Log, a reader of rosbags, or columns with a `t`"
-        raise TypeError(f"a log is {wanted}, not {type(source).__name__}")
+        kinds = "a path, a Log, a reader of rosbags, or columns with a `t`"
+        raise TypeError(f"a log is {kinds}, not {type(source).__name__}")
     known = None if model is None else model._model
     time = _btr.time_of([str(key) for key in columns], known)
     if time is None:
-        has = ", ".join(map(str, columns))
-        how = "call it so, or name it in the model's [channels]: time = ..."
-        raise TypeError(f"a log needs a column `t`, the time in s; this one has {has}\nhelp: {how}")
+        names = ", ".join(map(str, columns))
+        how = "rename the column, or name it in the model's [channels]: time = ..."
+        raise TypeError(f"a log needs a column `t`, the time in s; this one has {names}\nhelp: {how}")
     column, unit_s = time
-    # A key may be no text.
+    # Keys need not be strings.
     (key,) = [key for key in columns if str(key) == column][:1]
     others: dict[str, ArrayLike] = {str(other): _column(source[other], str(other)) for other in columns if other != key}
     return _btr.log_of_columns(_times.seconds(source[key], column, unit_s), others, name, known)
@@ -92,28 +92,28 @@ def _is_one(log: object) -> bool:
 
 
 def given(log: LogLike, model: Model) -> Log | Path:
-    """A log for this model: where it is, if a file is enough."""
+    """A log for this model: its path, if btr reads the file itself."""
     if isinstance(log, (str, os.PathLike)) and not rosbag.is_bag(Path(log)):
         return Path(log)
     return load_log(log, model=model)
 
 
 class Logs:
-    """The logs of a call. Those without a name of their own are counted in it, from 1."""
+    """The logs of a call. Those without a name are numbered, from 1."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        # With what is counted: as long as it is there, nothing else has its id.
+        # Holds the numbered objects, so that their ids stay unique.
         self._counted: dict[int, tuple[int, object]] = {}
 
     def all(self, logs: LogLike | Iterable[LogLike] | None) -> list[Given]:
-        """All that were given, the files of patterns sorted and each once; none for None."""
+        """All logs; files that match a pattern are sorted, and each counts once. Empty for None."""
         if logs is None:
             return []
         several: Any = [logs] if _is_one(logs) else logs
         if not isinstance(several, Iterable):
-            raise TypeError(f"a log is a path, a Log, a frame or a mapping of arrays, and there may be a list, not {logs!r}")
-        # A file counts once, however many patterns it fits.
+            raise TypeError(f"a log is a path, a Log, a frame, a mapping of arrays, or a list of these, not {logs!r}")
+        # A file counts once, even if it matches several patterns.
         paths: set[Path] = set()
         known: list[Given] = []
         for log in several:
@@ -138,7 +138,7 @@ class Logs:
 
 
 def _files(log: object) -> list[Path]:
-    """A file, or those whose names are like a pattern's, sorted; none where this is none."""
+    """The file, or the files that match a pattern, sorted; empty for a log in memory."""
     if not isinstance(log, (str, os.PathLike)):
         return []
     pattern = os.fspath(log)
@@ -147,19 +147,19 @@ def _files(log: object) -> list[Path]:
         return [Path(pattern)]
     found = sorted(glob.glob(pattern, recursive=True))
     if not found:
-        raise wrong(f"{pattern}: no file is called like that", f"paths begin in {os.getcwd()}")
+        raise wrong(f"{pattern}: no file is called like that", f"paths are relative to {os.getcwd()}")
     return [Path(path) for path in found]
 
 
 def frame(clock_s: NDArray[np.float64], columns: dict[str, NDArray[np.float64]]) -> pandas.DataFrame:
-    """A pandas frame with the clock as column `t`; raises `BtrError` where a channel is called so."""
+    """A pandas frame with the clock as column `t`. Raises `BtrError` if a channel has that name."""
     if "t" in columns:
-        raise BtrError("a channel is called t, as the clock is in a frame\nhelp: give it another name")
+        raise BtrError("a channel is called t, which is the clock's name in a frame\nhelp: give it another name")
     return _tables.frame({"t": clock_s, **columns})
 
 
 def table(log: Log) -> str:
-    """HTML: every channel with its unit, how much of it is known, and between which values it lies."""
+    """HTML table of the channels: unit, number of finite samples, lowest and highest value."""
 
     def row(channel: str) -> dict[str, object]:
         values = log[channel]

@@ -25,9 +25,11 @@ from btr.logs import LogLike, given
 class Model:
     """A robot's model: the text of a model file, and the base of its relative paths."""
 
-    def __init__(self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None) -> None:
-        """A model from its text. Raises `BtrError` with the line if it is invalid. `laws` are the functions that the
-        text names: `law = "python:slip"` needs `{"slip": slip}`."""
+    def __init__(
+        self, text: str, path: str | os.PathLike[str] = "model.toml", laws: Mapping[str, Law] | None = None
+    ) -> None:
+        """A model from its text. `laws` are the functions that the text names: `law = "python:slip"` needs
+        `{"slip": slip}`. Raises `BtrError` with the line if the text is invalid."""
         functions = own.by_text(laws or {})
         self._laws = dict(laws or {})
         self._model = _btr.Model(text, Path(path), functions)
@@ -59,34 +61,34 @@ class Model:
         return self._model.joints
 
     def simulate(self, log: LogLike | Controller | None = None, *, seed: int | None = None) -> Log:
-        """One rollout: with the model's own drive, or with the commands of `log`. Sampled on the model's clock
-        from 0 s on, a row per `sample_every` steps of its `[simulation]`, not at the log's stamps. With noise of the model's
-        sensors (its `[noise]`; without one there is none) if there is a seed. Raises `BtrError` if the simulation diverges
-        or the log does not match the model.
+        """One rollout, with the model's own drive or with the commands of `log`. Sampled on the model's clock from 0 s
+        on, one row per `sample_every` steps of its `[simulation]`, not at the log's timestamps. With a seed, sensor
+        noise as given in the model's `[noise]` (if any) is added. Raises `BtrError` if the simulation diverges or the
+        log does not match the model.
 
-        It begins where the log's first positions are, and where the model's robot stands if it has none. Commands alone do not
-        say where the loop begins (its drive may start from another pose) nor when it ends: a `btr.Controller` of `coevolve`
-        does, and what is simulated of it is what the loop simulates."""
+        The rollout starts at the log's first positions, or at the robot's initial pose if the log has none. Commands
+        alone contain neither the initial pose of the loop's tests (the drive may start from another pose) nor their
+        duration. A `btr.Controller` of `coevolve` contains both; simulating it reproduces the loop's simulation."""
         seed = None if seed is None else count(seed, "seed")
-        told, begins = _told(log, self)
-        return self._model.simulate(told, seed, begins)
+        commands, start = _commands_of(log, self)
+        return self._model.simulate(commands, seed, start)
 
     @property
     def parameters(self) -> list[Dimension]:
-        """The free parameters, S: each with its `name`, `unit`, bounds (`min`, `max`), `scale` between these (`linear` or
-        `log`) and `nominal` value."""
+        """The free parameters, S: each with `name`, `unit`, bounds (`min`, `max`), `scale` between the bounds (`linear`
+        or `log`) and `nominal` value."""
         return [Dimension(dim) for dim in json.loads(self._model.spaces[0])]
 
     @property
     def values(self) -> dict[str, float]:
-        """Nominal values of the free parameters by name; the middle of the bounds (the geometric one on a `log` scale) if
-        there is none."""
+        """Nominal values of the free parameters by name; without one, the middle of the bounds (the geometric mean on a
+        `log` scale)."""
         return dict(zip((dim.name for dim in self.parameters), self._model.nominal[0]))
 
     def at(self, values: Mapping[str, float] | ArrayLike) -> Model:
-        """The model with other nominal values of the free parameters: by name, as `FitResult.values` has them, or all of
-        them in an array of shape (len(self.parameters),). Raises `BtrError` for a name that is none of them and for a value
-        outside its bounds, `ValueError` for another shape."""
+        """The model with other nominal values of the free parameters: by name, as in `FitResult.values`, or all of them
+        in an array of shape (len(self.parameters),). Raises `BtrError` for an unknown name or a value outside its
+        bounds, `ValueError` for another shape."""
         if isinstance(values, Mapping):
             places = self._model.places(False, list(values), "parameters")
             numbers = [float(floats(value, f"{name} is a number")) for name, value in values.items()]
@@ -108,49 +110,52 @@ class Model:
         *,
         log: LogLike | Controller | None = None,
     ) -> list[Log | None]:
-        """Many rollouts on all cores, several at once on each: `parameters` of shape (rollouts, len(self.parameters)) in
-        their units, or `controllers` of shape (rollouts, len(self.controllers)), or both; or only some of either by name, as
-        arrays of shape (rollouts,) or single numbers (`{"mass@bob": [0.5, 1.0, 2.0]}`, or a frame with such columns). What is
-        left out has its nominal values. Driven and sampled as `simulate` does, without noise. None stands for a simulation
-        that diverged. Raises `BtrError` for names that are not there and points outside their bounds, `ValueError` for wrong
-        shapes."""
+        """Runs many rollouts on all cores, with SIMD on each: `parameters` of shape (rollouts, len(self.parameters)) in
+        their units, `controllers` of shape (rollouts, len(self.controllers)), or both. Either may give only some values
+        by name, as arrays of shape (rollouts,) or single numbers (`{"mass@bob": [0.5, 1.0, 2.0]}`, or a frame with such
+        columns); the others keep their nominal values. Driven and sampled as in `simulate`, without noise. A simulation
+        that diverged is None. Raises `BtrError` for unknown names and points outside their bounds, `ValueError` for
+        wrong shapes."""
         s, c = table_of(parameters), table_of(controllers)
         rollouts = max(rollouts_in(s), rollouts_in(c))
         if rollouts == 0:
-            raise ValueError("simulate_all needs parameters, controllers, or both: a row for every rollout, or columns by name")
+            what = "simulate_all needs parameters, controllers, or both"
+            raise ValueError(f"{what}: one row per rollout, or columns by name")
         if log is not None and c is not None:
-            raise ValueError("a log says what joints are told: controllers have no say then")
-        rows_s, rows_c = rows_of(s, self._model, "parameters", rollouts), rows_of(c, self._model, "controllers", rollouts)
-        return self._model.simulate_all(rows_s, rows_c, *_told(log, self))
+            raise ValueError("with a log, its commands drive the joints: controllers would have no effect")
+        rows_s = rows_of(s, self._model, "parameters", rollouts)
+        rows_c = rows_of(c, self._model, "controllers", rollouts)
+        return self._model.simulate_all(rows_s, rows_c, *_commands_of(log, self))
 
     def add(self, *effects: str) -> Model:
-        """The model with effects (`"coulomb_friction@knee"`; without a site, one at every site that it can have, all with the
-        same numbers) in it, free to fit. Raises `BtrError` for an unknown effect or site."""
+        """The model with added effects, their parameters free (`"coulomb_friction@knee"`; without a site, one at every
+        possible site, all with the same parameters). Raises `BtrError` for an unknown effect or site."""
         return self._with_text(self._model.add(list(effects)))
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
-        """The model with a physical effect of your own at the joints `site`. On their `torque` a law adds: what it gives (in
-        N·m or N) acts beside the motor's. On the `command` that reaches the servo, or on the `reading` that servo and log have
-        of the position (both in rad or m), it replaces: what it gives is the new one. `"cmd + a*dq"` changes a command and
-        `"q + a*dq"` a reading, where `"a*dq"` alone would forget them.
+        """The model with a user-defined physical effect at the joints `site`. On a `torque`, the law's value (in N·m or
+        N) is added to the motor's. On the `command` that reaches the servo, or on the `reading` of the position that
+        servo and log receive (both in rad or m), the law's value replaces it: `"cmd + a*dq"` changes a command and
+        `"q + a*dq"` a reading, whereas `"a*dq"` alone would discard them.
 
             model.add_law("-a*tanh(dq/b)", site="elbow", a=(0.0, 2.0), b=0.1)
 
-        `law` is an expression, which the command line understands as well (`btr effects formula` lists what it may say), or a
-        function `law(q, dq, ddq, cmd, tau, t, **parameters)` of position, velocity, acceleration (of the last step), command,
-        motor torque (of the last step) and time, all SI. Parameters are numbers, or bounds `(least, most)` between which a
-        fit looks from their middle on (the geometric one if both are positive); it calls them `formula.a@elbow`.
+        `law` is an expression, which the command line also supports (`btr effects formula` lists its syntax), or a
+        function `law(q, dq, ddq, cmd, tau, t, **parameters)` of position, velocity, acceleration (of the last step),
+        command, motor torque (of the last step) and time, all in SI units. Parameters are numbers, or bounds
+        `(least, most)` of a fit that starts at their middle (the geometric mean if both are positive). In the fit they
+        are named `formula.a@elbow`.
 
-        A function is much slower: `-a*dq` takes 0.5 µs a call, with three calls per step and joint for a torque, all of them
-        on one core, unless `executor=` of a verb hands the work to several processes. 4 s of a desk arm in steps of 1 ms take
-        8 ms, and 2.7 ms with the expression. Its answer may depend on nothing but its arguments: it is asked more than once in
-        a step, for velocities nearby too, and on a thread of its own. What it raises ends the verb and arrives; an answer that
-        is not finite is a `BtrError`. It stays in memory once it was used. The text has its name only: whoever reads a saved
-        file gives the function along (`load_model(..., laws=...)`), and pickles hold it as they hold functions, with
-        cloudpickle's help where it has no module.
+        A function is much slower: `-a*dq` takes 0.5 µs per call, with three calls per step and joint for a torque, all
+        on one core unless the `executor=` of a verb distributes the work over several processes. 4 s of a desk arm in
+        steps of 1 ms take 8 ms, and 2.7 ms with the expression. The function must depend on its arguments only: it is
+        called several times per step, also for nearby velocities, and on a separate thread. Its exceptions end the verb
+        and are raised there; a result that is not finite raises `BtrError`. A function that was used stays in memory.
+        The model's text contains only its name: loading a saved file requires the function (`load_model(...,
+        laws=...)`). Pickles refer to it as to any function, and use cloudpickle if it cannot be imported.
 
-        Raises `BtrError` for a law or a joint that makes no sense and for names that are taken, `TypeError` for wrong kinds
-        and for a function that does not take the parameters."""
+        Raises `BtrError` for an invalid law or joint and for names that are taken, `TypeError` for wrong types and for
+        a function that does not take the parameters."""
         numbers, laws = own.numbers(parameters), self._laws
         if isinstance(law, str):
             text = law
@@ -163,18 +168,20 @@ class Model:
         return Model(self._model.with_law(text, site, on, numbers), self.path, laws)
 
     def _with_text(self, text: str) -> Model:
-        """A model of another text that stands at the same place and has the same functions."""
+        """A model of another text with the same path and the same functions."""
         return Model(text, self.path, self._laws)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model file, whole or not at all; the files that it names are found from there. Raises `BtrError` where
-        its name does not end in `.toml`, so that no log is written over, or it cannot be written."""
+        """Writes the model file atomically, with the paths in it adapted to its folder. Raises `BtrError` if the name
+        does not end in `.toml` (so that no log is overwritten) or the file cannot be written."""
         if Path(path).suffix != ".toml":
             raise _btr.BtrError(f"{path}: the name of a model ends in .toml")
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Model) and ((self.text, self.path, self._laws) == (other.text, other.path, other._laws))
+        if not isinstance(other, Model):
+            return False
+        return (self.text, self.path, self._laws) == (other.text, other.path, other._laws)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -182,7 +189,7 @@ class Model:
         return self
 
     def __deepcopy__(self, memo: object) -> Model:
-        # Models never change.
+        # Models are immutable.
         return self
 
     def __reduce__(self) -> tuple[type[Model], tuple[Any, ...]]:
@@ -192,8 +199,8 @@ class Model:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
 
 
-def _told(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | None, _btr._Begins | None]:
-    """What joints are told, and where they begin if it is not the log that says so."""
+def _commands_of(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | None, _btr._Begins | None]:
+    """The log with the commands, and the start of the rollout if it is not that of the log."""
     if isinstance(log, Controller):
         return log.references, (list(log.start.items()), log.base, log.duration_s)
     return None if log is None else given(log, model), None
@@ -202,9 +209,9 @@ def _told(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | 
 def load_model(
     path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None, *, laws: Mapping[str, Law] | None = None
 ) -> Model:
-    """The model of a file; `settings` change values of it by their dotted keys (`{"simulation.duration_s": 2.0}`), as `--set`
-    does; `laws` are the functions that it names (`Model.add_law`). Raises `BtrError`, with the line, where the file makes no
-    sense, `TypeError` for a function that does not take the parameters that it has there."""
+    """Loads a model file. `settings` override values by their dotted keys (`{"simulation.duration_s": 2.0}`), as
+    `--set` does; `laws` are the functions that the file names (`Model.add_law`). Raises `BtrError` with the line if the
+    file is invalid, `TypeError` for a function that does not take the parameters given in the file."""
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"a model is the path of a file, not {path!r}")
     if settings is not None and not isinstance(settings, Mapping):
@@ -225,7 +232,7 @@ def _toml(value: Any) -> str:
 
 
 def loaded(model: Model | str | os.PathLike[str]) -> Model:
-    """A model, or that of a file."""
+    """The model itself, or the model of a file."""
     if isinstance(model, (Model, str, os.PathLike)):
         return model if isinstance(model, Model) else load_model(model)
     raise TypeError(f"a model is a Model or the path of its file, not {model!r}")

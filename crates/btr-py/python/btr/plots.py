@@ -1,7 +1,7 @@
 """Plots of results and logs, with Matplotlib (`pip install 'btr[plot]'`), in the colours of the reports.
 
-Usually called as `result.plot()` and `log.plot()`. Each function draws on the axes that it is given or on a new figure and
-gives the axes back; without Matplotlib it raises `ImportError`.
+Usually called as `result.plot()` and `log.plot()`. Each function draws on the given axes or on a new figure and returns
+the axes. Without Matplotlib it raises `ImportError`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from btr.results import CoevolveResult, CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
-"""Colours by meaning: simulated, measured or held out, before, out of place, true."""
+"""Colours by meaning: simulated; measured or held out; before; warning; true."""
 
 _JOINT_CHANNELS = ("cmd", "q", "dq", "tau")
 _FLOORS = "error (noise floors)"
@@ -35,12 +35,12 @@ def _figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float], **opt
 
 
 def _height(rows: int) -> float:
-    """Of a picture with so many rows, in inches."""
+    """Height of a figure with so many rows, in inches."""
     return 1.3 + 0.28 * rows
 
 
 def _rows(ax: Axes, names: Sequence[str]) -> None:
-    """A row for every name, from above."""
+    """One row per name, from top to bottom."""
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.grid(axis="x", color="#e6e6e6")
@@ -53,7 +53,7 @@ def _notes(ax: Axes, notes: Sequence[str]) -> None:
 
 
 def _errors(ax: Axes, errors: Sequence[float]) -> None:
-    """A logarithmic scale of errors in noise floors, with the noise floor on it."""
+    """Logarithmic axis of errors in noise floors, with a line at the noise floor."""
     finite = [x for x in errors if x > 0 and math.isfinite(x)]
     ax.set_xscale("log")
     ax.set_xlim(0.6 * min([1.0, *finite]), 1.8 * max([3.0, *finite]))
@@ -64,7 +64,7 @@ def _errors(ax: Axes, errors: Sequence[float]) -> None:
 
 
 def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
-    """The error of every channel in noise floors (`chi`), as bars on a logarithmic scale beside the noise floor."""
+    """The error of each channel in noise floors (`chi`), as bars on a logarithmic scale with the noise floor."""
     channels = found.channels
     ax = ax or _figure(size=(6.4, _height(len(channels))))[0]
     chi = [channel.chi for channel in channels]
@@ -72,7 +72,7 @@ def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
     ax.barh(range(len(chi)), chi, height=0.6, color=INK["main"])
     _errors(ax, chi)
     _notes(ax, [f"{x:.2f}" for x in chi])
-    _head(ax, "Where the model errs")
+    _head(ax, "Model error by channel")
     return ax
 
 
@@ -85,18 +85,18 @@ def diagnose(found: DiagnoseResult, ax: Axes | None = None) -> Axes:
 def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> Axes:
     _rows(ax, [step.step for step in ladder])
     drawn: list[float] = []
-    for key, name, ink in (("train", "learnt from", "main"), ("held_out", "held out", "second")):
+    for key, name, ink in (("train", "training logs", "main"), ("held_out", "held-out logs", "second")):
         errors = [math.nan if step[key] is None else step[key] for step in ladder]
         if any(map(math.isfinite, errors)):
             ax.plot(errors, range(len(errors)), "o-", color=INK[ink], label=name)
         drawn.extend(errors)
     _errors(ax, drawn)
-    _head(ax, "The error, step by step")
+    _head(ax, "Error after each step")
     return ax
 
 
 def fit(found: FitResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
-    """Every fitted value with its 95 % interval between its bounds, and how the error fell: on a pair of axes."""
+    """The fitted values with 95 % intervals between their bounds, and the error after each step, on a pair of axes."""
     rows = max(len(found.parameters), len(found.error_ladder))
     values, ladder = _figure(1, 2, size=(13.0, _height(rows))) if ax is None else ax
     return [_values(found, values), _ladder(found.error_ladder, ladder)]
@@ -115,19 +115,19 @@ def _values(found: FitResult, ax: Axes) -> Axes:
         ax.plot(_share(dim, parameter.value), row, "o", color=ink, label=label)
     _notes(ax, [_value_text(parameter) for parameter in found.parameters])
     ax.set_xlim(-0.03, 1.03)
-    ax.set_xlabel("share of the way between the bounds")
-    _head(ax, "Each value between its bounds")
+    ax.set_xlabel("position between the bounds (0 to 1)")
+    _head(ax, "Fitted values between their bounds")
     return ax
 
 
 def _value_text(parameter: Estimate) -> str:
-    """A value with its interval, which is often too narrow to be seen between the bounds."""
+    """A value with its interval as text; the interval is often too narrow to be visible."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     return f"{cell(parameter.value)}{unit}: {interval(parameter)}"
 
 
 def _share(dim: Dimension, value: float | None) -> float:
-    """Where a value lies between its bounds, 0 to 1; NaN where there is none."""
+    """Position of a value between its bounds, 0 to 1; NaN without a value."""
     if value is None:
         return math.nan
     low, high = dim.min, dim.max
@@ -137,22 +137,22 @@ def _share(dim: Dimension, value: float | None) -> float:
 
 
 def coevolve(found: CoevolveResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
-    """What every iteration came to, on a pair of axes: phi on a logarithmic scale, of the new simulation and of the one before
-    it on tests that it had not seen; and the best controller's fitness, as it was promised and as it was. Without any fitness
-    phi is alone."""
-    ends = [("fitness_sim", "promised", "main"), ("fitness_real", "real", "second")]
-    has_fitness = any(iteration[key] is not None for iteration in found.iterations for key, _, _ in ends)
+    """Results by iteration, on a pair of axes. Left: phi on a logarithmic scale, of the new simulation, and of the
+    previous one on tests that it was not fitted to. Right: the best controller's fitness, predicted and real. Without
+    any fitness there is only the left one."""
+    fitness = [("fitness_sim", "predicted", "main"), ("fitness_real", "real", "second")]
+    has_fitness = any(iteration[key] is not None for iteration in found.iterations for key, _, _ in fitness)
     axes = _figure(1, 1 + has_fitness, size=(6.4 * (1 + has_fitness), 3.6)) if ax is None else list(ax)
-    phi = [("phi", "of the simulation found", "main"), ("phi_predicted", "of the one before, on fresh tests", "second")]
-    drawn = [_iterations(found, axes[0], phi, "phi", "How far simulation is from reality")]
+    phi = [("phi", "new simulation", "main"), ("phi_predicted", "previous simulation, on fresh tests", "second")]
+    drawn = [_iterations(found, axes[0], phi, "phi", "Distance between simulation and reality")]
     axes[0].set_yscale("log")
     if has_fitness:
-        drawn.append(_iterations(found, axes[1], ends, "fitness", "What the best controller is worth"))
+        drawn.append(_iterations(found, axes[1], fitness, "fitness", "Fitness of the best controller"))
     return drawn
 
 
 def _iterations(found: CoevolveResult, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> Axes:
-    """A line per key with its name and ink over the iterations, with marks where simulations gained parameters."""
+    """One line per (key, name, ink) over the iterations, with marks where parameters were added to the simulation."""
     for key, name, ink in lines:
         values = [math.nan if iteration[key] is None else iteration[key] for iteration in found.iterations]
         ax.plot([iteration.i for iteration in found.iterations], values, "o-", color=INK[ink], label=name)
@@ -168,9 +168,9 @@ def _iterations(found: CoevolveResult, ax: Axes, lines: Sequence[tuple[str, str,
 
 
 def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[Axes]:
-    """Channels in their units against the clock in s; without any named, what joints were told and what they read (all channels
-    of a log without joints). What belongs to one joint and has one unit shares an axes; `ax` takes everything. Raises
-    `KeyError` for a channel that is not there."""
+    """Channels in their units over time in s; by default the commands and positions of the joints (all channels of a
+    log without joints). Channels of one joint and one unit share axes; a given `ax` receives all channels. Raises
+    `KeyError` for an unknown channel."""
     joints = [name for name in of.keys() if name.startswith(("cmd_", "q_"))]
     names = list(channels) or joints or of.keys()
     groups: dict[tuple[str, str], list[str]] = {}
@@ -193,7 +193,7 @@ def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[A
 
 
 def _joint(channel: str) -> str:
-    """The joint that a channel is of; the channel's own name where it is of none."""
+    """The joint of a channel; the channel's name if it belongs to no joint."""
     kind, _, joint = channel.partition("_")
     return joint if kind in _JOINT_CHANNELS else channel
 
@@ -202,7 +202,7 @@ def _lines(of: Log, channels: Sequence[str], ax: Axes) -> Axes:
     joints = list(dict.fromkeys(map(_joint, channels)))
     for channel in channels:
         is_command = channel.startswith("cmd_")
-        # One joint has the reports' colours; several share a colour with their own command only.
+        # One joint has the reports' colours; with several, each joint and its command have one colour.
         alone = INK["truth" if is_command else "second"]
         colour = alone if len(joints) == 1 else f"C{joints.index(_joint(channel))}"
         ax.plot(of.clock_s, of[channel], "--" if is_command else "-", color=colour, label=channel)
@@ -215,7 +215,7 @@ def _lines(of: Log, channels: Sequence[str], ax: Axes) -> Axes:
 
 
 def _head(ax: Axes, title: str = "") -> None:
-    """Every label once, above the picture where it hides nothing, and above that a title."""
+    """Title and legend above the axes, each label once."""
     handles, labels = ax.get_legend_handles_labels()
     unique = dict(zip(labels, handles))
     place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}

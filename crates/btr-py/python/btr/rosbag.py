@@ -1,4 +1,4 @@
-"""ROS 2 bags through the package rosbags: those that are not one MCAP file, and readers that are open already."""
+"""ROS 2 bags through the package rosbags: bags other than a single MCAP file, and open readers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from btr._btr import BtrError, Log
 if TYPE_CHECKING:
     from btr.model import Model
 
-# Other messages (pictures!) need not be copied from the bag.
+# Message types to read; others (images) are not copied from the bag.
 READ = {"JointState", "JointTrajectory", "Imu", "Float64MultiArray"}
 
 
 def is_bag(path: Path) -> bool:
-    """Whether this is the folder of a bag that is not one MCAP file, which needs no other package."""
+    """Whether this is the folder of a bag other than a single MCAP file (btr reads that one without rosbags)."""
     if not (path / "metadata.yaml").is_file():
         return False
     return len(list(path.glob("*.mcap"))) != 1 or any(path.glob("*.db3"))
@@ -28,7 +28,7 @@ def is_reader(source: Any) -> bool:
 
 
 def load_bag(path: Path, model: Model | None) -> Log:
-    """The log of a bag's folder; raises `BtrError` where rosbags is missing or cannot read it."""
+    """The log of a bag's folder. Raises `BtrError` if rosbags is not installed or cannot read the bag."""
     try:
         from rosbags.rosbag2 import Reader, ReaderError
     except ImportError:
@@ -41,18 +41,18 @@ def load_bag(path: Path, model: Model | None) -> Log:
 
 
 def read(reader: Any, name: str | None, model: Model | None) -> Log:
-    """The log of a reader of rosbags: joint states, and what there is beside them, as in an MCAP file. Raises `BtrError` for a
-    reader that is not open and for a bag without joint states."""
+    """The log of a reader of rosbags: joint states and the other messages in `READ`, as for an MCAP file. Raises
+    `BtrError` for a reader that is not open and for a bag without joint states."""
     if name is None:
         paths = getattr(reader, "paths", None) or [getattr(reader, "path", "bag")]
         name = str(paths[0])
     if not reader.connections:
         raise BtrError(f"{name}: no topics, or not open\nhelp: open the reader first: with AnyReader([...]) as reader")
-    # A bag in several files has a connection in each of them for the same topic.
+    # A bag of several files has one connection per file for the same topic.
     topics = [(c.topic, c.msgtype, getattr(c.ext, "serialization_format", "ros1")) for c in reader.connections]
-    wanted = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in READ]
+    selected = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in READ]
     numbers = {id(connection): k for k, connection in enumerate(reader.connections)}
-    # Without connections to choose from, rosbags would give all there are.
-    chosen = reader.messages(connections=wanted) if wanted else ()
-    messages = ((numbers[id(connection)], stamp_ns, bytes(data)) for connection, stamp_ns, data in chosen)
+    # For an empty list of connections, rosbags would return all messages.
+    raw = reader.messages(connections=selected) if selected else ()
+    messages = ((numbers[id(connection)], stamp_ns, bytes(data)) for connection, stamp_ns, data in raw)
     return _btr.log_of_messages(Path(name), topics, messages, None if model is None else model._model)

@@ -1,5 +1,4 @@
-"""Searches for the minimum of any Python function between bounds: CMA-ES and two genetic algorithms, the ones that
-experiments use.
+"""Minimises any Python function within bounds: CMA-ES and two genetic algorithms, the same ones that experiments use.
 
     es = btr.search.CMAES([(-5, 5), (1e-3, 1e3)], scale=["linear", "log"], seed=1)
     while not es.stop():
@@ -7,12 +6,12 @@ experiments use.
         es.tell(solutions, [cost(x) for x in solutions])
     es.result.xbest
 
-Names are those of pycma (`cma.CMAEvolutionStrategy`), with these differences: bounds come first and are pairs, as in SciPy;
-`sigma0` is a share of every dimension's range; `ask` gives the same solutions until they are told; nothing is printed. A cost
-that is NaN or infinite is a failure: it is never the best, and nothing moves towards it.
+Names are those of pycma (`cma.CMAEvolutionStrategy`), with these differences: bounds come first and are pairs, as in
+SciPy; `sigma0` is a fraction of each dimension's range; `ask` returns the same solutions until `tell`; nothing is
+printed. A cost that is NaN or infinite is a failure: it is never the best, and the search does not move towards it.
 
-The same seed gives the same solutions on every machine. A search can be pickled at any time, also between `ask` and `tell`,
-and goes on with the same bits. What makes no sense ends in `BtrError`, what is no number in TypeError.
+The same seed gives the same solutions on every machine. A search can be pickled at any time, also between `ask` and
+`tell`, and continues with the same bits. Invalid values raise `BtrError`, values of a wrong type `TypeError`.
 """
 
 from __future__ import annotations
@@ -41,8 +40,8 @@ __all__ = [
 
 
 class CMAES(Search):
-    """CMA-ES: a normal distribution that learns the shape of the landscape. The most exact where dimensions act jointly and
-    the landscape is smooth."""
+    """CMA-ES: a normal distribution that adapts its covariance to the cost. The most accurate choice for smooth costs
+    with dependent dimensions."""
 
     def __init__(
         self,
@@ -58,17 +57,18 @@ class CMAES(Search):
         maxfevals: float | None = None,
         ftarget: float | None = None,
     ) -> None:
-        """`bounds`: pairs (low, high), one per dimension. `x0`: where it begins, in the middle unless given. `sigma0`:
-        standard deviation at the start, as a share of every dimension's range. `popsize`: solutions per generation, 4 + 3
-        ln(dimensions) unless given. `restarts`: how often it restarts from another point after convergence, each time with
-        twice the solutions. `maxiter`: generations at most, pycma's number unless given. `maxfevals`: no new generation after
-        so many evaluations. `ftarget`: a cost that is good enough."""
+        """`bounds`: pairs (low, high), one per dimension. `x0`: initial mean; default: middle of the bounds. `sigma0`:
+        initial standard deviation, as a fraction of each dimension's range. `popsize`: solutions per generation;
+        default: 4 + 3 ln(dimensions). `restarts`: number of restarts from another point after convergence, each with
+        twice the
+        solutions. `maxiter`: maximum number of generations; default: that of pycma. `maxfevals`: number of evaluations
+        after which no generation starts. `ftarget`: cost at which the search stops."""
         settings = {"population": popsize, "sigma": sigma0, "restarts": restarts}
         super().__init__("cma_es", settings, bounds, x0, seed, scale, (maxiter, maxfevals, ftarget))
 
 
 class GA(Search):
-    """The paper's genetic algorithm on Gray-coded bits: its solutions lie on a grid of 2**bits points along each dimension."""
+    """The paper's genetic algorithm on Gray-coded bits. Solutions lie on a grid of 2**bits points per dimension."""
 
     def __init__(
         self,
@@ -87,10 +87,10 @@ class GA(Search):
         maxfevals: float | None = None,
         ftarget: float | None = None,
     ) -> None:
-        """`x0`: the first generation is it and mutants of it; random unless given. `mutation`: the probability that a bit
-        flips. `crossover`: the probability that a child has two parents. `elite`: how many of the best are asked again,
-        fewer than `popsize`. `tournament`: how many compete to become a parent. All else as for `CMAES`. Ends only at `maxiter`, `maxfevals` or
-        `ftarget`."""
+        """`x0`: the first generation consists of it and mutants of it; default: random. `mutation`: probability that a
+        bit flips. `crossover`: probability that a child has two parents. `elite`: number of best solutions kept in the
+        next generation, less than `popsize`. `tournament`: number of candidates that compete to become a parent. The
+        others are those of `CMAES`. Stops only at `maxiter`, `maxfevals` or `ftarget`."""
         breeding = {"mutation": mutation, "crossover": crossover, "elite": elite, "tournament": tournament}
         settings = {"population": popsize, **breeding, "bits": bits}
         super().__init__("ga", settings, bounds, x0, seed, scale, (maxiter, maxfevals, ftarget))
@@ -117,16 +117,16 @@ class RealGA(Search):
         maxfevals: float | None = None,
         ftarget: float | None = None,
     ) -> None:
-        """`mutation`: the probability that a number is mutated. `sigma`: standard deviation of a mutation, as a share of the
-        range. `eta`: distribution index of the crossover; large ones keep children close to their parents. All else as for
-        `GA`."""
+        """`mutation`: probability that a number is mutated. `sigma`: standard deviation of a mutation, as a fraction of
+        the range. `eta`: distribution index of the crossover; large values keep children close to their parents. The
+        others are those of `GA`."""
         breeding = {"mutation": mutation, "crossover": crossover, "elite": elite, "tournament": tournament}
         settings = {"population": popsize, **breeding, "sigma": sigma, "eta": eta}
         super().__init__("real_ga", settings, bounds, x0, seed, scale, (maxiter, maxfevals, ftarget))
 
 
 ALGORITHMS: dict[str, Callable[..., Search]] = {"ga": GA, "real_ga": RealGA, "cma_es": CMAES}
-"""By their names in experiment files."""
+"""The algorithms by their names in experiment files."""
 
 
 def minimize(
@@ -141,9 +141,9 @@ def minimize(
     callback: Callable[[Any], object] | None = None,
     **settings: Any,
 ) -> SearchResult:
-    """The minimum of `f` (array of shape (dimensions,) -> number) between bounds, in SciPy's manner. `settings` are those of
-    the algorithm (`cma_es`: `CMAES`, `ga`: `GA`, `real_ga`: `RealGA`), `maxiter`, `maxfevals` and `ftarget` among them;
-    `executor` and `callback` are as in `Search.optimize`."""
+    """Minimises `f` (array of shape (dimensions,) -> number) within bounds, as SciPy's `minimize` does. `settings` are
+    those of the algorithm (`cma_es`: `CMAES`, `ga`: `GA`, `real_ga`: `RealGA`), including `maxiter`, `maxfevals` and
+    `ftarget`; `executor` and `callback` are as in `Search.optimize`."""
     if algorithm not in ALGORITHMS:
         raise wrong(f"no search is called {algorithm!r}", f"there are {', '.join(ALGORITHMS)}")
     search = ALGORITHMS[algorithm](bounds, x0, seed=seed, scale=scale, **settings)
