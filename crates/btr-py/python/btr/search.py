@@ -60,9 +60,8 @@ class CMAES(Search):
         """`bounds`: pairs (low, high), one per dimension. `x0`: initial mean; default: middle of the bounds. `sigma0`:
         initial standard deviation, as a fraction of each dimension's range. `popsize`: solutions per generation;
         default: 4 + 3 ln(dimensions). `restarts`: number of restarts from another point after convergence, each with
-        twice the
-        solutions. `maxiter`: maximum number of generations; default: that of pycma. `maxfevals`: number of evaluations
-        after which no generation starts. `ftarget`: cost at which the search stops."""
+        twice the solutions. `maxiter`: maximum number of generations; default: that of pycma. `maxfevals`: number of
+        evaluations after which no generation starts. `ftarget`: cost at which the search stops."""
         settings = {"population": popsize, "sigma": sigma0, "restarts": restarts}
         super().__init__("cma_es", settings, bounds, x0, seed, scale, (maxiter, maxfevals, ftarget))
 
