@@ -25,25 +25,25 @@ pub struct SensorNoise {
 }
 
 impl SensorNoise {
-    /// The noise floor of a channel of these readings: what the model says of such sensors, or else what the readings
-    /// themselves show. `None` for channels with too few readings to tell.
+    /// Noise floor of a channel with these readings: the model's stated noise, or else an estimate from the readings.
+    /// `None` for channels with too few readings to estimate it.
     pub fn floor(&self, channel: &str, readings: &[f64]) -> Option<f64> {
         self.stated(channel).or_else(|| noise::NoiseEstimate::of(readings).map(|estimate| estimate.floor()))
     }
 
-    /// What the model says of its sensors, by the pattern of their channels' names.
+    /// The model's stated sensor noise, by channel name pattern.
     pub fn by_channel(&self) -> IndexMap<String, f64> {
         let kinds = ["q_", "dq_", "tau_", "imu_gyro_", "imu_acc_", "foot_"];
         kinds.iter().filter_map(|kind| Some((format!("{kind}*"), self.stated(kind)?))).collect()
     }
 
-    /// Whether nobody knows that floor: the model does not say, and the readings show no noise.
+    /// Whether the noise floor is unknown: the model states none, and the readings show no noise.
     pub fn is_assumed(&self, channel: &str, readings: &[f64]) -> bool {
         self.stated(channel).is_none()
             && noise::NoiseEstimate::of(readings).is_some_and(|estimate| estimate.is_negligible())
     }
 
-    /// What the model says of a channel's sensor, quantisation included; `None` where it says nothing.
+    /// The model's stated noise of a channel's sensor, quantisation included; `None` where it states none.
     pub fn stated(&self, channel: &str) -> Option<f64> {
         let (white, quantum) = match () {
             () if channel.starts_with("q_") => (self.position, self.position_quantum),

@@ -9,19 +9,19 @@ use nalgebra::{Point3, Vector3};
 pub struct Ground {
     /// Coulomb coefficient against everything that touches it.
     pub friction: f64,
-    /// How it gives way; as hard as the engine can make it when absent.
+    /// Its compliance; as hard as the engine can make it when absent.
     pub compliance: Option<Compliance>,
 }
 
 impl Ground {
-    /// A hard floor of this Coulomb coefficient.
+    /// A hard floor with this Coulomb coefficient.
     pub fn hard(friction: f64) -> Self {
         Ground { friction, compliance: None }
     }
 }
 
-/// A spring and a damper at every point that touches the floor. Rapier has them as they would be under the robot's
-/// whole mass, and softer where a contact feels only a share of it.
+/// A spring and a damper at every contact point with the floor. In Rapier, their values hold under the robot's whole
+/// mass; a contact that bears only a part of it is proportionally softer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance {
     /// N/m.
@@ -52,7 +52,7 @@ pub struct Ball {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum EngineName {
-    /// btr's own: minimal coordinates, of second order where nothing touches, with contacts as springs, dampers and
+    /// The default engine: minimal coordinates, second order without contacts; contacts are springs, dampers and
     /// friction.
     #[default]
     Auto,
@@ -73,26 +73,26 @@ pub struct Sensors {
     pub feet: bool,
 }
 
-/// Everything about a run but the robot and its drive.
+/// Settings of a run other than its robot and drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Length of a physics step, in s.
     pub dt_s: f64,
-    /// Solver steps in each, for accuracy; forces are held over them.
+    /// Solver steps per physics step, for accuracy; forces are held constant over them.
     pub substeps: usize,
     /// Simulated time, in s.
     pub duration_s: f64,
     /// Start time in s, on the clock of time-dependent laws; drives and logs count from zero.
     pub begins_s: f64,
-    /// How long the robot holds the first references before time zero, in s. A floating robot is first placed on the
-    /// ground.
+    /// Time for which the robot holds the first references before time zero, in s. A floating robot is first placed on
+    /// the ground.
     pub rest_s: f64,
-    /// Time between two references of the drive, in s.
+    /// Period of the drive's references, in s.
     pub control_s: f64,
-    /// Whether references are interpolated linearly; held otherwise. Those of prescribed joints always are
+    /// Whether references are interpolated linearly, instead of held. Those of prescribed joints are always
     /// interpolated.
     pub interpolate: bool,
-    /// Time between two samples of the log, in s: a multiple of `dt_s`, and `dt_s` itself when absent.
+    /// Sampling period of the log, in s: a multiple of `dt_s`; `dt_s` itself when absent.
     pub sample_s: Option<f64>,
     /// What is logged.
     pub sensors: Sensors,
@@ -100,18 +100,18 @@ pub struct Setup {
     pub ground: Option<Ground>,
     /// A ball, if any.
     pub ball: Option<Ball>,
-    /// Errors of the sensors; applied only when a run is given a noise seed.
+    /// Sensor errors; applied only when a run has a noise seed.
     pub noise: SensorNoise,
     /// In the world's axes, in m/s².
     pub gravity_m_s2: Vector3<f64>,
-    /// What computes the motion.
+    /// Physics engine.
     pub engine: EngineName,
-    /// Joint velocities at the start, in the order of the movable joints; at rest where absent.
+    /// Joint velocities at the start, in the order of the movable joints; zero where absent.
     pub start_velocities: Vec<f64>,
 }
 
 impl Default for Setup {
-    /// Two seconds at 1 ms on a floor, references every 55 ms as in the paper.
+    /// Two seconds at 1 ms on a floor, with references every 55 ms as in the paper.
     fn default() -> Self {
         Setup {
             dt_s: 0.001,
@@ -134,7 +134,7 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Samples of the log and physics steps from one to the next.
+    /// Number of samples of the log, and physics steps per sample.
     pub(crate) fn samples(&self) -> Result<(usize, usize), WorldError> {
         let positive = [self.dt_s, self.duration_s, self.control_s].iter().all(|&t| t > 0.0 && t.is_finite());
         if !positive || self.substeps == 0 {

@@ -1,6 +1,6 @@
-//! What a motor and the effects on it know at the beginning of a step.
+//! Inputs of a motor and the effects on it at the beginning of a step.
 
-/// What a joint is doing at the beginning of a step, and what it is told.
+/// A joint's state and command at the beginning of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointInput {
     /// Simulated time in s.
@@ -11,24 +11,23 @@ pub struct JointInput {
     pub q: f64,
     /// Velocity in rad/s (m/s).
     pub dq: f64,
-    /// How `dq` changed in the last step, in rad/s² (m/s²).
+    /// Mean acceleration over the last step, in rad/s² (m/s²).
     pub acceleration: f64,
-    /// Whether the step is solved for its middle, and not for its end.
+    /// Whether the engine solves for the step's middle, instead of its end.
     pub midway: bool,
-    /// Roughly what the joint moves, in kg·m² (kg).
+    /// Estimate of the inertia that the joint moves, in kg·m² (kg).
     pub inertia: f64,
-    /// What this joint's motor did in the last step, in N·m (N).
+    /// Torque of this joint's motor in the last step, in N·m (N).
     pub torque: f64,
-    /// Sum of the sizes of all motors' torques in the last step, in N·m; kept only where an effect acts on all joints
-    /// at once.
+    /// Sum of the absolute values of all motors' torques in the last step, in N·m; computed only where an effect acts
+    /// on all joints at once.
     pub load: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
 }
 
 impl JointInput {
-    /// The velocity in the middle of the step, as the past predicts it: what depends on speed is exact to second order
-    /// there.
+    /// Extrapolated velocity in the middle of the step: speed-dependent forces are second-order accurate there.
     pub fn dq_midway(&self) -> f64 {
         self.dq + 0.5 * self.dt_s * self.acceleration
     }

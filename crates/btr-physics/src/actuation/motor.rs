@@ -6,7 +6,7 @@ use super::torque::MotorTorque;
 use crate::engine::Affine;
 use crate::robot::{Actuator, DutyLoop, Joint};
 
-/// An actuator with its memory.
+/// An actuator with its internal state.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
     actuator: Actuator,
@@ -14,26 +14,26 @@ pub(crate) struct Motor {
     integral: f64,
     /// Stiffness with which a prescribed joint is held, in N·m/rad.
     hold: f64,
-    /// The clock of a digital servo.
+    /// State of a digital servo, if it is one.
     sampled: Option<SampledServo>,
 }
 
-/// How much stiffer than inertia/dt² a prescribed joint is held: it lags by this fraction of one step's motion.
+/// Stiffness of a prescribed joint's spring relative to inertia/dt². The joint lags by the inverse of this, as a fraction of
+/// one step's motion.
 const HOLD: f64 = 1e4;
 
 impl Motor {
-    /// `carried_inertia` is what the joint moves, in kg·m² (kg); only prescribed joints use it.
+    /// `carried_inertia` is the inertia that the joint moves, in kg·m² (kg); only prescribed joints use it.
     ///
-    /// A prescribed joint is pulled by an implicit spring far stiffer than its inertia, rather than moved
-    /// kinematically: so its acceleration acts on the other links, and the spring's force is the torque that the motion
-    /// needs.
+    /// A prescribed joint is driven by an implicit spring far stiffer than its inertia, not moved kinematically. So its
+    /// acceleration acts on the other links, and the spring's force is the torque that the motion requires.
     pub(crate) fn new(joint: &Joint, carried_inertia: f64, dt_s: f64) -> Self {
         let hold = HOLD * carried_inertia.max(f64::MIN_POSITIVE) / (dt_s * dt_s);
         let sampled = joint.sampling.as_ref().map(SampledServo::new);
         Motor { actuator: joint.actuator.clone(), integral: 0.0, hold, sampled }
     }
 
-    /// Whether it works at instants and holds between them.
+    /// Whether it is a digital servo, with a sampled and held output.
     pub(crate) fn is_sampled(&self) -> bool {
         self.sampled.is_some()
     }
@@ -77,7 +77,7 @@ impl Motor {
         }
     }
 
-    /// What a digital servo holds; `None` for all other motors.
+    /// The held output of a digital servo; `None` for all other motors.
     fn held(&mut self, state: &JointInput) -> Option<MotorTorque> {
         let Motor { actuator, sampled: Some(sampled), integral, .. } = self else { return None };
         let command = state.command;

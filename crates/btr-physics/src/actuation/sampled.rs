@@ -1,32 +1,32 @@
-//! Digital servos: at fixed instants they read the position, work out a torque or a voltage, and hold it until the next
-//! one.
+//! Digital servos: at fixed sampling instants they read the position, compute a torque or a voltage, and hold it until
+//! the next one (zero-order hold).
 //!
-//! K. J. Astrom and B. Wittenmark, "Computer-Controlled Systems", Prentice Hall 1997. What is held acts half a period
-//! late on average, and so does a velocity that is the difference of two readings: at a period that is short but not
-//! negligible this is what a servo in continuous time lacks.
+//! K. J. Astrom and B. Wittenmark, "Computer-Controlled Systems", Prentice Hall 1997. The hold delays the output by
+//! half a period on average, and so does a velocity that is the difference of two readings. A servo in continuous time
+//! lacks this delay, which matters at short periods too.
 
 use super::joint_input::JointInput;
 use crate::robot::Sampling;
 
-/// The memory of a digital servo.
+/// Internal state of a digital servo.
 #[derive(Clone, Debug)]
 pub(crate) struct SampledServo {
     period_s: f64,
-    /// Number of the last instant; `usize::MAX` before the first.
+    /// Index of the last sampling instant; `usize::MAX` before the first.
     instant: usize,
-    /// The last readings, the newest first.
+    /// The last readings, newest first.
     readings: Vec<f64>,
     held: f64,
 }
 
-/// What a digital servo knows at an instant.
+/// Inputs of a digital servo at a sampling instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reading {
-    /// Time since the last one, in s.
+    /// Sampling period, in s.
     pub(crate) period_s: f64,
     /// Position.
     pub(crate) q: f64,
-    /// Velocity, from the readings alone.
+    /// Velocity, as a difference of readings.
     pub(crate) dq: f64,
 }
 
@@ -36,9 +36,9 @@ impl SampledServo {
         SampledServo { period_s: sampling.period_s, instant: usize::MAX, readings, held: 0.0 }
     }
 
-    /// What is held during the coming step; `work` says it for what is read, at every instant.
+    /// The output held during the coming step; `law` computes it from the readings at every sampling instant.
     pub(crate) fn hold(&mut self, state: &JointInput, work: impl FnOnce(&Reading) -> f64) -> f64 {
-        // The share of a period absorbs rounding, as for references.
+        // The offset absorbs rounding, as for references.
         let instant = (state.time_s / self.period_s + 1e-6).floor() as usize;
         if instant != self.instant {
             self.read(state);
@@ -51,14 +51,14 @@ impl SampledServo {
         self.held
     }
 
-    /// Forgets what it read; for a servo that is switched off.
+    /// Resets the readings, for a servo that is switched off.
     pub(crate) fn forget(&mut self) {
         self.instant = usize::MAX;
     }
 
     fn read(&mut self, state: &JointInput) {
         if self.instant == usize::MAX {
-            // Before the first instant it moved as it does now.
+            // Extrapolates to before the first instant at the present velocity.
             let ago = |k: usize| state.q - k as f64 * self.period_s * state.dq;
             self.readings.iter_mut().enumerate().for_each(|(k, reading)| *reading = ago(k));
         } else {

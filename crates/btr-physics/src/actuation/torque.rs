@@ -1,17 +1,17 @@
-//! A motor's torque before saturation, and the bound within which it stays.
+//! A motor's torque before saturation, and its bound.
 
 use super::joint_input::JointInput;
 use crate::engine::{Affine, Bounded};
 
-/// The largest torque of a motor in the direction in which it pushes: a ceiling, and a torque-speed line below which it
-/// stays while it drives. A motor that brakes has its whole torque.
+/// Bound on a motor's torque: a constant ceiling, and a torque-speed line that applies while the motor drives. A
+/// braking motor is bounded by the ceiling and the stall torque alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueBound {
-    /// At any speed, in N·m (N); infinite when unbounded.
+    /// Bound at any speed, in N·m (N); infinite when unbounded.
     pub ceiling: f64,
-    /// Where the line begins, at rest, in N·m (N); infinite without a line.
+    /// Stall torque, where the line meets zero speed, in N·m (N); infinite without a line.
     pub stall: f64,
-    /// Where the line ends, in rad/s (m/s).
+    /// No-load speed, where the line meets zero torque, in rad/s (m/s).
     pub no_load_speed: f64,
 }
 
@@ -23,12 +23,12 @@ impl TorqueBound {
         TorqueBound { ceiling, stall: f64::INFINITY, no_load_speed: f64::INFINITY }
     }
 
-    /// Whether there is none.
+    /// Whether there is no bound.
     pub fn is_none(&self) -> bool {
         self.ceiling.is_infinite() && self.stall.is_infinite()
     }
 
-    /// The largest torque at a speed in its own direction (negative while it brakes).
+    /// The largest torque at a speed in the torque's own direction (negative while it brakes).
     pub fn at(&self, speed: f64) -> f64 {
         if self.stall.is_infinite() {
             return self.ceiling;
@@ -37,7 +37,7 @@ impl TorqueBound {
         self.ceiling.min(self.stall * share)
     }
 
-    /// The straight piece of it around a speed in its own direction.
+    /// The linear piece of the bound around a speed in the torque's own direction.
     fn around(&self, speed: f64) -> Affine {
         let torque = self.at(speed);
         if torque < self.ceiling && (0.0..self.no_load_speed).contains(&speed) {
@@ -46,7 +46,7 @@ impl TorqueBound {
         Affine::constant(torque)
     }
 
-    /// The torque nearest to `wanted` at the velocity `dq`.
+    /// The torque closest to `requested` within the bound at the velocity `dq`.
     pub fn clamp(&self, wanted: f64, dq: f64) -> f64 {
         wanted.min(self.at(dq)).max(-self.at(-dq))
     }
@@ -55,9 +55,9 @@ impl TorqueBound {
 /// A motor's torque before saturation, and its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorTorque {
-    /// What it would do without a bound.
+    /// Torque without the bound.
     pub wanted: Affine,
-    /// What it can do.
+    /// The bound.
     pub bound: TorqueBound,
 }
 
@@ -65,24 +65,24 @@ impl MotorTorque {
     pub(super) const OFF: MotorTorque =
         MotorTorque::within(f64::INFINITY, Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 });
 
-    /// What is wanted, within a bound that is the same at every speed.
+    /// A requested torque within a bound that is the same at every speed.
     pub(super) const fn within(limit: f64, wanted: Affine) -> Self {
         MotorTorque { wanted, bound: TorqueBound::at_any_speed(limit) }
     }
 
-    /// Lowers the ceiling, where it is not lower already.
+    /// Lowers the ceiling to `torque`, unless it is lower already.
     pub(crate) fn limit_to(&mut self, torque: f64) {
         self.bound.ceiling = self.bound.ceiling.min(torque);
     }
 
-    /// Lets the bound fall with the speed; of several lines the one counts that begins lowest.
+    /// Adds a torque-speed line. Of several lines the one with the lowest stall torque applies.
     pub(crate) fn limit_to_line(&mut self, stall: f64, no_load_speed: f64) {
         if stall < self.bound.stall {
             (self.bound.stall, self.bound.no_load_speed) = (stall, no_load_speed);
         }
     }
 
-    /// Less (or more) of everything: the same command gives this share of the torque.
+    /// Scales the torque and its bound: the same command gives this multiple of the torque.
     pub(crate) fn scale(&mut self, factor: f64) {
         let Affine { constant, stiffness, damping } = self.wanted;
         self.wanted = Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
@@ -90,19 +90,19 @@ impl MotorTorque {
         self.bound.stall *= factor;
     }
 
-    /// The motor's law in a state: what is wanted there, within its bound.
+    /// The torque in a state, within its bound.
     pub fn at(&self, q: f64, dq: f64) -> f64 {
         self.bound.clamp(self.wanted.at(q, dq), dq)
     }
 
-    /// The largest and the least torque, as they depend on the velocity around that of the coming step's middle.
+    /// The upper and the lower bound, linear in the velocity around the extrapolated one in the coming step's middle.
     fn bounds(&self, state: &JointInput) -> [Affine; 2] {
         let dq = state.dq_midway();
         let least = self.bound.around(-dq);
         [self.bound.around(dq), Affine { constant: -least.constant, ..least }]
     }
 
-    /// For an engine that keeps the bound in the step that it solves; `None` where there is none.
+    /// For an engine that enforces bounds within the step; `None` without a bound.
     pub(crate) fn bounded(&self, state: &JointInput) -> Option<Bounded> {
         if self.bound.is_none() {
             return None;
@@ -111,16 +111,16 @@ impl MotorTorque {
         Some(Bounded { wanted: self.wanted, most, least })
     }
 
-    /// For an engine that does not: the bound if the wanted torque would exceed it when the step ends, as far as the
-    /// joint's own inertia tells.
+    /// For an engine that does not: the bound if the requested torque would exceed it at the step's end, judged by the
+    /// joint's own inertia; otherwise the requested torque.
     ///
-    /// Judged by the step's end and not by its beginning, a strongly damped servo on a light link does not chatter
+    /// Judging by the step's end, not its beginning, keeps a strongly damped servo on a light link from chattering
     /// between its bounds.
     pub fn saturated(&self, state: &JointInput) -> Affine {
         if self.bound.is_none() {
             return self.wanted;
         }
-        // What an implicit step (see `Affine::step`) ends with is push·inertia/(inertia + dt·resistance).
+        // The torque at the end of an implicit step (see `Affine::step`) is push·inertia/(inertia + dt·resistance).
         let Affine { constant, stiffness, damping } = self.wanted;
         let resistance = damping + state.dt_s * stiffness;
         let push = constant - stiffness * state.q - resistance * state.dq;
@@ -132,7 +132,7 @@ impl MotorTorque {
         if push > 0.0 { most } else { least }
     }
 
-    /// Its bound, if that is exceeded by `torque` at the velocity `dq`.
+    /// The bound that `torque` exceeds at the velocity `dq`, if any.
     pub(crate) fn beyond(&self, torque: f64, dq: f64, state: &JointInput) -> Option<Affine> {
         let [most, least] = self.bounds(state);
         if torque > self.bound.at(dq) {

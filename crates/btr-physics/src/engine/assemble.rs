@@ -1,15 +1,16 @@
-//! From links to moving bodies: what fixed joints hold together becomes one body with one mass and one inertia.
+//! Links assembled to moving bodies: links connected by fixed joints become one body with one mass and one inertia.
 
 use crate::robot::{Base, Geometry, JointKind, Link, Robot, Shape};
 use crate::setup::Setup;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-/// A rigid body in the frame of its first link. `bodies[0]` is the root, `bodies[1 + j]` hangs on movable joint `j`.
+/// A rigid body in the frame of its first link. `bodies[0]` is the root, `bodies[1 + j]` is the child of movable joint
+/// `j`.
 #[derive(Clone, Debug)]
 pub(crate) struct MovingBody {
-    /// Index of its first link, whose joint carries the body.
+    /// Index of its first link, whose joint connects it to the parent.
     pub link: usize,
-    /// Index of the body that carries it; the root carries itself.
+    /// Index of the parent body; the root is its own parent.
     pub parent: usize,
     /// The joint's frame in the parent body's frame at q = 0.
     pub origin: Isometry3<f64>,
@@ -17,14 +18,14 @@ pub(crate) struct MovingBody {
     pub com_m: Point3<f64>,
     /// About the centre of mass.
     pub inertia_kg_m2: Matrix3<f64>,
-    /// Shapes with the link that they belong to.
+    /// Shapes, each with the index of its link.
     pub shapes: Vec<(usize, Shape)>,
 }
 
 /// The robot's moving bodies.
 pub(crate) fn bodies(robot: &Robot) -> Vec<MovingBody> {
     let mut bodies: Vec<MovingBody> = Vec::with_capacity(robot.links.len());
-    // For each link: its body, and its frame in that body's frame.
+    // For each link: its body, and the link's frame in that body's frame.
     let mut held_by: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(robot.links.len());
     for (index, link) in robot.links.iter().enumerate() {
         let (carrier, in_carrier) = match link.parent {
@@ -55,7 +56,7 @@ impl MovingBody {
         }
     }
 
-    /// Takes in a link that sits at `pose` in this body's frame.
+    /// Merges a link that sits at `pose` in this body's frame.
     fn fuse(&mut self, index: usize, link: &Link, pose: &Isometry3<f64>) {
         let rotation = pose.rotation.to_rotation_matrix();
         let inertia = rotation * link.inertia_kg_m2 * rotation.transpose();
@@ -120,7 +121,7 @@ fn start_poses(robot: &Robot, bodies: &[MovingBody]) -> Vec<Isometry3<f64>> {
     poses
 }
 
-/// How far the robot's lowest shape is below the floor (z = 0) in the start pose, in m; negative above it.
+/// Penetration depth of the robot's lowest shape into the floor (z = 0) in the start pose, in m; negative above it.
 fn depth_m(robot: &Robot, bodies: &[MovingBody]) -> f64 {
     let poses = start_poses(robot, bodies);
     let shapes = bodies.iter().zip(&poses).flat_map(|(body, pose)| body.shapes.iter().map(move |(_, s)| (pose, s)));
@@ -129,8 +130,8 @@ fn depth_m(robot: &Robot, bodies: &[MovingBody]) -> f64 {
         .fold(f64::MIN, f64::max)
 }
 
-/// How far a free robot has to be lifted at the start, in m. Longer legs than the start pose was made for would begin
-/// inside the floor and be thrown out of it; one that rests before it moves is put down.
+/// Height by which a floating robot is lifted at the start, in m. With longer legs than the start pose was made for it
+/// would start inside the floor and be expelled. A robot that rests before it moves is placed on the floor.
 pub(crate) fn lift_m(robot: &Robot, bodies: &[MovingBody], setup: &Setup) -> f64 {
     if robot.base == Base::Fixed || setup.ground.is_none() {
         return 0.0;

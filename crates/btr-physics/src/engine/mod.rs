@@ -11,9 +11,9 @@ pub use assemble::carried_inertia;
 use btr_core::signal::smooth::Motion;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// A joint torque that depends linearly on the joint's state: tau = constant − stiffness·q − damping·dq.
+/// A joint torque that is affine in the joint's state: tau = constant − stiffness·q − damping·dq.
 ///
-/// Engines integrate it implicitly, so stiff servos stay stable; sums of such torques are such torques again.
+/// Engines integrate it implicitly, so that stiff servos stay stable. A sum of such torques is again one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Affine {
     /// N·m (N for slides).
@@ -25,7 +25,7 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// A torque that depends on nothing, in N·m (N).
+    /// A constant torque, in N·m (N).
     pub fn constant(torque: f64) -> Self {
         Affine { constant: torque, ..Affine::default() }
     }
@@ -35,8 +35,8 @@ impl Affine {
         self.constant - self.stiffness * q - self.damping * dq
     }
 
-    /// Position and velocity after an implicit step of `dt_s` on a joint that moves `inertia` (kg·m²) and that nothing
-    /// else acts on: what the engine will do with this torque, but for the other joints.
+    /// Position and velocity after an implicit step of `dt_s` on a joint that moves `inertia` (kg·m²) without other
+    /// forces: the engine's result, if the other joints did not matter.
     pub fn step(&self, q: f64, dq: f64, dt_s: f64, inertia: f64) -> (f64, f64) {
         let push = dt_s * (self.constant - self.stiffness * q);
         let dq = (inertia * dq + push) / (inertia + dt_s * self.damping + dt_s * dt_s * self.stiffness);
@@ -54,39 +54,39 @@ impl Affine {
 /// A motor's torque over one step: the requested torque, at most `most` and at least `least`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounded {
-    /// Without a bound.
+    /// The requested torque.
     pub wanted: Affine,
     /// The largest torque; it may depend on the velocity.
     pub most: Affine,
-    /// The least torque, alike.
+    /// The lowest torque; it may depend on the velocity.
     pub least: Affine,
 }
 
-/// Everything that acts on one joint from the inside during one step.
+/// Joint-level forces on one joint during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dof {
     /// Springs, viscous friction, and a motor that is not in `motor`.
     pub torque: Affine,
-    /// A motor with bounds, for engines that [keep](Dynamics::keeps_bounds) them.
+    /// A motor with bounds, for engines that [enforce](Dynamics::enforces_bounds) them.
     pub motor: Option<Bounded>,
     /// Coulomb friction that holds at rest, in N·m (N).
     pub dry_friction: f64,
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
-    /// Where the joint is and goes in the coming step whatever that takes, if its motion is prescribed.
+    /// The joint's motion over the coming step, if it is prescribed.
     pub course: Option<PrescribedMotion>,
 }
 
 /// A prescribed motion over one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrescribedMotion {
-    /// When the step begins.
+    /// At the beginning of the step.
     pub from: Motion,
-    /// When it ends.
+    /// At its end.
     pub to: Motion,
 }
 
-/// Where the root's frame is and how it moves, in the world.
+/// Pose and velocity of the root's frame, in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseState {
     /// Pose of the root link's frame.
@@ -103,21 +103,20 @@ pub struct RobotState {
     /// Joint positions in rad (m) and velocities in rad/s (m/s), in the order of
     /// [`movable`](crate::robot::Robot::movable).
     pub joints: Vec<(f64, f64)>,
-    /// The root; without meaning where that is fixed.
+    /// The root; meaningless if the base is fixed.
     pub base: BaseState,
 }
 
 impl RobotState {
-    /// Where a robot is.
+    /// The state of an engine's selected candidate.
     pub fn of(engine: &dyn Dynamics) -> Self {
         let joints = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
         RobotState { joints: joints.collect(), base: engine.base() }
     }
 }
 
-/// A robot in its world, advanced step by step; or several candidates for it side by side, each in a world of its own.
-/// Joints are counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked
-/// as such.
+/// A robot in its world, advanced step by step; or a batch of candidates for it, each in a world of its own. Joints are
+/// counted in the order of [`movable`](crate::robot::Robot::movable), feet in the order of the links marked as such.
 pub trait Dynamics {
     /// Number of candidates.
     fn lanes(&self) -> usize {
@@ -133,17 +132,17 @@ pub trait Dynamics {
     fn velocities(&self) -> &[f64];
     /// Sets the state: the joints' positions and velocities, and a floating root.
     fn place(&mut self, state: &RobotState);
-    /// Sets what acts on a joint from now on.
+    /// Sets the forces on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
-    /// Whether steps are solved for their middle, which is exact to second order, and not for their end.
+    /// Whether steps are solved for their middle, which is second order, instead of their end.
     fn midway(&self) -> bool {
         false
     }
-    /// Whether it solves for the motors at their bounds within the step; if not, it is never given any.
-    fn keeps_bounds(&self) -> bool {
+    /// Whether it enforces motor bounds within the step; if not, it is never given any.
+    fn enforces_bounds(&self) -> bool {
         false
     }
-    /// Whether it can move joints along a [`PrescribedMotion`]; if not, it is never given any.
+    /// Whether it supports joints with a [`PrescribedMotion`]; if not, it is never given any.
     fn leads(&self) -> bool {
         false
     }
@@ -154,12 +153,12 @@ pub trait Dynamics {
     }
     /// Advances all candidates by the setup's `dt_s`.
     fn step(&mut self);
-    /// The root.
+    /// State of the root.
     fn base(&self) -> BaseState;
     /// Sum of the normal forces on a foot during the last step, in N.
     fn foot_force_n(&self, foot: usize) -> f64;
     /// Centre of the ball, if there is one.
     fn ball(&self) -> Option<Point3<f64>>;
-    /// Why the state is invalid (not finite, absurdly fast), if it is.
+    /// Why the state is invalid (not finite, or faster than any plausible motion), if it is.
     fn trouble(&self) -> Option<String>;
 }

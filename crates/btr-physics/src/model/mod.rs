@@ -1,5 +1,5 @@
-//! A model: a robot with its effects, free parameters, drive and fitness. It is the set of simulations that everything
-//! else searches.
+//! A model: a robot with its effects, free parameters, drive and fitness. It defines the space of simulations that all
+//! searches use.
 
 pub mod parameter;
 mod request;
@@ -25,7 +25,7 @@ pub use request::ModelRequest;
 /// A scenario: the conditions of one rollout.
 #[derive(Clone, Debug, Default)]
 pub struct Scenario {
-    /// For reports.
+    /// Name in reports.
     pub name: String,
     /// Commands of a recorded log, instead of the model's drive.
     pub replay: Option<Arc<crate::drive::Replay>>,
@@ -45,16 +45,16 @@ pub struct Scenario {
     pub restarts: Arc<[Restart]>,
 }
 
-/// Everything needed to simulate.
+/// Everything that a simulation needs.
 #[derive(Debug)]
 pub struct Model {
-    /// The robot at its own values.
+    /// The robot at its nominal values.
     pub robot: Robot,
     /// Effects that are present.
     pub effects: Vec<PlacedEffect>,
     /// Time steps, ground, sensors.
     pub setup: Setup,
-    /// What the dimensions of S act on.
+    /// Targets of the dimensions of S.
     pub targets: Vec<Target>,
     /// S.
     pub simulations: Space,
@@ -71,7 +71,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// The same model in other scenarios, all for training.
+    /// The same model with other scenarios, all for training.
     #[must_use]
     pub fn in_situations(&self, scenarios: Vec<Scenario>) -> Model {
         Model {
@@ -98,15 +98,15 @@ impl Model {
         if !self.has_contact() && self.setup.engine == EngineName::Auto { 2 } else { 1 }
     }
 
-    /// The joint references that controller `c` stands for, on the control clock; sensors stay empty. Of a policy these
-    /// are the references that it corrects.
+    /// The joint references of controller `c`, at the control ticks; no sensor readings are fed back. For a policy
+    /// these are the references that it corrects.
     ///
     /// # Errors
     /// A point outside C.
     pub fn references(&self, c: &[f64], scenario: usize) -> Result<Log, WorldError> {
         self.drive.space().check(c)?;
         let drive = self.drive_at(c, &self.scenarios[scenario])?;
-        // Up to the one that the end of the test is led to.
+        // Including the reference at or after the end of the rollout, towards which the last interval interpolates.
         let ticks = (self.scenarios[scenario].duration_s / self.setup.control_s - 1e-6).ceil().max(0.0) as usize;
         let clock: Vec<f64> = (0..=ticks).map(|k| k as f64 * self.setup.control_s).collect();
         let joints: Vec<&Joint> = self.robot.movable().map(|(_, link)| &link.joint).collect();
@@ -136,8 +136,8 @@ impl Model {
         Ok(robot)
     }
 
-    /// The same model, with its first situation begun as a controller of the loop begins: joints by name in rad (m), at
-    /// rest; the base at x, y, z in m and the quaternion w, x, y, z; for so long, in s.
+    /// The same model with the start state of its first scenario set: joints by name in rad (m), at rest; the base at
+    /// x, y, z in m and the quaternion w, x, y, z; and the scenario's duration in s.
     #[must_use]
     pub fn begun(mut self, joints: &[(String, f64)], base: Option<[f64; 7]>, duration_s: f64) -> Self {
         for link in self.robot.links.iter_mut().skip(1) {
@@ -146,12 +146,12 @@ impl Model {
             }
         }
         if let Some([x, y, z, w, i, j, k]) = base {
-            // What was a unit quaternion comes back bit by bit.
+            // A unit quaternion is restored bit by bit.
             let turned = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
             self.robot.start = Isometry3::from_parts(Translation3::new(x, y, z), turned);
         }
         if let Some(situation) = self.scenarios.first_mut() {
-            // The joints' own starts are no readings.
+            // The joints' start positions are true values, not recorded readings.
             situation.start.clear();
             situation.duration_s = duration_s;
         }
@@ -177,8 +177,8 @@ impl Model {
         (robot, effects, setup)
     }
 
-    /// The references depend on the controller alone: they are computed for the robot at its nominal values, as a real
-    /// robot's controller would, whatever is simulated.
+    /// The drive of a scenario. References depend on the controller alone: they are computed for the robot at its
+    /// nominal values, as a real robot's controller would, whatever is simulated.
     fn drive_at(&self, c: &[f64], situation: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
         match &situation.replay {
             Some(replay) => Ok(Box::new(replay.clone())),
@@ -187,7 +187,7 @@ impl Model {
     }
 }
 
-/// Joint positions at the start, in the order of the movable joints.
+/// Sets the joint positions at the start, in the order of the movable joints.
 fn place(robot: &mut Robot, start: &[(f64, f64)]) {
     let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
     moving.zip(start).for_each(|(link, (q, _))| link.joint.start = *q);

@@ -1,7 +1,7 @@
 //! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's
 //! law as well: `formula.PARAM@SITE`, the site as its effect has it).
 //!
-//! A site may be a comma list and contain `*`; one value then holds for everything that it matches.
+//! A site may be a comma-separated list and contain `*`; one value then holds for all matches.
 
 use crate::effects;
 use crate::effects::{EFFECTS, Effect, FORMULA, PlacedEffect, SiteKind};
@@ -10,13 +10,13 @@ use crate::robot::stretch;
 use crate::robot::{Actuator, Robot};
 use crate::setup::Setup;
 
-/// Something that a value can be given to.
+/// A quantity of the model that can be set.
 #[derive(Clone, Debug)]
 pub struct Target {
     name: String,
     quantity: Quantity,
     site: String,
-    /// Links, also where the quantity belongs to their joints.
+    /// Indices of the links; for quantities of joints, the links that these carry.
     links: Vec<usize>,
 }
 
@@ -28,7 +28,7 @@ enum Quantity {
     Motor(MotorValue),
     GroundFriction,
     Effect(&'static dyn Effect, usize),
-    /// A parameter of a user's law, which only the model knows.
+    /// A parameter of a user's law, which is declared in the model.
     Formula,
 }
 
@@ -58,29 +58,29 @@ const QUANTITIES: [(&str, Quantity); 11] = [
     ("ground_friction", Quantity::GroundFriction),
 ];
 
-/// What is wrong with a parameter's name.
+/// Errors in a parameter's name.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParameterError {
     /// No quantity, effect or effect's parameter of that name.
     #[error("`{name}` is not a parameter{}", did_you_mean(near))]
     Unknown {
-        /// What was asked for.
+        /// The given name.
         name: String,
         /// Similar names, most similar first.
         near: Vec<String>,
     },
-    /// No joint or link there.
+    /// No joint or link matches the site.
     #[error("the robot has no {what} `{site}`{}", did_you_mean(near))]
     Site {
         /// Joint or link.
         what: &'static str,
-        /// What was asked for.
+        /// The given name.
         site: String,
         /// Similar names, most similar first.
         near: Vec<String>,
     },
-    /// A quantity that its site does not have.
+    /// A quantity that the site does not have.
     #[error("`{name}`: {why}")]
     Absent {
         /// The parameter.
@@ -95,7 +95,7 @@ fn did_you_mean(near: &[String]) -> String {
 }
 
 impl Target {
-    /// Reads a parameter's name for this robot.
+    /// Parses a parameter's name for this robot.
     ///
     /// # Errors
     /// An unknown name or site, with similar ones; a motor value that the joint's actuator does not have; a link
@@ -125,7 +125,8 @@ impl Target {
         }
     }
 
-    /// The value in this model; `None` where the sites differ, where there is no floor, and for limits that are off.
+    /// The value in this model; `None` where the sites' values differ, where there is no floor, and for limits that are
+    /// off.
     pub fn nominal(&self, robot: &Robot, placed: &[PlacedEffect], setup: &Setup) -> Option<f64> {
         match self.quantity {
             Quantity::Length => Some(1.0),
@@ -155,7 +156,7 @@ impl Target {
         Ok(())
     }
 
-    /// Gives it a value. Lengths are factors on what they are now, so they belong on a fresh copy of the model.
+    /// Sets its value. Lengths are factors on the present length, so set them only once, on a fresh copy of the model.
     pub fn set(&self, value: f64, robot: &mut Robot, placed: &mut Vec<PlacedEffect>, setup: &mut Setup) {
         match self.quantity {
             Quantity::Mass => self.links.iter().for_each(|&link| set_mass(robot, link, value)),
@@ -189,7 +190,7 @@ impl Target {
         }
     }
 
-    /// Where a law has the parameter, if it is the law that is meant.
+    /// Index of the parameter in a placed law, if it is the named law at the same site.
     fn of_formula(&self, placed: &PlacedEffect) -> Option<usize> {
         let spec = placed.effect.spec();
         let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
@@ -220,7 +221,7 @@ impl Target {
     }
 }
 
-/// Gives every target its value.
+/// Sets the value of every target.
 pub fn apply(targets: &[Target], values: &[f64], robot: &mut Robot, placed: &mut Vec<PlacedEffect>, setup: &mut Setup) {
     for (target, &value) in targets.iter().zip(values) {
         target.set(value, robot, placed, setup);
@@ -249,7 +250,7 @@ fn quantity(name: &str) -> Result<Quantity, ParameterError> {
 }
 
 impl Quantity {
-    /// The links that the site means for this quantity.
+    /// The links that match the site, for this quantity.
     fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
         let of_joints = match self {
             Quantity::GroundFriction => return Ok(Vec::new()),
@@ -277,7 +278,7 @@ impl Quantity {
     }
 }
 
-/// The numbers of an actuator with their names.
+/// The values of an actuator with their names.
 pub fn motor_values(actuator: &Actuator) -> impl Iterator<Item = (&'static str, f64)> {
     let mut actuator = actuator.clone();
     QUANTITIES.iter().filter_map(move |(name, quantity)| match quantity {
@@ -300,7 +301,7 @@ impl MotorValue {
         }
     }
 
-    /// Its place in an actuator.
+    /// The value's field in an actuator.
     fn of(self, actuator: &mut Actuator) -> Option<&mut f64> {
         match actuator {
             Actuator::Position { kp, ki, kd, max_torque } => match self {
@@ -323,7 +324,7 @@ impl MotorValue {
     }
 }
 
-/// A link of another mass and the same shape and density profile: its inertia goes with the mass.
+/// Sets a link's mass at the same shape and density profile: its inertia scales with the mass.
 fn set_mass(robot: &mut Robot, link: usize, mass_kg: f64) {
     let link = &mut robot.links[link];
     if link.mass_kg > 0.0 {
@@ -332,13 +333,13 @@ fn set_mass(robot: &mut Robot, link: usize, mass_kg: f64) {
     link.mass_kg = mass_kg;
 }
 
-/// The value that all have; bitwise, as they come from one model file.
+/// The common value, if all are bitwise equal, as those from one model file are.
 fn common(mut values: impl Iterator<Item = f64>) -> Option<f64> {
     let first = values.next()?;
     values.all(|value| value.to_bits() == first.to_bits()).then_some(first)
 }
 
-/// Up to three of `known` that resemble `name`.
+/// Up to three of `known` that are similar to `name`.
 fn near(name: &str, known: impl Iterator<Item = String>) -> Vec<String> {
     let mut scored: Vec<(f64, String)> =
         known.map(|k| (strsim::jaro_winkler(name, &k), k)).filter(|(s, _)| *s > 0.8).collect();

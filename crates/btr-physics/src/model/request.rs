@@ -18,7 +18,7 @@ pub struct ModelRequest<'a> {
 }
 
 impl<'a> ModelRequest<'a> {
-    /// A rollout of point `s` of S in a situation.
+    /// A rollout of point `s` of S in a scenario.
     pub fn new(s: &'a [f64], situation: &'a Scenario) -> Self {
         let (controller, effects, time_step, noise_seed, hook) = (None, &[][..], TimeStep::USUAL, None, None);
         ModelRequest { s, situation, controller, effects, time_step, noise_seed, hook }
@@ -36,7 +36,7 @@ impl<'a> ModelRequest<'a> {
         ModelRequest { effects, ..self }
     }
 
-    /// The model's own time step or a finer one; the log is sampled alike.
+    /// The model's own time step or a finer one; the log's sampling period stays the same.
     #[must_use]
     pub fn time_step(self, time_step: TimeStep) -> Self {
         ModelRequest { time_step, ..self }

@@ -24,7 +24,7 @@ impl Model {
     /// Simulates one rollout and returns its log.
     ///
     /// # Errors
-    /// A point outside its space, an effect that fits nothing, or a simulation that blew up.
+    /// A point outside its space, an effect whose site matches nothing, or a simulation that diverged.
     pub fn simulate(&self, request: ModelRequest) -> Result<Log, WorldError> {
         self.simulate_all(vec![request]).pop().unwrap_or_else(nothing)
     }
@@ -49,9 +49,8 @@ impl Model {
         inputs.iter().map(finish).collect()
     }
 
-    /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated side by side.
-    /// Calls
-    /// `check_cancelled` before every batch; a panic in it ends the rest.
+    /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated in one batch.
+    /// Calls `check_cancelled` before every batch; a panic in it ends the rest.
     pub fn simulate_jobs(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
         let batch_size = parallel::side_by_side(rollout::lanes(), jobs.len());
         let with_cancellation = |batch: &[Job]| {
@@ -94,7 +93,8 @@ impl Model {
         Ok(RunInputs { robot, effects, setup, drive, noise_seed: request.noise_seed, restarts, situation })
     }
 
-    /// The torques that measured motions need are as rough as these: smoothed, as the measured torques are.
+    /// Smooths the torques that measured motions require, which are as noisy as these; measured torques are smoothed
+    /// alike.
     fn smooth_required_torques(&self, log: &mut Log, situation: &Scenario) {
         let Some(replay) = &situation.replay else { return };
         let joints = self.robot.movable().enumerate().filter(|(i, _)| replay.follows(*i));
@@ -137,7 +137,7 @@ impl Simulator for Model {
     }
 }
 
-/// A run of a model, before anything is allocated for it.
+/// The inputs of a model's rollout, before its working memory is allocated.
 struct RunInputs<'a> {
     robot: Robot,
     effects: Vec<PlacedEffect>,
@@ -149,7 +149,7 @@ struct RunInputs<'a> {
 }
 
 impl RunInputs<'_> {
-    /// The rollout itself. Restarts come before the hook.
+    /// The rollout's request. Restarts are applied before the hook is called.
     fn rollout<'a>(&'a self, hook: Option<StateHook<'a>>) -> RolloutRequest<'a> {
         let mut restarts = restart::lead(&self.restarts, self.setup.dt_s);
         let with_hook: StateHook<'a> = match hook {
@@ -168,7 +168,8 @@ fn nothing<T>() -> Result<T, WorldError> {
     Err(setup_error("nothing was simulated".to_owned()))
 }
 
-/// A recorded start is what the encoders said: where the joints were depends on the effects on these.
+/// Converts recorded start positions, which are encoder readings, to true positions, by inverting the effects on
+/// encoders.
 fn read_back(robot: &mut Robot, effects: &[PlacedEffect], recorded: usize) -> Result<(), WorldError> {
     for placed in effects.iter().filter(|placed| !placed.is_off()) {
         let joints = placed.joints(robot)?;

@@ -1,10 +1,10 @@
-//! Tasks: the experimenter's judgement f(B) of a behaviour, as a weighted sum of terms read off a log.
+//! Tasks: the fitness f(B) of a behaviour, as a weighted sum of terms computed from a log.
 
 use btr_core::log::{Log, LogError};
 use btr_core::world::Measure;
 use indexmap::IndexMap;
 
-/// One thing that can be judged.
+/// A fitness term.
 pub struct FitnessTerm {
     /// Its name in experiment files.
     pub name: &'static str,
@@ -17,7 +17,7 @@ pub struct FitnessTerm {
     measure: Measure,
 }
 
-/// Every term there is.
+/// All fitness terms.
 pub static TERMS: &[FitnessTerm] = &[
     FitnessTerm {
         name: "distance",
@@ -84,7 +84,7 @@ pub static TERMS: &[FitnessTerm] = &[
     },
 ];
 
-/// What the term of this name measures; `None` where there is no such term.
+/// The measure of the term with this name; `None` if there is no such term.
 pub fn measure(name: &str) -> Option<Measure> {
     TERMS.iter().find(|term| term.name == name).map(|term| term.measure)
 }
@@ -104,7 +104,7 @@ pub struct Fitness {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no fitness term `{name}`")]
 pub struct UnknownTerm {
-    /// What was asked for.
+    /// The given name.
     pub name: String,
 }
 
@@ -122,12 +122,12 @@ impl Fitness {
         Ok(Fitness { weights })
     }
 
-    /// The terms by name, with their weights; empty when nothing is judged.
+    /// The terms by name, with their weights; empty without fitness.
     pub fn weights(&self) -> IndexMap<String, f64> {
         self.weights.iter().map(|&(i, w)| (TERMS[i].name.to_owned(), w)).collect()
     }
 
-    /// f(B). A behaviour without any term scores 0.
+    /// f(B). Without any term it is 0.
     ///
     /// # Errors
     /// A channel that a term needs and the log lacks.
@@ -163,7 +163,7 @@ fn energy(log: &Log) -> Result<f64, LogError> {
     Ok(work_j)
 }
 
-/// The angle between where the base's x axis points at the start and at the end, seen from above.
+/// Absolute yaw angle from the start to the end, wrapped to [0, π].
 fn heading(log: &Log) -> Result<f64, LogError> {
     let [w, x, y, z] = ["w", "x", "y", "z"].map(|part| log.values(&format!("base_q{part}")));
     let (w, x, y, z) = (w?, x?, y?, z?);
@@ -172,7 +172,7 @@ fn heading(log: &Log) -> Result<f64, LogError> {
     Ok(turned.sin().atan2(turned.cos()).abs())
 }
 
-/// The largest size of any value in the channels that begin so.
+/// The largest absolute value in the channels with this prefix.
 fn peak(log: &Log, prefix: &str) -> Result<f64, LogError> {
     let mut names = log.channels().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with(prefix)).peekable();
     if names.peek().is_none() {

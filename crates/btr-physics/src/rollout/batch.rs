@@ -1,5 +1,5 @@
-//! Runs side by side: candidates for the same robot take their steps together, each in a lane of one engine, while
-//! commands, motors, effects and sensors are each one's own.
+//! Batched rollouts: candidates for the same robot advance together, each in a lane of one engine; commands, motors,
+//! effects and sensors are separate.
 
 use super::prepared::PreparedRollout;
 use crate::engine::Dynamics;
@@ -10,8 +10,8 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use pulp::Arch;
 
-/// Several runs, in their order. Those that follow each other and only differ in numbers are simulated side by side, as
-/// many at a time as the machine has lanes; what comes out is the same as if each had been simulated alone.
+/// Simulates several rollouts, in their order. Consecutive ones that differ only in values are batched, up to the
+/// number of SIMD lanes; each result equals that of the rollout alone.
 pub(super) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
     let (most, mut group) = (lanes(), Vec::<PreparedRollout>::new());
@@ -35,10 +35,10 @@ pub fn lanes() -> usize {
     articulated::lanes()
 }
 
-/// Runs that take equally many steps of equal length.
+/// Simulates rollouts with equally many steps of equal length.
 fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
-    // Registers no wider than it takes.
+    // The narrowest registers that are wide enough.
     let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
     let arch = articulated::widths().into_iter().rfind(fits).filter(|_| runs.len() > 1);
     match arch.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
@@ -47,7 +47,7 @@ fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     }
 }
 
-/// A single run on its own engine.
+/// Simulates a single rollout on its own engine.
 fn alone(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
     match run.engine() {
         Ok(mut engine) => together(engine.as_mut(), vec![run]),
@@ -55,8 +55,7 @@ fn alone(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
     }
 }
 
-/// Runs side by side, each in its lane of an engine. Whoever blows up is out; the others go on, as long as there are
-/// any.
+/// Simulates a batch, each rollout in its lane of an engine. Rollouts that diverge are dropped; the others continue.
 pub(super) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     rest(engine, &mut runs);
     for step in 0..=runs.first().map_or(0, PreparedRollout::steps) {
@@ -76,7 +75,7 @@ pub(super) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>
     runs.into_iter().enumerate().map(finish).collect()
 }
 
-/// Does something with all that are still running.
+/// Calls `action` for each rollout that has not failed, with its lane selected.
 fn each(
     engine: &mut dyn Dynamics,
     runs: &mut [PreparedRollout],
@@ -88,7 +87,7 @@ fn each(
     }
 }
 
-/// Lets servos, friction and the floor come to terms before anything is told.
+/// Lets servos, friction and the floor settle before time zero.
 fn rest(engine: &mut dyn Dynamics, runs: &mut [PreparedRollout]) {
     for left in (1..=runs.first().map_or(0, |run| run.rests)).rev() {
         each(engine, runs, &mut |run, engine| {
@@ -113,11 +112,11 @@ mod tests {
     use crate::setup::Ball;
     use nalgebra::{Point3, Vector3};
 
-    /// A robot, its world and what it is told.
+    /// A robot, its setup and its drive.
     type Scene = (Robot, Setup, Box<dyn Drive>);
 
     const CANDIDATES: usize = 8;
-    /// The one that is torn apart.
+    /// The candidate that diverges.
     const TORN: usize = 4;
 
     fn scene(name: &str) -> Scene {
@@ -144,7 +143,7 @@ mod tests {
         }
     }
 
-    /// Some fall over, some slide, some have dry friction and others do not, and one blows up.
+    /// Some fall over, some slide, some have dry friction and others do not, and one diverges.
     fn candidate(name: &str, number: usize) -> Scene {
         let (mut robot, mut setup, drive) = scene(name);
         drive.place(&mut robot);

@@ -1,4 +1,5 @@
-//! From the drive's references to what acts on every joint: commands, effects on them, motors, effects on those.
+//! The control path of a rollout: from the drive's references through commands, their effects, motors and their effects
+//! to the joint-level forces.
 
 use crate::actuation::{JointInput, Motor, MotorTorque, TorqueBound};
 use crate::drive::Drive;
@@ -9,67 +10,67 @@ use crate::robot::{Joint, Link, Robot};
 use crate::setup::Setup;
 use btr_core::world::WorldError;
 
-/// The controller's side of a run.
+/// The control path of a rollout.
 pub(crate) struct Control<'a> {
     reference: ReferenceTracker<'a>,
     joints: Vec<JointControl>,
     dt_s: f64,
-    /// When the run begins, by the clock of laws.
+    /// Start time on the clock of time-dependent laws.
     begins_s: f64,
-    /// Whether any effect acts on all joints at once; only then the load is summed up.
+    /// Whether any effect acts on all joints at once; only then the load is computed.
     coupled: bool,
-    /// Sum of the sizes of all motors' torques in the last step.
+    /// Sum of the absolute values of all motors' torques in the last step.
     load: f64,
-    /// What prescribed motions need; empty where there are none.
+    /// Torques that prescribed motions require; empty if there are none.
     needed: Vec<f64>,
-    /// Positions and velocities of the joints as the step begins.
+    /// Positions and velocities of the joints at the beginning of the step.
     states: Vec<(f64, f64)>,
 }
 
-/// The drive's references around the present.
+/// The drive's references at the previous and the next tick.
 struct ReferenceTracker<'a> {
     drive: &'a dyn Drive,
     control_s: f64,
-    /// Number of the last reference; `usize::MAX` before the first.
+    /// Index of the previous tick; `usize::MAX` before the first.
     tick: usize,
     last: Vec<f64>,
     next: Vec<f64>,
 }
 
-/// One joint: its motor, what acts on it always, and the effects on it.
+/// One joint: its motor, its passive forces, and the effects on it.
 struct JointControl {
     motor: Motor,
     passive: Dof,
     instances: Vec<EffectInstance>,
-    /// Roughly what it moves, in kg·m² (kg).
+    /// Estimate of the inertia that it moves, in kg·m² (kg).
     inertia: f64,
-    /// Whether it is led from one reference to the next.
+    /// Whether its references are interpolated.
     led: bool,
-    /// What it was told last, before any effect.
+    /// The last command, before any effect.
     command: f64,
-    /// What arrives at the link of the motor's torque during the step, as far as the motor's bound lets it.
+    /// The motor's torque as it reaches the link during the step, without the motor's bound.
     acting: Affine,
     bound: TorqueBound,
-    /// Whether the motor has a rotor of its own behind a transmission that is not rigid.
+    /// Whether the motor has a rotor of its own behind an elastic or loose transmission.
     rotor: bool,
-    /// The motor's torque as the coming step begins, where that is known apart from the step: a digital servo has
-    /// worked it out, a prescribed motion needs it.
+    /// The motor's torque at the beginning of the coming step, where it is known independently of the step: computed by
+    /// a digital servo, or required by a prescribed motion.
     told: Option<f64>,
-    /// Its velocity as the last step began.
+    /// Its velocity at the beginning of the last step.
     before: Option<f64>,
 }
 
-/// An effect on one joint with its memory.
+/// An effect on one joint with its internal state.
 struct EffectInstance {
     effect: &'static dyn Effect,
     values: Vec<f64>,
     memory: Vec<f64>,
-    /// Position and velocity on its side towards the link.
+    /// Position and velocity on its link side.
     link_side: (f64, f64),
 }
 
 impl<'a> Control<'a> {
-    /// Allocates everything that the run needs.
+    /// Allocates all memory of the rollout.
     pub(crate) fn new(
         robot: &Robot,
         effects: &[PlacedEffect],
@@ -96,7 +97,7 @@ impl<'a> Control<'a> {
         Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed, states })
     }
 
-    /// Takes in the references that are valid at `time_s`, the present.
+    /// Updates the commands to the references at the present time `time_s`.
     pub(crate) fn listen(&mut self, time_s: f64, engine: &dyn Dynamics) {
         self.reference.advance(time_s, engine);
         let share = self.reference.share(time_s);
@@ -105,7 +106,7 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// Sets what acts on the joints during the step that begins at `time_s`.
+    /// Sets the joint-level forces for the step that begins at `time_s`.
     pub(crate) fn act(&mut self, time_s: f64, engine: &mut dyn Dynamics) {
         self.states.clear();
         self.states.extend(engine.positions().iter().copied().zip(engine.velocities().iter().copied()));
@@ -113,21 +114,22 @@ impl<'a> Control<'a> {
             let states = self.joints.iter().zip(&self.states);
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
-        let (midway, leads, keeps_bounds) = (engine.midway(), engine.leads(), engine.keeps_bounds());
+        let (midway, leads, enforces_bounds) = (engine.midway(), engine.leads(), engine.enforces_bounds());
         let (in_the_middle, at_the_end) =
             (self.reference.share(time_s + 0.5 * self.dt_s), self.reference.share(time_s + self.dt_s));
         for (i, (joint, &(q, dq))) in self.joints.iter_mut().zip(&self.states).enumerate() {
             let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
-            // A prescribed joint shall be at its reference when the step ends.
+            // A prescribed joint must be at its reference when the step ends.
             let command = match course {
                 Some(course) => course.to.value,
                 None if joint.motor.is_prescribed() => self.reference.led(i, at_the_end),
-                // What a step solves for its middle is told what holds there; a digital servo reads at instants.
+                // An engine that solves for the step's middle gets the reference there; a digital servo samples at its
+                // own instants.
                 None if joint.led && midway && !joint.motor.is_sampled() => self.reference.led(i, in_the_middle),
                 None => joint.command,
             };
             let (inertia, dt_s, load) = (joint.inertia, self.dt_s, self.load);
-            // Only effects ask for these.
+            // Only effects use these.
             let before = joint.before.filter(|_| !joint.instances.is_empty());
             let acceleration = before.map_or(0.0, |before| (dq - before) / dt_s);
             let torque = if joint.instances.is_empty() { 0.0 } else { joint.torque(q, dq) };
@@ -146,7 +148,7 @@ impl<'a> Control<'a> {
             };
             let dof = match course.filter(|_| leads) {
                 Some(course) => joint.follow(course, &state),
-                None => joint.act(&state, keeps_bounds),
+                None => joint.act(&state, enforces_bounds),
             };
             engine.set_joint(i, &dof);
         }
@@ -155,7 +157,7 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// What prescribed motions need is what their motors are taken to do.
+    /// Reads the torques that prescribed motions require, which count as their motors' torques.
     fn ask_needed(&mut self, engine: &mut dyn Dynamics) {
         self.needed.fill(f64::NAN);
         engine.needed(&mut self.needed);
@@ -165,7 +167,7 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// What an effect could not do.
+    /// An error of an effect, if there is one.
     pub(crate) fn trouble(&self, robot: &Robot) -> Option<WorldError> {
         let of = |(joint, (_, link)): (&JointControl, (usize, &Link))| {
             let mut instances = joint.instances.iter();
@@ -184,18 +186,18 @@ impl<'a> Control<'a> {
         self.joints.iter().any(|joint| joint.told.is_some())
     }
 
-    /// The torque of joint `i`'s motor as the step begins that was prepared last, where it is known apart from the
-    /// step.
+    /// The torque of joint `i`'s motor at the beginning of the last prepared step, where it is known independently of
+    /// the step.
     pub(crate) fn told(&self, i: usize) -> Option<f64> {
         self.joints[i].told
     }
 
-    /// What joint `i` was told, before any effect; NaN when it is not driven.
+    /// The command of joint `i`, before any effect; NaN when it is not driven.
     pub(crate) fn command(&self, i: usize) -> f64 {
         self.joints[i].command
     }
 
-    /// The torque of joint `i`'s motor in the state that the last step led to.
+    /// The torque of joint `i`'s motor in the state at the end of the last step.
     pub(crate) fn torque(&self, i: usize, q: f64, dq: f64) -> f64 {
         self.joints[i].torque(q, dq)
     }
@@ -207,9 +209,9 @@ impl<'a> ReferenceTracker<'a> {
         ReferenceTracker { drive, control_s, tick: usize::MAX, last: undriven.clone(), next: undriven }
     }
 
-    /// Asks the drive when another reference is due.
+    /// Queries the drive when another reference is due.
     fn advance(&mut self, time_s: f64, engine: &dyn Dynamics) {
-        // The share of a tick absorbs rounding: a step's time is a multiple of dt, a reference's one of control_s.
+        // The offset absorbs rounding: a step's time is a multiple of dt, a reference's one of control_s.
         let tick = (time_s / self.control_s + 1e-6).floor() as usize;
         if tick == self.tick {
             return;
@@ -224,7 +226,7 @@ impl<'a> ReferenceTracker<'a> {
         self.tick = tick;
     }
 
-    /// What is told from this tick to the one after it, into `next`.
+    /// Queries the reference from this tick to the next one, into `next`.
     fn ask(&mut self, tick: usize, engine: &dyn Dynamics) {
         let (start_s, end_s) = (tick as f64 * self.control_s, (tick + 1) as f64 * self.control_s);
         self.drive.over(start_s, end_s, &mut self.next);
@@ -239,13 +241,13 @@ impl<'a> ReferenceTracker<'a> {
         Some(PrescribedMotion { from, to })
     }
 
-    /// How much of the way from the last reference to the next one is gone.
+    /// Fraction of the control period since the previous tick.
     fn share(&self, time_s: f64) -> f64 {
-        // Before time zero it rests at the first one.
+        // Before time zero the first reference is held.
         (time_s / self.control_s - self.tick as f64).max(0.0)
     }
 
-    /// The reference of joint `i` on the line from the last to the next one.
+    /// The reference of joint `i`, interpolated linearly.
     fn led(&self, i: usize, share: f64) -> f64 {
         self.last[i] + share * (self.next[i] - self.last[i])
     }
@@ -281,13 +283,13 @@ impl JointControl {
         self.instances.push(EffectInstance { effect, values, memory, link_side: (0.0, 0.0) });
     }
 
-    /// The motor's torque where the last step led to: its law there, within its bound.
+    /// The motor's torque at the end of the last step, within its bound.
     fn torque(&self, q: f64, dq: f64) -> f64 {
         let (torque, dq) = self.motor_side(q, dq);
         self.bound.clamp(torque, dq)
     }
 
-    /// The motor's torque without its bound, and its velocity, on its own side of the transmission.
+    /// The motor's torque without its bound, and its velocity, both on the motor side of the transmission.
     fn motor_side(&self, q: f64, dq: f64) -> (f64, f64) {
         let mut side = (self.acting.at(q, dq), dq);
         for instance in &self.instances {
@@ -296,11 +298,11 @@ impl JointControl {
         side
     }
 
-    fn act(&mut self, state: &JointInput, keeps_bounds: bool) -> Dof {
+    fn act(&mut self, state: &JointInput, enforces_bounds: bool) -> Dof {
         if self.instances.is_empty() {
-            return self.drive(state, keeps_bounds);
+            return self.drive(state, enforces_bounds);
         }
-        // What the servo sees: its own side of the transmission, and the command that reaches it.
+        // Inputs of the servo: the state on its side of the transmission, and the command after the effects on it.
         let mut servo = *state;
         for instance in &mut self.instances {
             instance.link_side = (servo.q, servo.dq);
@@ -316,22 +318,22 @@ impl JointControl {
         let mut dof = self.passive;
         self.bound = motor.bound;
         self.told = self.motor.is_sampled().then(|| motor.at(servo.q, servo.dq));
-        let keeps_bounds = keeps_bounds && !self.rotor;
+        let enforces_bounds = enforces_bounds && !self.rotor;
         if self.rotor {
             self.turn_rotor(&motor, &mut dof, [state, &servo]);
         } else {
-            let law = if keeps_bounds { motor.wanted } else { motor.saturated(&servo) };
+            let law = if enforces_bounds { motor.wanted } else { motor.saturated(&servo) };
             self.transmit(law, &mut dof, state);
         }
         for instance in &mut self.instances {
             instance.effect.torque(&instance.values, &mut instance.memory, &mut dof, state);
         }
-        // What encoders tell the servo changes nothing about the speed that bounds its motor.
-        self.push(&mut dof, motor.bounded(state).filter(|_| keeps_bounds));
+        // Encoder errors do not affect the speed that bounds the motor.
+        self.push(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
         dof
     }
 
-    /// What arrives at the link of this law of the motor.
+    /// Transmits a motor law through the transmissions to the link.
     fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointInput) {
         self.acting = law;
         for instance in self.instances.iter_mut().rev() {
@@ -341,8 +343,8 @@ impl JointControl {
         }
     }
 
-    /// A motor with a rotor of its own is solved here, beside the link as it moves: where it would exceed its bound
-    /// there, it is solved again at its bound. The second state is the servo's.
+    /// Solves a motor with a rotor of its own, outside the engine and at the link's present motion: where it would
+    /// exceed its bound, it is solved again at its bound. The second state is the servo's.
     fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointInput; 2]) {
         let before = *dof;
         self.transmit(motor.wanted, dof, state);
@@ -353,18 +355,18 @@ impl JointControl {
         }
     }
 
-    /// The motor and nothing else.
-    fn drive(&mut self, state: &JointInput, keeps_bounds: bool) -> Dof {
+    /// Forces of a joint without effects.
+    fn drive(&mut self, state: &JointInput, enforces_bounds: bool) -> Dof {
         let motor = self.motor.torque(state);
-        self.acting = if keeps_bounds { motor.wanted } else { motor.saturated(state) };
+        self.acting = if enforces_bounds { motor.wanted } else { motor.saturated(state) };
         self.bound = motor.bound;
         self.told = self.motor.is_sampled().then(|| motor.at(state.q, state.dq));
         let mut dof = self.passive;
-        self.push(&mut dof, motor.bounded(state).filter(|_| keeps_bounds));
+        self.push(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
         dof
     }
 
-    /// Lets the motor push, within `bounded` if the engine shall see to that.
+    /// Adds the motor's torque; `bounded` if the engine is to enforce its bounds.
     fn push(&self, dof: &mut Dof, bounded: Option<Bounded>) {
         dof.motor = bounded.map(|bounded| Bounded { wanted: self.acting, ..bounded });
         if dof.motor.is_none() {
@@ -372,7 +374,7 @@ impl JointControl {
         }
     }
 
-    /// What acts on a joint that is on a course, but for what keeps it there: no motor, no transmission.
+    /// Forces on a joint with a prescribed motion, other than the required torque: no motor, no transmission.
     fn follow(&mut self, course: PrescribedMotion, state: &JointInput) -> Dof {
         let mut dof = Dof { course: Some(course), ..self.passive };
         for instance in &mut self.instances {

@@ -1,9 +1,11 @@
-//! The simulation loop: from a robot, its drive and its world to a log.
+//! The simulation loop: from a robot, its drive and its setup to a log.
 //!
-//! A [`RolloutRequest`] says what is simulated; [`simulate`] runs one and [`simulate_all`] many.
+//! A [`RolloutRequest`] describes a rollout; [`simulate`] runs one and [`simulate_all`] many.
 //!
 //! - The same request gives the same bits, on any thread and in any batch.
-//! - Candidates for one robot are simulated side by side, each in a lane of the vector registers (8 with AVX-512, 4 with AVX2,
+//! - Candidates for one robot are simulated in batches, one per SIMD lane (8 with AVX-512, 4 with AVX2, detected at run
+//!   time). The batch size affects only the time taken. Robots with prescribed joints and runs on Rapier are simulated
+//!   one by one.
 //!   chosen as the program starts). The batch size changes nothing but time. Robots with prescribed joints and runs on Rapier
 //!   are simulated one by one.
 //! - A controller's references depend on the controller alone, not on the simulated parameters.
@@ -26,12 +28,12 @@ use prepared::PreparedRollout;
 
 /// Simulates one rollout and logs it, from the start state on.
 ///
-/// The first sample is the start state; torques there are those of the first command, foot forces and accelerations
+/// The first sample is the start state. Its torques are those of the first command, its foot forces and accelerations
 /// those of the first step. The same request gives the same bits, on any thread.
 ///
 /// # Errors
-/// [`WorldError::Setup`] for sites that match nothing and times that do not fit; [`WorldError::BlewUp`] when the state
-/// stops being finite or moves absurdly fast.
+/// [`WorldError::Setup`] for sites that match nothing and inconsistent times; [`WorldError::BlewUp`] when the state
+/// stops being finite or a velocity exceeds any plausible value.
 pub fn simulate(request: RolloutRequest) -> Result<Log, WorldError> {
     let mut logs = simulate_all(vec![request]);
     logs.pop().unwrap_or_else(|| Err(setup_error("nothing was simulated".to_owned())))
@@ -39,9 +41,9 @@ pub fn simulate(request: RolloutRequest) -> Result<Log, WorldError> {
 
 /// Simulates several rollouts on the calling thread. Each log is what [`simulate`] gives for its request, bit by bit.
 ///
-/// Consecutive requests that differ only in numbers (of the robot, of effects, of the world) and in their references
-/// are simulated side by side in the machine's vector registers, as long as they run on the default engine and no
-/// joint's motion is prescribed. So a call with eight or more requests is faster than as many calls.
+/// Consecutive requests that differ only in values (of the robot, of effects, of the world) and in their references are
+/// simulated in one batch, in SIMD lanes, if they run on the default engine and no joint's motion is prescribed. A call
+/// with eight or more requests is therefore faster than as many calls.
 pub fn simulate_all(requests: Vec<RolloutRequest>) -> Vec<Result<Log, WorldError>> {
     batch::simulate_all(requests.into_iter().map(PreparedRollout::new).collect())
 }

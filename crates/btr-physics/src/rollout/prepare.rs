@@ -1,4 +1,4 @@
-//! What is done once per run: effects that act before it, checks, effects on what sensors said.
+//! Steps done once per rollout: checks, effects on the robot and the world, effects on sensor readings.
 
 use crate::effects::{PlacedEffect, SiteKind};
 use crate::engine::Dynamics;
@@ -8,7 +8,7 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::borrow::Cow;
 
-/// Servos act between two steps, never within one.
+/// Checks that servos sample at physics steps, never within one.
 pub(super) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     for joint in robot.movable().map(|(_, link)| &link.joint) {
         let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
@@ -22,7 +22,7 @@ pub(super) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
     Ok(())
 }
 
-/// Only the own engine knows linkages.
+/// Checks that linkages are valid and that the engine supports them.
 pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     let followers = robot.followers();
     for (i, (_, link)) in robot.movable().enumerate() {
@@ -39,7 +39,7 @@ pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
     Ok(())
 }
 
-/// Lets the effects that sit on sensors change what those say.
+/// Applies the effects on sensors to the log.
 pub(super) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> Result<(), WorldError> {
     for placed in effects {
         match placed.effect.spec().site {
@@ -55,7 +55,7 @@ pub(super) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> R
     Ok(())
 }
 
-/// The robot and the setup after the effects that act on them before the run.
+/// Applies the effects that change the robot or the setup before the rollout.
 pub(super) fn planted<'a>(
     robot: &'a Robot,
     effects: &[PlacedEffect],

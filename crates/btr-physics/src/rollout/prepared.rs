@@ -1,4 +1,4 @@
-//! One run: from what it needs to its log, step by step.
+//! One rollout: from its request to its log, step by step.
 
 use super::control::Control;
 use super::prepare::{check, check_linkages, check_sampling, planted, sense};
@@ -16,7 +16,7 @@ use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::borrow::Cow;
 
-/// A run that is ready to begin.
+/// A rollout that is ready to start.
 pub(super) struct PreparedRollout<'a> {
     pub(super) robot: Cow<'a, Robot>,
     effects: Vec<PlacedEffect>,
@@ -26,14 +26,14 @@ pub(super) struct PreparedRollout<'a> {
     noise_seed: Option<u64>,
     hook: Option<StateHook<'a>>,
     samples: usize,
-    /// Steps from one sample to the next, and before the first one.
+    /// Physics steps per sample, and of the rest before time zero.
     every: usize,
     pub(super) rests: usize,
     pub(super) failed: Option<WorldError>,
 }
 
 impl<'a> PreparedRollout<'a> {
-    /// Allocates everything that it needs.
+    /// Checks the request and allocates all memory.
     ///
     /// # Errors
     /// See [`simulate`](super::simulate).
@@ -62,7 +62,7 @@ impl<'a> PreparedRollout<'a> {
         })
     }
 
-    /// The physics engine for it alone.
+    /// A physics engine for this rollout alone.
     ///
     /// # Errors
     /// An engine that this build does not have.
@@ -78,14 +78,15 @@ impl<'a> PreparedRollout<'a> {
         }
     }
 
-    /// Whether both take equally many steps of equal length in an engine that can have them side by side.
+    /// Whether both can be simulated in one batch: equally many steps of equal length, on the default engine, without
+    /// prescribed joints.
     pub(super) fn is_like(&self, other: &PreparedRollout) -> bool {
         let steps = |run: &PreparedRollout| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
         let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.follows();
         steps(self) == steps(other) && own(self) && own(other)
     }
 
-    /// How many steps it takes once it has rested.
+    /// Number of physics steps from time zero.
     pub(super) fn steps(&self) -> usize {
         (self.samples - 1) * self.every
     }
@@ -121,13 +122,15 @@ impl<'a> PreparedRollout<'a> {
         }
     }
 
-    /// A law that gave no number is to blame for what came after it.
+    /// Records whether the state is invalid. If a user's law returned a non-finite number, that is reported as the
+    /// cause.
     pub(super) fn check(&mut self, engine: &dyn Dynamics, time_s: f64) {
         self.failed = check(engine, time_s).err().map(|error| self.control.trouble(&self.robot).unwrap_or(error));
     }
 
     pub(super) fn finish(mut self, engine: &mut dyn Dynamics) -> Result<Log, WorldError> {
-        // A motor that is not driven, or does not ask its sensor, hides what a law gave.
+        // A non-finite number of a law may not have reached the state, where a motor is not driven or does not use its
+        // sensor.
         if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
             return Err(error);
         }

@@ -10,15 +10,14 @@ use btr_core::random::stream;
 use btr_core::world::WorldError;
 use nalgebra::Vector3;
 
-/// Channels of one kind: their names and their values.
+/// Channels of one kind: their names, units and values.
 struct ChannelGroup {
     names: Vec<String>,
     units: Vec<&'static str>,
     role: Role,
     deviation: f64,
     quantum: f64,
-    /// Instant after instant: hundreds of series that grow at once would be as many places in memory, which evict each
-    /// other.
+    /// Sample-major: hundreds of separate series that grow at once would evict each other from the cache.
     values: Vec<f64>,
 }
 
@@ -33,18 +32,18 @@ impl ChannelGroup {
         self
     }
 
-    /// The values of an instant, as many as there are channels; all of nothing where there are no channels.
+    /// Appends a sample's values, one per channel; ignored where there are no channels.
     fn push(&mut self, values: impl IntoIterator<Item = f64>) {
         self.values.extend(values.into_iter().take(self.names.len()));
     }
 
-    /// The values of the last instant.
+    /// The values of the last sample.
     fn last_mut(&mut self) -> &mut [f64] {
         let from = self.values.len().saturating_sub(self.names.len());
         &mut self.values[from..]
     }
 
-    /// Channel by channel: name, unit and values.
+    /// The channels: name, unit and values.
     fn channels(self) -> impl Iterator<Item = (String, &'static str, Vec<f64>)> {
         let (values, count) = (self.values, self.names.len());
         let channels = self.names.into_iter().zip(self.units).enumerate();
@@ -52,7 +51,7 @@ impl ChannelGroup {
     }
 }
 
-/// A log in the making.
+/// Recorder of a rollout's log.
 pub(crate) struct Recorder {
     commands: ChannelGroup,
     positions: ChannelGroup,
@@ -65,7 +64,7 @@ pub(crate) struct Recorder {
     ball: ChannelGroup,
     samples: usize,
     sensors: Sensors,
-    /// What the accelerometer needs: gravity, the step, the velocity before it.
+    /// Inputs of the accelerometer: gravity, the time step, the velocity before the step.
     gravity_m_s2: Vector3<f64>,
     dt_s: f64,
     velocity_before_m_s: Vector3<f64>,
@@ -111,14 +110,14 @@ impl Recorder {
         }
     }
 
-    /// To be called before every step.
+    /// Must be called before every step.
     pub(crate) fn before_step(&mut self, engine: &dyn Dynamics) {
         if self.sensors.imu {
             self.velocity_before_m_s = engine.base().velocity_m_s;
         }
     }
 
-    /// Samples what belongs to an instant.
+    /// Records the state at a sample.
     pub(crate) fn state(&mut self, engine: &dyn Dynamics, control: &Control) {
         let joints = self.commands.names.len();
         self.commands.push((0..joints).map(|i| control.command(i)));
@@ -136,7 +135,7 @@ impl Recorder {
         }
     }
 
-    /// Samples what belongs to the last step.
+    /// Records the forces of the last step.
     pub(crate) fn forces(&mut self, engine: &dyn Dynamics, control: &Control) {
         let torque = |i: usize| {
             let worked_out = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
@@ -154,8 +153,8 @@ impl Recorder {
         self.feet.push((0..feet).map(|foot| engine.foot_force_n(foot)));
     }
 
-    /// Puts right the torques of the sample at which the step begins that was prepared last: what a digital servo works
-    /// out at an instant is logged at that instant.
+    /// Corrects the torques of the sample at which the last prepared step begins: the torque that a digital servo
+    /// computes at an instant is logged at that instant.
     pub(crate) fn told(&mut self, control: &Control) {
         for (i, last) in self.torques.last_mut().iter_mut().enumerate() {
             if let Some(torque) = control.told(i) {
@@ -164,7 +163,7 @@ impl Recorder {
         }
     }
 
-    /// The log: what the sensors say after `sense`, disturbed if there is a seed.
+    /// The log: the readings after `sense`, with noise if there is a seed.
     pub(crate) fn finish(
         self,
         sample_s: f64,

@@ -1,4 +1,4 @@
-//! What a rollout needs.
+//! The inputs of a rollout.
 
 use crate::drive::Drive;
 use crate::effects::PlacedEffect;
@@ -11,8 +11,8 @@ use std::borrow::Cow;
 /// the sensors have been read, and once before the first step.
 pub type StateHook<'a> = Box<dyn FnMut(f64, &mut dyn Dynamics) + 'a>;
 
-/// One rollout: a robot, its drive, and everything else about the run. No effects, the default [`Setup`], noiseless
-/// sensors and no hook unless stated.
+/// One rollout: a robot, its drive, and its settings. No effects, the default [`Setup`], noiseless sensors and no hook
+/// unless stated.
 pub struct RolloutRequest<'a> {
     pub(super) robot: &'a Robot,
     pub(super) drive: &'a dyn Drive,

@@ -1,20 +1,21 @@
-//! Resetting the robot's state during a rollout (multiple shooting), so that errors grow for no longer than a window.
+//! Restarts: resetting the robot's state during a rollout (multiple shooting), so that errors grow for no longer than
+//! one segment.
 
 use crate::effects::PlacedEffect;
 use crate::engine::{Dynamics, RobotState};
 use crate::robot::Robot;
 use btr_core::world::WorldError;
 
-/// The state in which a window of a log begins. What a servo or an effect remembers goes on.
+/// The state at the start of a segment. The internal states of servos and effects are kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Restart {
-    /// When, in s.
+    /// Time of the restart, in s.
     pub time_s: f64,
-    /// Joints as their encoders read them, and the root.
+    /// Joints as encoder readings, and the root.
     pub state: RobotState,
 }
 
-/// The restarts of a robot whose readings depend on the effects on its encoders.
+/// Converts restarts from encoder readings to true joint states, by inverting the effects on encoders.
 pub(crate) fn read_back(
     restarts: &[Restart],
     robot: &Robot,
@@ -28,7 +29,7 @@ pub(crate) fn read_back(
         for joint in placed.joints(robot)? {
             for (q, dq) in restarts.iter_mut().filter_map(|restart| restart.state.joints.get_mut(joint)) {
                 let truth = |reading: f64| placed.effect.start(&placed.values, reading);
-                // Readings are linear in what they read.
+                // Readings are affine in the true position.
                 (*q, *dq) = (truth(*q), truth(*dq) - truth(0.0));
             }
         }
@@ -36,7 +37,7 @@ pub(crate) fn read_back(
     Ok(restarts)
 }
 
-/// Moves the robot whenever one of the restarts is due; `dt_s` is the simulation's step.
+/// A hook that sets the robot's state when a restart is due; `dt_s` is the simulation's step.
 pub(crate) fn lead(restarts: &[Restart], dt_s: f64) -> impl FnMut(f64, &mut dyn Dynamics) + '_ {
     let mut due = restarts.iter().peekable();
     move |time_s, engine| {
@@ -66,12 +67,12 @@ mod tests {
         Setup { dt_s: DT_S, duration_s: 0.8, control_s: 0.01, ground: floor, ..Setup::default() }
     }
 
-    /// The ant, or the same bolted down.
+    /// The ant, with a floating or a fixed base.
     fn robot(base: Base) -> Robot {
         Robot { base, ..ant::ant() }
     }
 
-    /// The run, and its state at `AT_S`.
+    /// The log of a rollout, and the state at `AT_S`.
     fn run(robot: &Robot, engine: EngineName, restarts: &[Restart], drive: &dyn Drive) -> (Log, RobotState) {
         let mut restarted = lead(restarts, DT_S);
         let mut there = None;
@@ -86,7 +87,7 @@ mod tests {
         (log, there.unwrap())
     }
 
-    /// Largest distance of joint positions in so many seconds after `from_s`.
+    /// Largest difference of joint positions in the `for_s` seconds after `from_s`.
     fn apart(a: &Log, b: &Log, from_s: f64, for_s: f64) -> f64 {
         let joints = a.channels().filter(|(name, _)| name.starts_with("q_"));
         let samples = (from_s / DT_S).round() as usize..=((from_s + for_s) / DT_S).round() as usize;
@@ -121,8 +122,8 @@ mod tests {
             }
             robot
         };
-        // With contact, only at first: the impulses that Rapier's few sweeps begin with are not part of the state, and
-        // in another order they end elsewhere.
+        // With contact, only briefly: the impulses with which Rapier's few sweeps start are not part of the state, and
+        // in another order the sweeps give another result.
         for (base, engine, for_s, most) in [
             (Base::Fixed, EngineName::Auto, 0.2, 1e-9),
             (Base::Fixed, EngineName::Rapier, 0.2, 1e-12),

@@ -1,4 +1,4 @@
-//! What stops a robot: dry friction, joint limits, the floor and the ball.
+//! Constraints: dry friction, joint limits, couplings, and contacts with the floor and the ball.
 
 use super::contacts;
 use super::contacts::Reach;
@@ -7,14 +7,14 @@ use super::linear_algebra::lanes::{Lanes, Mask};
 use super::state::{Articulated, Coupling, Floor};
 use pulp::Simd;
 
-/// What is still apart counts as a contact if it would meet within half a step at this speed (m/s) beyond what it is
-/// free to do: others may push it down.
+/// A gap counts as a contact if it would close within half a step at this speed (m/s) beyond its unconstrained motion,
+/// because other impulses may push it closed.
 const PUSHED: f64 = 0.5;
-/// Nothing is looked at that would have to be faster than this (m/s) to touch within a step.
+/// Contacts that would need a higher speed than this (m/s) to close within a step are not considered.
 const FASTEST: f64 = 20.0;
 
 impl<S: Simd> Articulated<S> {
-    /// Dry friction, joint limits and contacts: impulses within their bounds.
+    /// Applies dry friction, joint limits, couplings and contacts as bounded impulses.
     #[inline(always)]
     pub(super) fn stop(&mut self) {
         self.impulses.clear();
@@ -25,7 +25,7 @@ impl<S: Simd> Articulated<S> {
         self.impulses.act(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
     }
 
-    /// Joints that follow others do so at the step's end, and make up for where they are not by so much (in 1/s) of it.
+    /// Couples joints that mimic others at the step's end. Position errors are corrected at `rate_per_s` (1/s).
     #[inline(always)]
     pub(super) fn follow(&mut self, rate_per_s: f64) {
         for Coupling { joint, leader, ratio, offset } in &self.followers {
@@ -36,7 +36,7 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Who follows is advanced by the same rule as who leads.
+    /// Gives a follower the same implicitness as its leader.
     #[inline(always)]
     fn keep_step(&mut self) {
         let (root, share) = (self.root, &mut self.scratch.share);
@@ -48,13 +48,13 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Dry friction and joint limits stop joints as far as they can.
+    /// Adds dry friction and joint limits as bounded impulses.
     #[inline(always)]
     fn rub(&mut self) {
         let (dt, s) = (self.dt_s, &mut self.scratch);
         let zero = Lanes::zero(self.simd);
         let (one, endless, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
-        // Most steps of most robots have nothing of the kind.
+        // Most steps of most robots have neither.
         let mut stopped = zero.less(zero);
         for i in 0..self.inner.len() {
             let (next, q, limits) = (s.next[self.root + i], self.now.q[i], self.limits[i]);
@@ -75,7 +75,7 @@ impl<S: Simd> Articulated<S> {
                 self.impulses.hold(d, [zero, -most, most], &self.tree, &s.matrix, &s.next);
             }
             let (below, above) = (s.next[d].less(lower), upper.less(s.next[d]));
-            // It must end the step at the limit, not halfway beyond.
+            // The step must end at the limit, not halfway beyond it.
             s.share[d] = below.or(above).select(one, s.share[d]);
             if below.any() {
                 let bounds = [below.select(lower, zero), zero, below.select(endless, zero)];
@@ -88,7 +88,7 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Contacts with the floor and the ball.
+    /// Adds the contacts with the floor and the ball.
     #[inline(always)]
     fn touch(&mut self) {
         let Some(floor) = &self.floor else { return };
@@ -111,7 +111,7 @@ impl<S: Simd> Articulated<S> {
             let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
             let apart = touch.depth.less(zero);
             if let Some(ball) = ball {
-                // What shall bounce has to arrive at its full speed first.
+                // A contact with restitution must not be slowed down before the bodies meet.
                 there = there.and(apart.and(zero.less(ball.restitution)).not());
             }
             let (mut law, gives) = floor.law(touch.depth, dt);
@@ -122,7 +122,7 @@ impl<S: Simd> Articulated<S> {
             law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
             if let Some(ball) = ball {
                 let kept = -(ball.restitution * touch.along(simd, &touch.apart(now))[0]);
-                // An impact is over within the step: nothing of what is kept goes into a spring.
+                // An impact is over within the step: the rebound speed must not load the spring.
                 let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
                 law.wanted = bounces.select(kept, law.wanted);
                 law.softness = bounces.select(zero, law.softness);
@@ -131,7 +131,7 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// What the feet felt during the last step.
+    /// Sums the normal impulses on the feet in the last step.
     #[inline(always)]
     pub(super) fn feel(&mut self) {
         for touch in &self.scratch.touches {
@@ -144,10 +144,11 @@ impl<S: Simd> Articulated<S> {
 }
 
 impl<S: Simd> Floor<S> {
-    /// A spring and a damper over a step, at a depth in its middle; and for whom there are any.
+    /// The contact law of a spring and a damper over a step, at a depth in the step's middle; and the mask of
+    /// candidates whose floor has either.
     ///
-    /// The force is k·(depth − dt/2·v') − d·v' at the speed v' of separation at the step's end. While there is a gap,
-    /// it only has to close.
+    /// The force is k·(depth − dt/2·v') − d·v' at the separation speed v' at the step's end. While there is a gap, the
+    /// law only keeps it from closing beyond contact.
     #[inline(always)]
     fn law(&self, depth: Lanes<S>, dt_s: f64) -> (ContactLaw<S>, Mask<S>) {
         let (zero, one) = (depth.like(0.0), depth.like(1.0));

@@ -1,5 +1,5 @@
-//! Where bodies touch the floor or the ball. There is nothing else to touch, so closed forms do: the floor is a plane,
-//! and what is nearest to a ball's centre is known for every primitive.
+//! Contact detection with the floor and the ball, in closed form: the floor is a plane, and the point nearest to the
+//! ball's centre is known for every primitive.
 
 use super::linear_algebra::lanes::{Lanes, Mask};
 use super::linear_algebra::spatial::Spatial;
@@ -7,22 +7,22 @@ use super::linear_algebra::vectors::{M3, V3};
 use super::tree::Tree;
 use pulp::Simd;
 
-/// Points of one shape that may touch at the same time.
+/// Maximum number of contact points of one shape with the floor.
 const POINTS: usize = 8;
 
 /// A shape on a body.
 pub(super) struct Hull<S: Simd> {
     pub(super) body: usize,
-    /// The foot that it belongs to, if any.
+    /// Index of the foot that it belongs to, if any.
     pub(super) foot: Option<usize>,
     pub(super) centre: V3<S>,
     pub(super) rotation: M3<S>,
     pub(super) form: Form<S>,
-    /// No point of it is further from its centre, in m.
+    /// Bounding radius about its centre, in m.
     pub(super) reach: Lanes<S>,
 }
 
-/// The form of a hull; cylinders and capsules stand along its z axis.
+/// The form of a hull. Cylinders and capsules are aligned with its z axis.
 pub(super) enum Form<S: Simd> {
     Box { half: V3<S> },
     Sphere { radius: Lanes<S> },
@@ -30,7 +30,7 @@ pub(super) enum Form<S: Simd> {
     Capsule { radius: Lanes<S>, half_length: Lanes<S> },
 }
 
-/// The ball, as others touch it.
+/// The ball's contact properties.
 pub(super) struct BallShape<S: Simd> {
     pub(super) body: usize,
     pub(super) radius: Lanes<S>,
@@ -38,34 +38,34 @@ pub(super) struct BallShape<S: Simd> {
     pub(super) restitution: Lanes<S>,
 }
 
-/// Two bodies that touch or are about to.
+/// A contact point of two bodies, touching or about to touch.
 #[derive(Clone, Copy)]
 pub(super) struct ContactPoint<S: Simd> {
-    /// The hull that touches; none for the ball on the floor.
+    /// The hull; none for the ball on the floor.
     pub(super) hull: Option<usize>,
     pub(super) body: usize,
     /// The other body; none for the floor.
     pub(super) other: Option<usize>,
     pub(super) point: V3<S>,
-    /// From the other to the body.
+    /// Contact normal, from the other body to this one.
     pub(super) normal: V3<S>,
-    /// In m; negative while there still is a gap.
+    /// Penetration depth in m; negative while there is a gap.
     pub(super) depth: Lanes<S>,
-    /// Which of all points that could ever touch this is.
+    /// Index among all possible contact points.
     pub(super) slot: usize,
-    /// Who touches there.
+    /// Candidates that have this contact.
     pub(super) there: Mask<S>,
 }
 
 impl<S: Simd> ContactPoint<S> {
-    /// How fast two bodies separate where they touch.
+    /// Relative velocity of the two bodies at the contact point.
     #[inline(always)]
     pub(super) fn apart(&self, motions: &[Spatial<S>]) -> V3<S> {
         let own = motions[self.body].at(&self.point);
         self.other.map_or(own, |other| own - motions[other].at(&self.point))
     }
 
-    /// A vector's parts along the normal and in two directions across. On the floor those are the world's axes.
+    /// A vector's components along the normal and two tangents. On the floor the tangents are the world's axes.
     #[inline(always)]
     pub(super) fn along(&self, simd: S, vector: &V3<S>) -> [Lanes<S>; 3] {
         if self.other.is_none() {
@@ -76,7 +76,7 @@ impl<S: Simd> ContactPoint<S> {
     }
 }
 
-/// A direction across another: x for a vertical one.
+/// A unit vector perpendicular to another; x for a vertical one.
 #[inline(always)]
 fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
     let (x, y) = (V3::axis(simd, 0), V3::axis(simd, 1));
@@ -89,14 +89,14 @@ fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
     side.times(side.norm().recip())
 }
 
-/// Points that may be the lowest of a hull.
+/// Candidates for a hull's lowest points.
 struct LowPoints<S: Simd> {
     points: [V3<S>; POINTS],
     many: usize,
 }
 
 impl<S: Simd> Hull<S> {
-    /// The points that may be the lowest ones, in the hull's axes; `up` is the vertical there.
+    /// Candidates for the lowest points, in the hull's axes; `up` is the vertical in these axes.
     #[inline(always)]
     fn low_points(&self, simd: S, up: &V3<S>) -> LowPoints<S> {
         let zero = Lanes::zero(simd);
@@ -124,7 +124,7 @@ impl<S: Simd> Hull<S> {
                 2
             }
             Form::Cylinder { radius, half_length } => {
-                // The lowest point of each rim and three more, so that it can stand on its end.
+                // The lowest point of each rim and three more, so that the cylinder can stand on its end.
                 let [x, y, _] = up.0;
                 let tilt = (x * x + y * y).sqrt();
                 let (leans, one) = (Lanes::all(simd, 1e-9).less(tilt), Lanes::all(simd, 1.0));
@@ -142,7 +142,7 @@ impl<S: Simd> Hull<S> {
         LowPoints { points, many }
     }
 
-    /// The point of the hull that is nearest to one outside, both in the hull's axes.
+    /// The hull's point nearest to a point outside, both in the hull's axes.
     #[inline(always)]
     fn nearest(&self, point: &V3<S>) -> V3<S> {
         let [x, y, z] = point.0;
@@ -165,16 +165,16 @@ impl<S: Simd> Hull<S> {
     }
 }
 
-/// Where the floor is, if there is one, and how near to it or to a ball things may come before they count.
+/// Height of the floor, if there is one, and the largest gap that counts as a contact.
 #[derive(Clone, Copy)]
 pub(super) struct Reach<S: Simd> {
     /// The floor's height in the tree's axes.
     pub(super) floor: Option<Lanes<S>>,
-    /// In m.
+    /// Largest gap that counts as a contact, in m.
     pub(super) gap: Lanes<S>,
 }
 
-/// All that touches or may do so soon.
+/// Finds all contact points, present and imminent.
 #[inline(always)]
 pub(super) fn find<S: Simd>(
     simd: S,
@@ -231,7 +231,7 @@ pub(super) fn find<S: Simd>(
     }
 }
 
-/// Where a hull with its number and its centre touches the ball.
+/// Adds the contact of a hull, given with its number and its centre, with the ball.
 #[inline(always)]
 fn touch_ball<S: Simd>(
     simd: S,
@@ -251,12 +251,12 @@ fn touch_ball<S: Simd>(
     let point = *centre + turned.turn(&hull.nearest(&inside));
     let away = point - middle;
     let distance = away.norm();
-    // A ball whose centre is inside has no side on which it could be pushed out.
+    // The contact normal is undefined when the ball's centre is inside the hull.
     let outside = Lanes::zero(simd).less(distance);
     let there = near.and(outside).and((distance - ball.radius).less(gap));
     if there.any() {
         let share = outside.select(distance, Lanes::all(simd, 1.0)).recip();
-        // Who does not touch needs numbers there all the same.
+        // Candidates without this contact need finite values all the same.
         let normal = V3::select(there, &away.times(share), &V3::axis(simd, 2));
         let (point, depth) = (V3::select(there, &point, &middle), ball.radius - distance);
         let slot = number * (POINTS + 1) + POINTS;
@@ -265,7 +265,7 @@ fn touch_ball<S: Simd>(
     }
 }
 
-/// How many slots there are.
+/// Number of possible contact points.
 pub(super) fn slots<S: Simd>(hulls: &[Hull<S>]) -> usize {
     hulls.len() * (POINTS + 1) + 1
 }

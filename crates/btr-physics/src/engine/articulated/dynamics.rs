@@ -1,4 +1,4 @@
-//! The engine as the simulation loop uses it.
+//! Implementation of [`Dynamics`].
 
 use super::joint_forces;
 use super::state::{Articulated, Coupling};
@@ -33,7 +33,7 @@ impl<S: Simd> Dynamics for Articulated<S> {
                 wanted[self.root + joint] = ratio.lane(lane) * wanted[self.root + leader];
             }
             for ((now, before), &wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(&wanted) {
-                // Where nothing jumps, what the velocity was before goes on counting.
+                // The last acceleration is kept: it extrapolates the midpoint of the next step.
                 before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
                 now.set(lane, wanted);
             }
@@ -72,13 +72,13 @@ impl<S: Simd> Dynamics for Articulated<S> {
         true
     }
 
-    fn keeps_bounds(&self) -> bool {
+    fn enforces_bounds(&self) -> bool {
         true
     }
 
     fn leads(&self) -> bool {
-        // Substeps would have to share a course, and what the floor or a linkage pushes would have to be known
-        // beforehand.
+        // Prescribed motions need a single candidate without substeps, and forces from the floor or a linkage would
+        // have to be known beforehand.
         let pushed = self.root > 0 || self.ball.is_some() || !self.followers.is_empty();
         self.seen.len() == 1 && self.substeps == 1 && !pushed
     }

@@ -1,4 +1,4 @@
-//! Forward dynamics by themselves: how a robot that nothing touches accelerates.
+//! Forward dynamics of a robot without contacts.
 
 use super::build::world::World;
 use super::linear_algebra::lanes::Lanes;
@@ -10,13 +10,13 @@ use crate::setup::Setup;
 use nalgebra::Vector3;
 use pulp::{Arch, Scalar};
 
-/// The accelerations of a robot in a state, with these torques in its joints (N·m; N for slides, in the order of
-/// [`movable`](Robot::movable)) and a gravity in m/s²: those of a floating root's frame first, angular (rad/s²) and
-/// then linear (m/s²), both in the world's axes; then those of the joints in rad/s² (m/s²). Rotors weigh in and joints
-/// follow those that they mimic; servos, friction, limits and contacts do nothing.
+/// Accelerations of a robot in a state, with these joint torques (N·m; N for slides, in the order of
+/// [`movable`](Robot::movable)) and gravity in m/s². The result has first those of a floating root's frame, angular
+/// (rad/s²) and then linear (m/s²), both in the world's axes; then those of the joints in rad/s² (m/s²). Armature is
+/// included, and joints that mimic others are coupled to them; servos, friction, limits and contacts are not.
 ///
-/// Composite rigid bodies, recursive Newton-Euler and a factor along the tree (R. Featherstone, "Rigid Body Dynamics
-/// Algorithms", Springer 2008, chapters 5, 6 and 8).
+/// Composite-rigid-body algorithm, recursive Newton-Euler, and a sparse factorisation along the tree (R. Featherstone,
+/// "Rigid Body Dynamics Algorithms", Springer 2008, chapters 5, 6 and 8).
 pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &RobotState, torques: &[f64]) -> Vec<f64> {
     let setup = Setup { gravity_m_s2, ground: None, ball: None, ..Setup::default() };
     let simd = Scalar::new();
@@ -36,7 +36,7 @@ pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &Robot
     }
     factorise(&mut s.matrix, &tree.ways);
     solve(&s.matrix, &tree.ways, &mut s.next);
-    // What holds of velocities after an impulse holds of accelerations under a force.
+    // The equations for velocities after an impulse also hold for accelerations under a force.
     engine.follow(0.0);
     engine.impulses.act(&engine.tree, &engine.scratch.matrix, &mut engine.scratch.next);
     engine.scratch.next.iter().map(|acceleration| acceleration.lane(0)).collect()

@@ -1,10 +1,10 @@
-//! What acts on the joints from the inside, and motors with bounds.
+//! Joint-level forces: springs, dampers, friction, and motors with bounds.
 
 use super::linear_algebra::lanes::Lanes;
 use crate::engine::{Affine, Bounded, Dof};
 use pulp::Simd;
 
-/// Everything that acts on a joint from the inside: [`Dof`] of every candidate.
+/// Joint-level forces on one joint: [`Dof`] of every candidate.
 #[derive(Clone, Copy)]
 pub(super) struct JointForces<S: Simd> {
     pub(super) constant: Lanes<S>,
@@ -14,16 +14,16 @@ pub(super) struct JointForces<S: Simd> {
     pub(super) armature: Lanes<S>,
 }
 
-/// A motor with bounds; beside it are those of candidates without.
+/// A motor with bounds. Candidates without bounds have infinite ones.
 pub(super) struct BoundedMotor<S: Simd> {
-    /// What acts on the joint beside the motor.
+    /// Forces on the joint other than the motor's.
     rest: BoundedLaw<S>,
     wanted: BoundedLaw<S>,
     most: BoundedLaw<S>,
     least: BoundedLaw<S>,
     /// 1 where it is at `most`, -1 at `least`, 0 between them.
     pub(super) side: Lanes<S>,
-    /// What it was told last, lane by lane: `rest` and the motor.
+    /// The last values set, lane by lane: `rest` and the motor.
     told: Vec<(Affine, Bounded)>,
 }
 
@@ -35,15 +35,15 @@ pub(super) struct BoundedLaw<S: Simd> {
     pub(super) damping: Lanes<S>,
 }
 
-/// No motor. A negative zero leaves whatever it is added to as it is, to the bit.
+/// No motor. Adding a negative zero leaves every number unchanged to the bit.
 const NONE: Bounded = Bounded {
     wanted: Affine { constant: -0.0, stiffness: -0.0, damping: -0.0 },
     most: Affine { constant: f64::INFINITY, stiffness: 0.0, damping: 0.0 },
     least: Affine { constant: f64::NEG_INFINITY, stiffness: 0.0, damping: 0.0 },
 };
 
-/// Takes over a motor's bounds for a candidate, or that it has none while others do. Whoever begins to have bounds
-/// makes room for those of all; `inner` is what acts on the joints of the others.
+/// Sets a candidate's motor bounds, or removes them. The first candidate with bounds allocates those of all; `inner`
+/// holds the forces on the joints of the others.
 pub(super) fn set<S: Simd>(motor: &mut Option<BoundedMotor<S>>, inner: &JointForces<S>, lane: usize, dof: &Dof) {
     let motor = motor.get_or_insert_with(|| BoundedMotor::none(inner));
     let to = (dof.torque, dof.motor.unwrap_or(NONE));
@@ -55,7 +55,7 @@ pub(super) fn set<S: Simd>(motor: &mut Option<BoundedMotor<S>>, inner: &JointFor
 }
 
 impl<S: Simd> BoundedMotor<S> {
-    /// None of the candidates has one.
+    /// No candidate has bounds.
     fn none(inner: &JointForces<S>) -> Self {
         let JointForces { constant, stiffness, damping, .. } = *inner;
         let all = |law: &Affine| BoundedLaw {
@@ -69,8 +69,8 @@ impl<S: Simd> BoundedMotor<S> {
         BoundedMotor { rest, wanted, most, least, side: constant.like(0.0), told }
     }
 
-    /// On which side it has to be in this state, and whether that is another one. One that is at a bound is not taken
-    /// to the other one at once, and is only let go if it may be.
+    /// Updates the side for this state, and returns whether it changed. A motor at one bound is never moved to the
+    /// opposite bound at once, and is released only if `release` is set.
     #[inline(always)]
     pub(super) fn look(&mut self, q: Lanes<S>, u: Lanes<S>, let_go: bool) -> bool {
         let (zero, one) = (self.side.like(0.0), self.side.like(1.0));
@@ -86,7 +86,7 @@ impl<S: Simd> BoundedMotor<S> {
         changed
     }
 
-    /// What acts on the joint with the motor on its side.
+    /// The law that acts on the joint with the motor on its current side.
     #[inline(always)]
     pub(super) fn law(&self) -> BoundedLaw<S> {
         let zero = self.side.like(0.0);
@@ -102,7 +102,7 @@ impl<S: Simd> BoundedMotor<S> {
 
 impl<S: Simd> BoundedLaw<S> {
     fn update(&mut self, lane: usize, law: &Affine, before: &Affine) {
-        // Most of a motor's numbers never change, and a store to each lane takes its time.
+        // Most of a motor's values never change, and storing into a lane is slow.
         let update = |lanes: &mut Lanes<S>, to: f64, before: f64| {
             if to.to_bits() != before.to_bits() {
                 lanes.set(lane, to);

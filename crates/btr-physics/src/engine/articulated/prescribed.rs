@@ -1,13 +1,13 @@
-//! Joints whose motion is prescribed: they are where their course says, the other joints feel their acceleration, and
-//! what that takes is inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Only a single candidate
-//! is ever led.
+//! Joints with a prescribed motion. They follow it exactly, their acceleration acts on the other joints, and the torque
+//! that they require comes from inverse dynamics (recursive Newton-Euler; Featherstone 2008, chapter 5). Prescribed
+//! motions need an engine with a single candidate.
 
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
 use pulp::Simd;
 
 impl<S: Simd> Articulated<S> {
-    /// The middle of the step is known for prescribed joints.
+    /// Sets the step's middle for prescribed joints, where it is known.
     #[inline(always)]
     pub(super) fn foresee(&mut self) {
         let (simd, middle) = (self.simd, &mut self.scratch.middle);
@@ -18,7 +18,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Takes the prescribed velocities out of the linear equations: what they do to the others is known.
+    /// Eliminates the prescribed velocities from the linear equations, by moving their known effect on the other joints
+    /// to the right-hand side.
     #[inline(always)]
     pub(super) fn lead(&mut self) {
         let (n, simd, s) = (self.tree.freedom(), self.simd, &mut self.scratch);
@@ -36,7 +37,7 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Puts prescribed joints exactly where they shall be.
+    /// Sets prescribed joints to the exact end of their motion.
     #[inline(always)]
     pub(super) fn arrive(&mut self) {
         for (i, course) in self.courses.iter().enumerate() {
@@ -46,8 +47,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// The torques that the prescribed joints need as the coming step begins, beyond what acts on them anyway. Joints
-    /// that are free go on accelerating as they did in the last step.
+    /// Computes the torques that the prescribed joints require at the beginning of the coming step, beyond the other
+    /// forces on them. Free joints are assumed to keep the acceleration of the last step.
     pub(super) fn inverse(&mut self, torques: &mut [f64]) {
         let (now, simd, s) = (&self.now, self.simd, &mut self.scratch);
         s.middle.clone_from(now);
@@ -69,7 +70,7 @@ impl<S: Simd> Articulated<S> {
                 [inner.constant, inner.stiffness, inner.damping].map(|lanes| lanes.lane(lane));
             let (q, dq) = (course.from.value, course.from.velocity);
             let inertial = s.carried[i].lane(lane) + inner.armature.lane(lane) * course.from.acceleration;
-            // At rest dry friction could be anything up to its bound: nothing is the least.
+            // At rest dry friction can be anything up to its bound: zero is the smallest.
             let rubs = if dq == 0.0 { 0.0 } else { inner.dry_friction.lane(lane).copysign(dq) };
             *torque = inertial + rubs - (constant - stiffness * q - damping * dq);
         }

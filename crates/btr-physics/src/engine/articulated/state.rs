@@ -11,14 +11,14 @@ use crate::engine::PrescribedMotion;
 use nalgebra::Isometry3;
 use pulp::{Arch, Simd};
 
-/// Robots of one kind, each in a world of its own.
+/// Robots of the same structure, each in a world of its own.
 pub(crate) struct Articulated<S: Simd> {
     pub(super) simd: S,
-    /// What it is compiled for: as wide registers as there are, also for a single candidate.
+    /// Instruction set of the step: the widest available, also for a single candidate.
     pub(super) arch: Arch,
-    /// The candidate that is spoken of.
+    /// The selected candidate.
     pub(super) lane: usize,
-    /// What every candidate's joints do.
+    /// Joint positions and velocities of every candidate.
     pub(super) seen: Vec<JointStates>,
     pub(super) tree: Tree<S>,
     pub(super) now: Configuration<S>,
@@ -29,7 +29,7 @@ pub(crate) struct Articulated<S: Simd> {
     pub(super) fixed: Vec<Isometry3<f64>>,
     pub(super) inner: Vec<JointForces<S>>,
     pub(super) motors: Vec<Option<BoundedMotor<S>>>,
-    /// Joints whose motion is prescribed; only where there is a single candidate.
+    /// Motion of prescribed joints; only with a single candidate.
     pub(super) courses: Vec<Option<PrescribedMotion>>,
     pub(super) limits: Vec<(Lanes<S>, Lanes<S>)>,
     pub(super) followers: Vec<Coupling<S>>,
@@ -44,7 +44,7 @@ pub(crate) struct Articulated<S: Simd> {
     pub(super) rolling_damping: Lanes<S>,
     pub(super) impulses: Impulses<S>,
     pub(super) foot_impulses: Vec<Lanes<S>>,
-    /// Whose velocities are absurd.
+    /// Candidates whose velocities diverged.
     pub(super) wild: Mask<S>,
     pub(super) scratch: Scratch<S>,
 }
@@ -55,7 +55,7 @@ pub(super) struct JointStates {
     pub(super) dq: Vec<f64>,
 }
 
-/// A joint that follows another one.
+/// A joint that mimics another one: q = ratio·leader + offset.
 pub(super) struct Coupling<S: Simd> {
     pub(super) joint: usize,
     pub(super) leader: usize,
@@ -63,31 +63,31 @@ pub(super) struct Coupling<S: Simd> {
     pub(super) offset: Lanes<S>,
 }
 
-/// What the floor and the ball do to whatever touches them.
+/// Contact properties of the floor and the ball.
 pub(super) struct Floor<S: Simd> {
     /// None where there is only a ball.
     pub(super) friction: Option<Lanes<S>>,
-    /// Of every point of contact, in N/m and N·s/m.
+    /// Of every contact point, in N/m and N·s/m.
     pub(super) stiffness: Lanes<S>,
     pub(super) damping: Lanes<S>,
 }
 
-/// Memory for a step, allocated once.
+/// Working memory of a step, allocated once.
 pub(super) struct Scratch<S: Simd> {
     /// The middle of the step.
     pub(super) middle: Configuration<S>,
-    /// Row by row: first the inertia matrix, then its factor.
+    /// Inertia matrix, then its factor; row-major.
     pub(super) matrix: Vec<Lanes<S>>,
-    /// What every degree of freedom has to carry.
+    /// Bias force of every degree of freedom.
     pub(super) carried: Vec<Lanes<S>>,
-    /// What all do at the step's end, and in the mean.
+    /// Velocities at the step's end, and in the mean.
     pub(super) next: Vec<Lanes<S>>,
     pub(super) mean: Vec<Lanes<S>>,
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
     pub(super) share: Vec<Lanes<S>>,
     pub(super) touches: Vec<ContactPoint<S>>,
-    /// How every body would move if nothing touched, and how it moves.
+    /// Motion of every body without constraints, and its present motion.
     pub(super) motions: [Vec<Spatial<S>>; 2],
-    /// Accelerations of the joints where they are known.
+    /// Accelerations of the joints, for inverse dynamics.
     pub(super) known: Vec<Lanes<S>>,
 }

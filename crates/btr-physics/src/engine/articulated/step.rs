@@ -1,4 +1,4 @@
-//! One step: predict the middle, solve the linear equations with motors at their bounds and impulses, advance.
+//! One step: extrapolate the middle, solve the linear equations with motor bounds and impulses, advance.
 
 use super::linear_algebra::lanes::Lanes;
 use super::linear_algebra::spatial::{factorise, solve};
@@ -6,10 +6,10 @@ use super::state::Articulated;
 use pulp::{NullaryFnOnce, Simd};
 use std::ops::Range;
 
-/// Faster than this (m/s, rad/s) is a blow-up.
+/// A speed above this (m/s, rad/s) counts as divergence.
 pub(super) const ABSURD_SPEED: f64 = 1e4;
 
-/// The steps of the engine, compiled for the registers that there are.
+/// A step of the engine, compiled for its instruction set.
 pub(super) struct Steps<'a, S: Simd>(pub(super) &'a mut Articulated<S>);
 
 impl<S: Simd> NullaryFnOnce for Steps<'_, S> {
@@ -28,7 +28,7 @@ impl<S: Simd> NullaryFnOnce for Steps<'_, S> {
 }
 
 impl<S: Simd> Articulated<S> {
-    /// Where everything will be in the middle of the step if it goes on as it did.
+    /// Extrapolates the state to the middle of the step.
     #[inline(always)]
     fn predict(&mut self) {
         let (now, s) = (&self.now, &mut self.scratch);
@@ -38,7 +38,7 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// One step of `dt_s`: implicit in everything that acts inside the joints and at contacts.
+    /// One step of `dt_s`, implicit in joint-level forces and contacts.
     #[inline(always)]
     fn advance(&mut self) {
         self.predict();
@@ -73,8 +73,8 @@ impl<S: Simd> Articulated<S> {
 
     /// The linear equations for the velocities at the step's end: `matrix`·u' = `next`.
     ///
-    /// With the share h of the end in the step's mean state, a joint's torque is c − k·(q + dt·h·v) − d·v at the mean
-    /// velocity v = (1 − h)·u + h·u'.
+    /// With the implicitness h, the weight of the step's end in its mean state, a joint's torque is c − k·(q + dt·h·v)
+    /// − d·v at the mean velocity v = (1 − h)·u + h·u'.
     #[inline(always)]
     fn balance(&mut self) {
         let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
@@ -117,14 +117,14 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// The lanes of the candidate that is spoken of: the last one has all that are left, and does the same in each.
-    /// Left to themselves they would fall over, and everybody would wait for them.
+    /// Lanes of the selected candidate. The last candidate also fills the lanes that are left over, so that these cost
+    /// no further iterations.
     pub(super) fn spoken_of(&self) -> Range<usize> {
         let last = self.lane + 1 == self.seen.len();
         self.lane..if last { S::F64_LANES } else { self.lane + 1 }
     }
 
-    /// What can be seen of every candidate after a step.
+    /// Copies the joint states of every candidate out of the lanes, and detects divergence.
     #[inline(always)]
     pub(super) fn look(&mut self) {
         let (none, absurd) = (Lanes::zero(self.simd), Lanes::all(self.simd, ABSURD_SPEED));

@@ -1,18 +1,17 @@
-//! Motors within their bounds: which of them are at one is found with the step itself, whatever else acts on the
-//! joints.
+//! Motor bounds: which motors are at a bound is found together with the step.
 //!
-//! A motor that would end beyond its bound in the step's mean state gets the bound as its law and the step is solved
-//! anew; one that need not be at it is let go (a primal-dual active set: M. Hintermueller, K. Ito, K. Kunisch, SIAM J.
-//! Optim. 13, 2002). So what acts in a step is within its bounds, and no inertia has to be guessed.
+//! A motor that would exceed its bound in the step's mean state gets the bound as its law and the step is solved again;
+//! one that no longer needs its bound is released (a primal-dual active set: M. Hintermueller, K. Ito, K. Kunisch, SIAM
+//! J. Optim. 13, 2002). The torque in a step is thus within its bounds, and no effective inertia has to be estimated.
 
 use super::state::Articulated;
 use pulp::Simd;
 
-/// So often motors may be let go. From then on they only come to their bounds, which has an end.
+/// Number of iterations that may release motors. After these, motors only move to their bounds, which terminates.
 const LET_GO: usize = 6;
 
 impl<S: Simd> Articulated<S> {
-    /// Which motors are at their bounds if everything goes on as it did.
+    /// Predicts which motors are at their bounds, from the extrapolated midpoint.
     #[inline(always)]
     pub(super) fn guess_bounds(&mut self) {
         for i in 0..self.motors.len() {
@@ -23,8 +22,8 @@ impl<S: Simd> Articulated<S> {
         }
     }
 
-    /// Whether every motor is on the side where the step's mean state, as it was just solved, has it. Those that are
-    /// not change sides.
+    /// Moves every motor to the side that the step's mean state requires, as just solved. Returns whether none had to
+    /// change.
     #[inline(always)]
     pub(super) fn bounds_hold(&mut self, look: usize) -> bool {
         let mut hold = true;
@@ -41,7 +40,7 @@ impl<S: Simd> Articulated<S> {
         hold
     }
 
-    /// Lets the joint feel its motor as it is now.
+    /// Sets the joint's forces to those with its motor on its current side.
     #[inline(always)]
     fn take(&mut self, i: usize) {
         let Some(motor) = &self.motors[i] else { return };

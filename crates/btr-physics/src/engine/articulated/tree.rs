@@ -1,4 +1,4 @@
-//! The robot as a tree of bodies: where they are, what they weigh, what each joint has to carry.
+//! The robot as a tree of bodies: poses, inertias and recursive Newton-Euler.
 
 use super::linear_algebra::lanes::Lanes;
 use super::linear_algebra::spatial::{Inertia, Spatial, Symmetric};
@@ -6,20 +6,20 @@ use super::linear_algebra::vectors::{M3, V3};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 use pulp::Simd;
 
-/// How a body is carried. Joints and free bodies are counted apart.
+/// The joint that carries a body. Joints and free bodies are counted separately.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Carrier {
-    /// By nothing: six degrees of freedom, the turning ones first. `pose` counts the free bodies.
+    /// No joint: six degrees of freedom, the rotational ones first. `pose` is the index of the free body.
     Free { pose: usize },
-    /// By a hinge.
+    /// A hinge.
     Hinge { joint: usize },
-    /// By a slide.
+    /// A slide.
     Slide { joint: usize },
 }
 
 /// A rigid body in the frame of the joint that carries it.
 pub(super) struct TreeBody<S: Simd> {
-    /// The body that carries it; none for those on the ground or in the air.
+    /// Parent body; none for bodies on a fixed base and for free bodies.
     pub(super) parent: Option<usize>,
     pub(super) carrier: Carrier,
     /// The joint's frame in the parent body's frame at q = 0.
@@ -27,7 +27,7 @@ pub(super) struct TreeBody<S: Simd> {
     pub(super) place: V3<S>,
     /// The joint's axis in the parent body's frame.
     pub(super) axis: V3<S>,
-    /// What sin q and 1 − cos q of a hinge add to `rotation`.
+    /// Matrices that sin q and 1 − cos q of a hinge multiply, added to `rotation`.
     pub(super) swings: [M3<S>; 2],
     pub(super) mass: Lanes<S>,
     pub(super) com: V3<S>,
@@ -35,15 +35,15 @@ pub(super) struct TreeBody<S: Simd> {
     pub(super) inertia: Symmetric<S>,
 }
 
-/// Where a free body is.
+/// Pose of a free body.
 #[derive(Clone, Copy)]
 pub(super) struct Pose<S: Simd> {
-    /// A unit quaternion: its real part, then the others.
+    /// A unit quaternion: real part, imaginary parts.
     turn: (Lanes<S>, V3<S>),
     pub(super) place: V3<S>,
 }
 
-/// Where everything is and how fast it moves.
+/// Positions and velocities of all joints and free bodies.
 #[derive(Clone)]
 pub(super) struct Configuration<S: Simd> {
     /// Joint positions.
@@ -55,20 +55,20 @@ pub(super) struct Configuration<S: Simd> {
     pub(super) u: Vec<Lanes<S>>,
 }
 
-/// Bodies, parents first, and what a posture makes of them. All vectors are in the world's axes about `origin`, which
-/// goes along with a free root so that numbers stay small.
+/// Bodies, parents first, and their kinematics in a configuration. All vectors are in the world's axes about `origin`,
+/// which moves with a free root so that numbers stay small.
 pub(super) struct Tree<S: Simd> {
     pub(super) bodies: Vec<TreeBody<S>>,
-    /// What bodies without a parent are bolted to.
+    /// Pose of the fixed base.
     root: (M3<S>, V3<S>),
     /// The first degree of freedom of each body.
     pub(super) first: Vec<usize>,
-    /// For each degree of freedom all that move it, from the root on; itself comes last.
+    /// For each degree of freedom the path from the root to it: all degrees of freedom that move it, itself last.
     pub(super) ways: Vec<Vec<usize>>,
     pub(super) origin: V3<S>,
     pub(super) rotations: Vec<M3<S>>,
     pub(super) places: Vec<V3<S>>,
-    /// What each degree of freedom moves its body by.
+    /// Motion subspace: spatial axis of each degree of freedom.
     pub(super) axes: Vec<Spatial<S>>,
     velocities: Vec<Spatial<S>>,
     accelerations: Vec<Spatial<S>>,
@@ -140,7 +140,7 @@ impl<S: Simd> Tree<S> {
         self.ways.len()
     }
 
-    /// All that move a body, from the root on.
+    /// Path from the root to a body: the degrees of freedom that move it.
     #[inline(always)]
     pub(super) fn way_to(&self, body: usize) -> &[usize] {
         &self.ways[last(&self.bodies, &self.first, body)]
@@ -191,9 +191,9 @@ impl<S: Simd> Tree<S> {
         }
     }
 
-    /// What all have to be pushed by if nothing accelerates but `joints`, where that is given (recursive Newton-Euler),
-    /// into
-    /// `carried`, one degree of freedom after the other. Makes the inertias composite.
+    /// Generalized forces for given accelerations of the degrees of freedom, zero where `joints` is absent (recursive
+    /// Newton-Euler): inertial, velocity-dependent and gravity forces, into `bias_forces`. Makes the inertias
+    /// composite.
     #[inline(always)]
     pub(super) fn carry(
         &mut self,
@@ -203,7 +203,7 @@ impl<S: Simd> Tree<S> {
         joints: Option<&[Lanes<S>]>,
         carried: &mut [Lanes<S>],
     ) {
-        // Gravity acts as if the world were accelerated against it.
+        // Gravity is equivalent to an upward acceleration of the world.
         let lifted = Spatial { angular: V3::zero(simd), linear: V3::zero(simd) - *gravity };
         for i in 0..self.bodies.len() {
             let body = &self.bodies[i];
@@ -216,8 +216,8 @@ impl<S: Simd> Tree<S> {
                 Some(parent) => (self.velocities[parent].plus(&own), self.accelerations[parent]),
                 None => (own, lifted),
             };
-            // How the axes themselves change: a free body's turn about a point that moves, a joint's move with its
-            // body.
+            // Velocity-product acceleration: a free body's rotation axes pass through a moving point, a joint's axis
+            // moves with its body.
             let drift = if freedom == 6 {
                 let turning = V3([u[first], u[first + 1], u[first + 2]]);
                 let moving = V3([u[first + 3], u[first + 4], u[first + 5]]);
@@ -247,7 +247,7 @@ impl<S: Simd> Tree<S> {
         }
     }
 
-    /// How every body moves.
+    /// Spatial velocity of every body.
     #[inline(always)]
     pub(super) fn motions(&self, u: &[Lanes<S>], motions: &mut [Spatial<S>]) {
         for i in 0..self.bodies.len() {
@@ -263,8 +263,8 @@ impl<S: Simd> Tree<S> {
         }
     }
 
-    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle, without what is
-    /// zero as neither moves the other.
+    /// The inertia matrix from composite inertias (Featherstone 2008, table 6.2): its lower triangle. Entries of
+    /// degrees of freedom on different branches are zero and not written.
     #[inline(always)]
     pub(super) fn fill_matrix(&self, matrix: &mut [Lanes<S>]) {
         let n = self.freedom();
@@ -316,18 +316,18 @@ impl<S: Simd> Pose<S> {
         ])
     }
 
-    /// Turned by a rotation vector.
+    /// The quaternion rotated by a rotation vector.
     #[inline(always)]
     fn turned(&self, by: &V3<S>) -> (Lanes<S>, V3<S>) {
         let angle = by.norm();
         let half = angle * angle.like(0.5);
         let (sine, cosine) = half.sin_cos();
-        // Of an angle that is all but none, the sine is the angle.
+        // For a tiny angle the sine equals the angle.
         let small = angle.less(angle.like(1e-9));
         let share = small.select(angle.like(0.5), sine / small.select(angle.like(1.0), angle));
         let (axis, (w, v)) = (by.times(share), self.turn);
         let turn = (cosine * w - axis.dot(&v), v.times(cosine) + axis.times(w) + axis.cross(&v));
-        // One step of Newton's for the length to stay one.
+        // One Newton step normalises the quaternion.
         let length = turn.0 * turn.0 + turn.1.dot(&turn.1);
         let shrink = (length.like(3.0) - length) * length.like(0.5);
         (turn.0 * shrink, turn.1.times(shrink))
@@ -335,7 +335,7 @@ impl<S: Simd> Pose<S> {
 }
 
 impl<S: Simd> Configuration<S> {
-    /// Where everything is after `dt_s` at the velocities `u`, into `to`.
+    /// Integrates positions over `dt_s` at the velocities `u`, into `to`.
     #[inline(always)]
     pub(super) fn fly(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Configuration<S>) {
         for (body, &d) in tree.bodies.iter().zip(&tree.first) {

@@ -1,4 +1,4 @@
-//! Building Rapier's world: settings, bodies, shapes, joints.
+//! Construction of Rapier's world: settings, bodies, shapes, joints.
 
 use super::convert::{pose, quaternion, vector};
 use crate::engine::assemble::MovingBody;
@@ -17,10 +17,10 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// Principal moments below this (kg·m²) are raised to it: Rapier inverts them.
 const LEAST_INERTIA: f64 = 1e-9;
 
-/// A softer floor (N/m) is taken as this: a spring without any stiffness has no frequency.
+/// Lower limit of the floor's stiffness (N/m): a spring without stiffness has no frequency.
 const LEAST_STIFFNESS: f64 = 1e-3;
 
-/// The integrator's settings; a soft floor is so soft under `mass_kg`.
+/// Sets the integrator's parameters; a compliant floor has its compliance under `mass_kg`.
 pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup, mass_kg: f64) {
     let parameters = &mut world.integration_parameters;
     parameters.dt = setup.dt_s;
@@ -28,18 +28,18 @@ pub(super) fn configure(world: &mut PhysicsWorld, setup: &Setup, mass_kg: f64) {
     parameters.max_ccd_substeps = 0;
     parameters.contact_recycling = false;
     parameters.contact_clustering = false;
-    // Robots are decimetres large: Rapier's 5 mm of tolerated penetration would be a soft floor.
+    // Robots measure decimetres: Rapier's default 5 mm of tolerated penetration would act as a soft floor.
     parameters.normalized_allowed_linear_error = 0.0005;
     if let Some(compliance) = setup.ground.and_then(|ground| ground.compliance) {
         parameters.static_contact_softness = softness(&compliance, mass_kg);
-        // It would stop whatever touches the floor within the step, as a hard floor does.
+        // Stabilisation would stop contacts within the step, as a hard floor does.
         parameters.num_internal_stabilization_iterations = 0;
-        // Its springs are as strong as they are deep.
+        // The spring force must not be limited at large penetrations.
         parameters.normalized_max_corrective_velocity = f64::MAX;
     }
 }
 
-/// Rapier's springs have a frequency and a damping ratio, whatever mass it is that a contact feels.
+/// Rapier's springs are defined by a frequency and a damping ratio, independent of the mass at a contact.
 fn softness(compliance: &Compliance, mass_kg: f64) -> SpringCoefficients<f64> {
     let angular_frequency = (compliance.stiffness.max(LEAST_STIFFNESS) / mass_kg).sqrt();
     SpringCoefficients::new(angular_frequency / TAU, compliance.damping / (2.0 * mass_kg * angular_frequency))
@@ -70,7 +70,7 @@ pub(super) fn add_bodies(
     let mut insert = |index: usize, body: &MovingBody| {
         let fixed = index == 0 && base == Base::Fixed;
         let builder = if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
-        // Only the root's pose counts: the joints place the others.
+        // Only the root's pose matters: the joints place the others.
         let builder = builder
             .pose(pose(&(start * Translation3::from(body.com_m))))
             .can_sleep(false)
@@ -81,7 +81,7 @@ pub(super) fn add_bodies(
     bodies.iter().enumerate().map(|(index, body)| insert(index, body)).collect()
 }
 
-/// Adds the shapes; gives back the colliders of every foot.
+/// Adds the shapes; returns the colliders of every foot.
 pub(super) fn add_shapes(
     world: &mut PhysicsWorld,
     robot: &Robot,
@@ -106,7 +106,7 @@ fn collider(shape: &Shape) -> (ColliderBuilder, Isometry3<f64>) {
     match shape.geometry {
         Geometry::Box { half_m } => (ColliderBuilder::cuboid(half_m.x, half_m.y, half_m.z), shape.pose),
         Geometry::Sphere { radius_m } => (ColliderBuilder::ball(radius_m), shape.pose),
-        // Rapier's cylinders stand along y.
+        // Rapier's cylinders are aligned with y.
         Geometry::Cylinder { radius_m, half_length_m } => {
             let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
             (ColliderBuilder::cylinder(half_length_m, radius_m), shape.pose * upright)

@@ -1,4 +1,4 @@
-//! Between nalgebra, which robots speak, and glam, which Rapier speaks.
+//! Conversions between nalgebra, used by robots, and glam, used by Rapier.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};

@@ -1,8 +1,9 @@
 //! Rapier's reduced-coordinate multibody behind [`Dynamics`], in f64 with enhanced determinism.
 //!
-//! Rapier's habits that this file works around, each pinned by a law in `tests/`: bodies have their frames at the
-//! centre of mass (a free root would move wrongly otherwise); default joint damping is cleared; servos are implicit
-//! springs, not motor rows; nothing sleeps; self-contacts are off; a body without inertia gets a little.
+//! This file adapts to the following of Rapier's properties, each tested by a law in `tests/`. Bodies have their frames
+//! at the centre of mass (a floating root would move wrongly otherwise). Default joint damping is cleared. Servos are
+//! implicit springs, not motor rows. Bodies never sleep. Self-contacts are off. A body without inertia gets a small
+//! one.
 
 mod build;
 mod convert;
@@ -18,11 +19,12 @@ use rapier3d_f64::dynamics::{Multibody, MultibodyIndex, RigidBodyHandle};
 use rapier3d_f64::geometry::ColliderHandle;
 use rapier3d_f64::pipeline::PhysicsWorld;
 
-/// Carries constant torques: as the spring's rest is moved accordingly, only its force counts (N·m/rad).
+/// Stiffness of the spring that applies a constant torque (N·m/rad): its rest position is offset so that only its force
+/// counts.
 const LEAST_STIFFNESS: f64 = 1e-9;
-/// Moves by less (m, rad) are rounding.
+/// Displacements below this (m, rad) are rounding.
 const UNMOVED: f64 = 1e-12;
-/// Faster than this (m/s, rad/s) is a blow-up.
+/// A speed above this (m/s, rad/s) counts as divergence.
 const ABSURD_SPEED: f64 = 1e4;
 
 /// A robot on Rapier.
@@ -39,11 +41,11 @@ pub struct Rapier {
     ball: Option<RigidBodyHandle>,
 }
 
-/// Where a joint lives in the multibody.
+/// A joint's indices in the multibody.
 struct JointSlot {
     link: usize,
     dof: usize,
-    /// Rapier's index of the free axis: 0 slides along x, 3 turns about x.
+    /// Rapier's index of the free axis: 0 is translation along x, 3 rotation about x.
     axis: usize,
     name: String,
 }
@@ -81,7 +83,7 @@ impl Rapier {
         engine
     }
 
-    /// Inserts the joints and notes where they live.
+    /// Inserts the joints and stores their indices.
     fn connect(&mut self, robot: &Robot, bodies: &[MovingBody], handles: &[RigidBodyHandle]) {
         for (body, &handle) in bodies.iter().zip(handles).skip(1) {
             let joint = build::rapier_joint(&robot.links[body.link].joint, body, &bodies[body.parent]);
@@ -126,8 +128,8 @@ impl Rapier {
         self.read();
     }
 
-    /// Brings shapes to where their bodies are: Rapier does so only after a step, and the next one would look for
-    /// contacts where the shapes were.
+    /// Moves shapes to their bodies. Rapier does so only after a step, so the next step would detect contacts at the
+    /// old poses.
     fn carry_shapes(&mut self) {
         for (_, collider) in self.world.colliders.iter_mut() {
             let body = collider.parent().map(|handle| *self.world.bodies[handle].position());
@@ -137,7 +139,7 @@ impl Rapier {
         }
     }
 
-    /// Copies the joint state out of the multibody.
+    /// Copies the joint states out of the multibody.
     fn read(&mut self) {
         let Some(multibody) = self.multibody.and_then(|i| self.world.multibody_joints.get_multibody(i)) else {
             return;
@@ -156,7 +158,7 @@ impl Rapier {
         }
         let multibody: Option<&Multibody> = self.multibody.and_then(|i| self.world.multibody_joints.get_multibody(i));
         match multibody {
-            // A multibody's rigid bodies bear the velocities of the step's beginning, its coordinates those of its end.
+            // A multibody's rigid bodies have the velocities of the step's beginning, its coordinates those of its end.
             Some(multibody) => {
                 let v = multibody.generalized_velocity();
                 (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]))
@@ -203,8 +205,8 @@ impl Dynamics for Rapier {
             displacement[slot.dof] = q - was;
             multibody.generalized_velocity_mut()[slot.dof] = dq;
         }
-        // Bodies that are reported as moved make Rapier sort its contacts anew, and its solver's few sweeps end
-        // elsewhere in another order. A state that is there already must change nothing.
+        // Bodies that are reported as moved make Rapier sort its contacts anew, and its solver's few sweeps give
+        // another result in another order. Setting the present state must change nothing.
         if displacement.iter().any(|x| x.abs() > UNMOVED) {
             multibody.apply_displacements(&displacement);
             multibody.forward_kinematics(&self.world.bodies, false);

@@ -1,5 +1,5 @@
-//! The engine from robots in their worlds: bodies in a tree, shapes on them, the floor, the ball, each number in its
-//! lane.
+//! Construction of the engine from robots in their worlds: the tree of bodies, their shapes, the floor and the ball,
+//! one candidate per lane.
 
 pub(super) mod world;
 
@@ -49,8 +49,7 @@ pub(crate) fn engine(robot: &Robot, setup: &Setup) -> Box<dyn Dynamics> {
     Box::new(Articulated::new(Scalar::new(), Arch::new(), &[World::new(robot, setup)]))
 }
 
-/// The engine for several candidates, of which the first are taken that there are lanes for. None where they are no
-/// robots of one kind.
+/// The engine for several candidates; takes as many of the first as it has lanes. `None` if they differ in structure.
 pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> Option<Box<dyn Dynamics>> {
     let worlds: Vec<World> = candidates.iter().map(|(robot, setup)| World::new(robot, setup)).collect();
     let alike = worlds.iter().all(|world| world.is_like(&worlds[0]));
@@ -66,7 +65,7 @@ pub(crate) fn engine_of_several(arch: Arch, candidates: &[(&Robot, &Setup)]) -> 
 }
 
 impl<S: Simd> Articulated<S> {
-    /// Robots of one kind in their start states; the last one fills the lanes that are left.
+    /// Robots of the same structure in their start states; the last one fills the lanes that are left over.
     pub(in crate::engine::articulated) fn new(simd: S, arch: Arch, worlds: &[World]) -> Self {
         let worlds: Vec<&World> = worlds.iter().take(S::F64_LANES).collect();
         let at = |lane: usize| worlds[lane.min(worlds.len() - 1)];
@@ -205,7 +204,7 @@ impl<S: Simd> Hull<S> {
     }
 }
 
-/// No point of a shape is further from its centre, in m.
+/// Bounding radius of a shape about its centre, in m.
 fn reach_m(geometry: &Geometry) -> f64 {
     match geometry {
         Geometry::Box { half_m } => half_m.norm(),
@@ -252,7 +251,7 @@ mod tests {
     use crate::engine::{Affine, Dof};
     use crate::presets::ant;
 
-    /// Two ants, of which only the second one gives way to its weight.
+    /// Two ants; only the second one has weak springs.
     fn two_ants<S: Simd>(simd: S, arch: Arch) {
         let (robot, setup) = (ant::ant(), Setup::default());
         let mut engine = Articulated::new(simd, arch, &[World::new(&robot, &setup), World::new(&robot, &setup)]);

@@ -1,4 +1,4 @@
-//! A robot in its world, body by body: what the engine is built from, and whether two of them are of one kind.
+//! A robot in its world, body by body: the input from which the engine is built.
 
 use crate::engine::articulated::tree::Carrier;
 use crate::engine::assemble;
@@ -7,10 +7,11 @@ use crate::setup::{Compliance, Setup};
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use std::f64::consts::TAU;
 
-/// A hard floor is as stiff as makes the whole robot bounce at this frequency on one point, critically damped.
+/// Stiffness of a hard floor: with it the whole robot would bounce at this frequency on one contact point, critically
+/// damped.
 const HARD_HZ: f64 = 30.0;
 
-/// A robot in its world, number by number.
+/// The plain numbers of a robot in its world.
 pub(in crate::engine::articulated) struct World {
     pub(in crate::engine::articulated) bodies: Vec<WorldBody>,
     pub(in crate::engine::articulated) poses: Vec<Isometry3<f64>>,
@@ -31,7 +32,7 @@ pub(in crate::engine::articulated) struct World {
 pub(in crate::engine::articulated) struct WorldBody {
     pub(in crate::engine::articulated) parent: Option<usize>,
     pub(in crate::engine::articulated) carrier: Carrier,
-    /// In the joint's frame; nothing for free bodies.
+    /// In the joint's frame; zero for free bodies.
     pub(in crate::engine::articulated) axis: Vector3<f64>,
     pub(in crate::engine::articulated) origin: Isometry3<f64>,
     pub(in crate::engine::articulated) mass_kg: f64,
@@ -82,7 +83,7 @@ impl World {
         }
     }
 
-    /// Whether both are robots of one kind in worlds of one kind, and only differ in numbers.
+    /// Whether both robots and worlds have the same structure and differ only in values.
     pub(in crate::engine::articulated) fn is_like(&self, other: &World) -> bool {
         let body = |a: &WorldBody, b: &WorldBody| a.parent == b.parent && a.carrier == b.carrier;
         let shape = |a: &WorldShape, b: &WorldShape| {
@@ -138,7 +139,7 @@ impl WorldBody {
     }
 }
 
-/// The bodies that can move: a root that is bolted down is none.
+/// The bodies that can move; a fixed root is not one of them.
 fn carried(robot: &Robot, assembled: &[assemble::MovingBody]) -> Vec<WorldBody> {
     let bolted = usize::from(robot.base == Base::Fixed);
     let body = |(index, body): (usize, &assemble::MovingBody)| {

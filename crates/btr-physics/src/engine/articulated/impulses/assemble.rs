@@ -1,4 +1,4 @@
-//! Adding rows: for joints that are held, joints that are coupled, and contacts.
+//! Assembly of the rows: bounded joints, coupled joints, and contacts.
 
 use super::rows::{Contact, ContactLaw, ImpulseBlock, Impulses, Single};
 use crate::engine::articulated::contacts::ContactPoint;
@@ -8,7 +8,7 @@ use crate::engine::articulated::tree::Tree;
 use pulp::Simd;
 
 impl<S: Simd> Impulses<S> {
-    /// Something that stops a joint as far as impulses between `least` and `most` can.
+    /// Adds a row that drives a joint to the velocity `target` with an impulse between `lower` and `upper`.
     #[inline(always)]
     pub(in crate::engine::articulated) fn hold(
         &mut self,
@@ -26,8 +26,8 @@ impl<S: Simd> Impulses<S> {
         self.single([Some((dof, begin)), None], [wanted, least, most], u[dof]);
     }
 
-    /// Something that lets one degree of freedom move at a ratio to another one and this much faster, whatever that
-    /// takes.
+    /// Adds a row that couples a degree of freedom to another one: velocity = ratio·leader + target, with an unbounded
+    /// impulse.
     #[inline(always)]
     pub(in crate::engine::articulated) fn couple(
         &mut self,
@@ -58,7 +58,7 @@ impl<S: Simd> Impulses<S> {
         self.speeds.push(speed);
     }
 
-    /// A contact.
+    /// Adds the three rows of a contact.
     #[inline(always)]
     pub(in crate::engine::articulated) fn touch(
         &mut self,
@@ -80,7 +80,8 @@ impl<S: Simd> Impulses<S> {
         self.contacts.push(Contact { row, slot: touch.slot, law, there, stubborn: zero, stubborn_across: zero });
     }
 
-    /// What pushes on a body along the normal and across, in this sense, do along the way to it.
+    /// Adds the rows' entries along the path to a body, for unit impulses on it along the normal and the tangents, with
+    /// this sign. Returns the path's last degree of freedom and the offset of the entries.
     #[inline(always)]
     fn aim(
         &mut self,
@@ -101,7 +102,8 @@ impl<S: Simd> Impulses<S> {
         (way[way.len() - 1], begin)
     }
 
-    /// Where the halves of all pushes and turns on a body begin: an entry for each step of the way to it.
+    /// Offset of a body's half Jacobians for unit forces and moments: an entry for each degree of freedom of the path
+    /// to it.
     #[inline(always)]
     fn solved(&mut self, body: usize, tree: &Tree<S>, factor: &[Lanes<S>]) -> usize {
         for k in 0..self.pushed.len() {

@@ -1,9 +1,9 @@
-//! Impulses within bounds: dry friction in the joints, joint limits, contacts. Velocities at the step's end obey the
-//! laws (time stepping after J. J. Moreau), and impulses are found on what each does to the others: one after the
-//! other, sweep by sweep (sweep.rs), or, for whom that takes for ever, all at once (stick.rs).
+//! Bounded impulses: dry friction in the joints, joint limits, contacts. The velocities at the step's end obey the
+//! constraint laws (time stepping after J. J. Moreau). Impulses are solved in constraint space, either by projected
+//! Gauss-Seidel (sweep.rs) or, where that converges slowly, by an active-set method (stick.rs).
 //!
-//! Candidates side by side share their rows: a row is there if any of them needs it, and pushes nothing where it is not
-//! needed. Each candidate's sweeps end when its own velocities have settled.
+//! Candidates in one engine share their rows: a row exists if any candidate needs it, and has no impulse in the others.
+//! Each candidate's sweeps end when its own velocities have converged.
 
 mod assemble;
 mod rows;

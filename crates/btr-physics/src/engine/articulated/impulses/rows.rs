@@ -4,90 +4,90 @@ use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use crate::engine::articulated::linear_algebra::spatial::Spatial;
 use pulp::Simd;
 
-/// All impulses of a step.
+/// The constraint rows of a step and their impulses.
 pub(in crate::engine::articulated) struct Impulses<S: Simd> {
     pub(super) simd: S,
     pub(super) blocks: Vec<ImpulseBlock>,
     pub(super) singles: Vec<Single<S>>,
-    /// How many of them couple joints. They come first.
+    /// Number of singles that couple joints. They come first.
     pub(super) couples: usize,
     pub(super) contacts: Vec<Contact<S>>,
-    /// The velocity along each row, with the impulses found so far; and the impulses.
+    /// The velocity along each row with the current impulses; and the impulses.
     pub(super) speeds: Vec<Lanes<S>>,
     pub(super) impulses: Vec<Lanes<S>>,
-    /// The directions, seen through half of the inverse inertia: their products are what rows do to each other.
+    /// Half Jacobians J·L⁻¹ of the rows, with the inertia matrix LᵀL: their products are the Delassus matrix.
     pub(super) halves: Vec<Lanes<S>>,
-    /// The same of all pushes and turns on a body, and where those of each that is touched begin.
+    /// The same for unit forces and moments on a body, and the offsets of those of each body in contact.
     pub(super) bases: Vec<Spatial<S>>,
     pub(super) pushed: Vec<(usize, usize)>,
-    /// What every row does to every other one, in 1/kg or the like.
+    /// Delassus matrix J·M⁻¹·Jᵀ: the velocity along each row per unit impulse along every other, in 1/kg or the like.
     pub(super) answers: Vec<Lanes<S>>,
-    /// The last step's impulses of everything that can touch, where the sweeps begin; and those of this step.
+    /// The last step's impulses at every possible contact point, for the warm start; and those of this step.
     pub(super) known: Vec<[Lanes<S>; 3]>,
     pub(super) found: Vec<[Lanes<S>; 3]>,
     pub(super) change: Vec<Lanes<S>>,
     pub(super) guess: StickGuess<S>,
-    /// For whom the sweeps did not end when they were needed last, and in this step.
+    /// Candidates whose sweeps did not converge when they were last used, and in this step.
     pub(super) hard: Mask<S>,
     pub(super) found_hard: Mask<S>,
 }
 
-/// Rows that belong together: the three of a contact, or a single one. They push everything on the ways to one or two
-/// degrees of freedom.
+/// Rows that belong together: the three of a contact, or a single one. They act on all degrees of freedom on the paths
+/// to one or two of them.
 #[derive(Clone, Copy)]
 pub(super) struct ImpulseBlock {
     pub(super) row: usize,
     pub(super) rows: usize,
-    /// Where each way leads, and where its part of the halves begins, in which the rows have their entries side by
-    /// side.
+    /// Last degree of freedom of each path, and the offset of its entries in the half Jacobians, where the rows'
+    /// entries are interleaved.
     pub(super) ways: [Option<(usize, usize)>; 2],
 }
 
-/// A bounded impulse on one joint, or between two that are coupled.
+/// A bounded impulse on one joint, or between two coupled joints.
 #[derive(Clone, Copy)]
 pub(super) struct Single<S: Simd> {
     pub(super) row: usize,
-    /// The velocity that it tries to bring about.
+    /// Target velocity.
     pub(super) wanted: Lanes<S>,
     pub(super) least: Lanes<S>,
     pub(super) most: Lanes<S>,
-    /// What an impulse has to be to change the velocity by one.
+    /// Effective mass: impulse per unit change of the velocity.
     pub(super) stubborn: Lanes<S>,
 }
 
-/// A contact: one row along the normal and two across.
+/// A contact: one row along the normal and two along tangents.
 pub(super) struct Contact<S: Simd> {
     /// The first of its rows.
     pub(super) row: usize,
     pub(super) slot: usize,
     pub(super) law: ContactLaw<S>,
-    /// Who touches there.
+    /// Candidates that have this contact.
     pub(super) there: Mask<S>,
-    /// What an impulse along the normal, and one across, have to be at least to change the speed there by one.
+    /// Effective mass along the normal, and the smallest one along any tangent.
     pub(super) stubborn: Lanes<S>,
     pub(super) stubborn_across: Lanes<S>,
 }
 
-/// How two bodies that touch push each other.
+/// Contact law: separation speed = target − softness·normal impulse.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct ContactLaw<S: Simd> {
-    /// The speed of separation without an impulse, in m/s.
+    /// Separation speed without an impulse, in m/s.
     pub(in crate::engine::articulated) wanted: Lanes<S>,
-    /// How much of it an impulse costs, in 1/kg.
+    /// Softness (constraint force mixing), in 1/kg.
     pub(in crate::engine::articulated) softness: Lanes<S>,
     /// Coulomb's coefficient.
     pub(in crate::engine::articulated) friction: Lanes<S>,
 }
 
-/// Memory for that.
+/// Working memory of the active-set method.
 pub(super) struct StickGuess<S: Simd> {
-    /// Whose impulse follows from the equations; all others stay.
+    /// Rows whose impulse is an unknown of the equations; those of all others are fixed.
     pub(super) free: Vec<Mask<S>>,
-    /// The velocities without impulses, those to bring about, and what an impulse costs of it.
+    /// Velocities without impulses, target velocities, and the regularisation of the diagonal.
     pub(super) alone: Vec<Lanes<S>>,
     pub(super) wanted: Vec<Lanes<S>>,
     pub(super) costs: Vec<Lanes<S>>,
-    /// Row by row the upper factor of the equations' matrix, and their solution.
+    /// Upper factor of the equations' matrix, row-major, and their solution.
     pub(super) factor: Vec<Lanes<S>>,
     pub(super) solution: Vec<Lanes<S>>,
 }
@@ -100,7 +100,7 @@ impl<S: Simd> StickGuess<S> {
 }
 
 impl<S: Simd> Impulses<S> {
-    /// Room for contacts at so many places.
+    /// Allocates for `slots` possible contact points.
     pub(in crate::engine::articulated) fn new(simd: S, slots: usize) -> Self {
         Impulses {
             simd,
@@ -140,7 +140,7 @@ impl<S: Simd> Impulses<S> {
         self.speeds.len()
     }
 
-    /// Who touches anything.
+    /// Candidates with any contact.
     #[inline(always)]
     pub(super) fn touching(&self) -> Mask<S> {
         let zero = Lanes::zero(self.simd);

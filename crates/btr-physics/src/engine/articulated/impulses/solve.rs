@@ -1,4 +1,4 @@
-//! What rows do to each other, and the change of velocities that the impulses bring about.
+//! The Delassus matrix, and the change of velocities by the impulses.
 
 use super::rows::{ImpulseBlock, Impulses};
 use crate::engine::articulated::linear_algebra::lanes::Lanes;
@@ -7,7 +7,7 @@ use crate::engine::articulated::tree::Tree;
 use pulp::Simd;
 
 impl<S: Simd> Impulses<S> {
-    /// Finds the impulses and lets them change the velocities.
+    /// Solves for the impulses and applies them to the velocities.
     #[inline(always)]
     pub(in crate::engine::articulated) fn act(&mut self, tree: &Tree<S>, factor: &[Lanes<S>], u: &mut [Lanes<S>]) {
         let zero = Lanes::zero(self.simd);
@@ -17,7 +17,7 @@ impl<S: Simd> Impulses<S> {
             return;
         }
         self.prepare(tree);
-        // Joints that are coupled push each other: sweep by sweep that takes long, too.
+        // Couplings make Gauss-Seidel converge slowly, too.
         let all = zero.at_most(zero);
         let hard = if self.couples > 0 { all } else { self.hard.and(self.touching()) };
         let stuck = if hard.any() { self.stick(hard) } else { hard };
@@ -43,20 +43,20 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The step is done with what was found last. A step that is solved anew before begins where it began.
+    /// Accepts the impulses of the step. A step that is solved again before that has the same warm start.
     #[inline(always)]
     pub(in crate::engine::articulated) fn keep(&mut self) {
         std::mem::swap(&mut self.known, &mut self.found);
         self.hard = self.found_hard;
     }
 
-    /// The normal impulse of the last step at a slot, in N·s.
+    /// The normal impulse of the last step at a contact slot, in N·s.
     #[inline(always)]
     pub(in crate::engine::articulated) fn normal(&self, slot: usize) -> Lanes<S> {
         self.known[slot][0]
     }
 
-    /// Adds what a block's impulses do to the change.
+    /// Adds a block's impulses, in generalized coordinates, to the change.
     #[inline(always)]
     fn add_up<const ROWS: usize>(&mut self, block: usize, tree: &Tree<S>) {
         let ImpulseBlock { row, ways, .. } = self.blocks[block];
@@ -70,11 +70,11 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// What rows do to each other.
+    /// Fills the Delassus matrix and the effective masses.
     #[inline(always)]
     fn prepare(&mut self, tree: &Tree<S>) {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
-        // All that is read of it is written first.
+        // All entries that are read are written first.
         self.answers.resize(self.answers.len().max(rows * rows), zero);
         for i in 0..self.blocks.len() {
             for j in 0..=i {
@@ -104,7 +104,7 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// What two blocks do to each other.
+    /// Fills the entries of two blocks.
     #[inline(always)]
     fn answer<const OWN: usize, const OTHERS: usize>(&mut self, i: usize, j: usize, tree: &Tree<S>) {
         let (rows, one, other) = (self.rows(), self.blocks[i], self.blocks[j]);
@@ -131,7 +131,7 @@ impl<S: Simd> Impulses<S> {
     }
 }
 
-/// How many steps two ways from the root have in common: all of them come first.
+/// Length of the common prefix of two paths from the root.
 #[inline(always)]
 fn shared(a: &[usize], b: &[usize]) -> usize {
     if a[a.len() - 1] == b[b.len() - 1] {

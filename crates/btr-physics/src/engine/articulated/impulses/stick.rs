@@ -1,30 +1,30 @@
-//! The usual case at once: everything that touches either sticks or comes off, and joints either stand still or rub
-//! with all they have. Who does which is guessed, the linear equations for that are solved, and the guess is corrected.
-//! This is for soles that stand on many corners, over which sweeps take for ever; where something slides they have to
-//! find out all the same.
+//! Active-set method for the usual case: each contact either sticks or separates, and each joint either is at rest or
+//! slides with the full dry friction. The active set is guessed, its linear equations are solved, and the guess is
+//! corrected. This is for soles with many contact points, where sweeps converge slowly; where a contact slides, the
+//! sweeps are used all the same.
 
 use super::rows::{Impulses, Single};
 use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use pulp::Simd;
 
-/// How often a guess is corrected before it is left to the sweeps.
+/// Corrections of the active set before the sweeps are used instead.
 const GUESSES: usize = 4;
 /// With more rows than this the sweeps are faster.
 const MOST_ROWS: f64 = 30.0;
-/// What impulses cost that need not cost anything, as a share of what they do: a sole that sticks on four corners could
-/// share its load among them in many ways...
+/// Regularisation of rows without softness, relative to the diagonal: a sole that sticks on four corners has no unique
+/// load distribution...
 const COST: f64 = 1e-9;
-/// ... and corners whose heights differ by a hair would keep it from tilting with huge forces across, against each
+/// ... and corners whose heights differ slightly would prevent it from tilting by huge tangential forces against each
 /// other.
 const ACROSS: f64 = 2e-6;
-/// Corners share what they hold across as they share the load, as far as it differs by less than this.
+/// Tangential forces are distributed as the load is, up to this ratio.
 const UNEVEN: f64 = 1e4;
-/// How far beyond its cone (as a share) or its aim (m/s) something may be that is as good as there.
+/// Tolerance of the friction cone (relative) and of target velocities (m/s).
 const BESIDE: f64 = 1e-9;
 
 impl<S: Simd> Impulses<S> {
-    /// Tries to find all impulses of those who `may` without sweeps, and says for whom that worked; for them impulses
-    /// and speeds are final.
+    /// Tries to solve for the impulses of the candidates in `may` without sweeps. Returns those where that succeeded;
+    /// their impulses and speeds are final.
     #[inline(always)]
     pub(super) fn stick(&mut self, may: Mask<S>) -> Mask<S> {
         let zero = Lanes::zero(self.simd);
@@ -43,7 +43,7 @@ impl<S: Simd> Impulses<S> {
         open.or(self.slides()).not().and(few).and(may)
     }
 
-    /// How many rows each candidate needs for itself.
+    /// Number of rows that each candidate needs.
     #[inline(always)]
     fn own_rows(&self) -> Lanes<S> {
         let zero = Lanes::zero(self.simd);
@@ -57,7 +57,8 @@ impl<S: Simd> Impulses<S> {
         rows
     }
 
-    /// What pushed sticks, what did not is away; joints that could not be stopped rub.
+    /// Initial active set: contacts with an impulse in the last step stick, the others are separated; joints that dry
+    /// friction cannot stop slide.
     #[inline(always)]
     fn guess(&mut self) {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
@@ -71,10 +72,10 @@ impl<S: Simd> Impulses<S> {
             numbers.clear();
             numbers.resize(rows, zero);
         }
-        // All that is read of it is written first.
+        // All entries that are read are written first.
         g.factor.resize(g.factor.len().max(rows * rows), zero);
         for (k, &Single { row, wanted, least, most, stubborn }) in self.singles.iter().enumerate() {
-            // Couples hold exactly: none of them is one too many.
+            // Couplings hold exactly: they are never redundant.
             let own = if k < self.couples { zero } else { self.answers[row * rows + row] };
             let needed = (wanted - self.speeds[row]) * stubborn;
             let inside = least.less(needed).and(needed.less(most));
@@ -102,8 +103,8 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The factor UᵀU of what the free rows do to each other (A.-L. Cholesky), with reciprocals on its diagonal. Sums
-    /// go row by row: rows that only other candidates need change no digit.
+    /// The factor UᵀU of the free rows' Delassus matrix (A.-L. Cholesky), with reciprocals on its diagonal. Sums are
+    /// accumulated row by row, so that rows of other candidates change no bit.
     #[inline(always)]
     fn factorise(&mut self) {
         let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
@@ -132,7 +133,7 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// The impulses of the free rows, and the speeds with all impulses.
+    /// Solves for the impulses of the free rows, and computes the speeds with all impulses.
     #[inline(always)]
     fn solve(&mut self) {
         let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
@@ -165,7 +166,8 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// Lets go what pulls, takes hold of what would run into something, and so on; says whose guess was wrong.
+    /// Corrects the active set: releases contacts that pull, activates those that penetrate, and likewise for joints.
+    /// Returns the candidates whose guess was wrong.
     #[inline(always)]
     fn correct(&mut self) -> Mask<S> {
         let (zero, g) = (Lanes::zero(self.simd), &mut self.guess);
@@ -194,7 +196,7 @@ impl<S: Simd> Impulses<S> {
         wrong
     }
 
-    /// For whom anything holds more across than it can.
+    /// Candidates with a contact outside its friction cone.
     #[inline(always)]
     fn slides(&self) -> Mask<S> {
         let zero = Lanes::zero(self.simd);

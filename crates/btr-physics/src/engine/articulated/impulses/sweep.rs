@@ -1,19 +1,21 @@
-//! Projected Gauss-Seidel: impulses are put right one after the other, sweep by sweep, until velocities have settled.
+//! Projected Gauss-Seidel: impulses are corrected one after the other, in sweeps, until the velocities converge.
 
 use super::rows::{Contact, ContactLaw, Impulses, Single};
 use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use pulp::Simd;
 
-/// When the sweeps end where nothing touches: after so many, or when no velocity changes by a larger share of itself.
+/// Termination without contacts: maximum number of sweeps, and relative change of a velocity below which it has
+/// converged.
 const IN_JOINTS: (usize, f64) = (60, 1e-13);
-/// The same with contacts, times the fastest speed: far below what any sensor sees. A sole that slides flat on its
-/// corners may share its load among them in many ways, and would be sorted out for ever.
+/// The same with contacts, relative to the fastest speed: far below any sensor's resolution. A sole that slides flat on
+/// its corners has no unique load distribution and would never converge.
 const TOUCHING: (usize, f64) = (50, 1e-6);
-/// What rests must not creep: speeds below this (rad/s, m/s) count as this.
+/// Bodies at rest must not creep: speeds below this (rad/s, m/s) count as this.
 const AT_REST: f64 = 0.01;
 
 impl<S: Simd> Impulses<S> {
-    /// Where the sweeps begin for all who have not settled, whether that was tried or not: at the last impulses.
+    /// Warm start from the last impulses, for candidates that have not converged; `tried` are those that the active-set
+    /// method has changed.
     #[inline(always)]
     pub(super) fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
@@ -42,7 +44,7 @@ impl<S: Simd> Impulses<S> {
         }
     }
 
-    /// Sweeps for each candidate until it has settled or may sweep no more; gives back for whom there was no end.
+    /// Sweeps each candidate until it converges or reaches its maximum; returns those that did not converge.
     #[inline(always)]
     pub(super) fn sweep_until_settled(&mut self, mut moving: Mask<S>, u: &[Lanes<S>]) -> Mask<S> {
         let zero = Lanes::zero(self.simd);
@@ -67,8 +69,9 @@ impl<S: Simd> Impulses<S> {
         endless
     }
 
-    /// Takes the impulse of every joint and those of every contact to where they should be if the others stay, for
-    /// those that still are moving; gives back for whom a velocity changed by more than this and this share of itself.
+    /// One sweep: sets each joint's and each contact's impulses to their optimum with all others fixed, for the
+    /// candidates in `moving`. Returns those where a velocity changed by more than the tolerances, absolute and
+    /// relative.
     #[inline(always)]
     fn sweep(&mut self, moving: Mask<S>, settled: [Lanes<S>; 2]) -> Mask<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
@@ -105,7 +108,8 @@ impl<S: Simd> Impulses<S> {
         moving.and(still)
     }
 
-    /// The impulses of a contact while all others stay: the normal one, and what that leaves to those across.
+    /// The impulses of a contact with all others fixed: the normal one, then the tangential ones within its friction
+    /// cone.
     #[inline(always)]
     fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
         let (rows, row, ContactLaw { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
@@ -121,13 +125,13 @@ impl<S: Simd> Impulses<S> {
         let most = friction * normal;
         let square = across[0] * across[0] + across[1] * across[1];
         let beyond = (most * most).less(square);
-        // Most of what touches sticks.
+        // Most contacts stick.
         let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
         [normal, across[0] * shrink, across[1] * shrink]
     }
 }
 
-/// Whether a velocity changed by more than this and this share of itself.
+/// Whether a velocity changed by more than these absolute and relative tolerances.
 #[inline(always)]
 fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, [least, share]: [Lanes<S>; 2]) -> Mask<S> {
     change.abs().at_most(least.add_product(share, speed.abs())).not()

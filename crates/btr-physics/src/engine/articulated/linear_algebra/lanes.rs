@@ -1,24 +1,24 @@
-//! Numbers of several candidates side by side: one in each lane of a vector register.
+//! Scalars of several candidates: one in each lane of a SIMD register.
 //!
-//! Every operation does in each lane what it does for a single candidate, rounded alike, so that results do not depend
-//! on how many are side by side. Nothing here may be a call that the compiler can leave out of line: what is compiled
-//! apart from [`Simd::vectorize`] knows nothing of the wide registers.
+//! Every operation rounds in each lane as it does for a single candidate, so that results do not depend on the number
+//! of lanes. Everything here must be inlined: code that is compiled outside of [`Simd::vectorize`] cannot use the wide
+//! registers.
 
 use pulp::Simd;
 use pulp::bytemuck::cast_slice;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A number of each candidate.
+/// One number per candidate.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct Lanes<S: Simd>(S, S::f64s);
 
-/// A yes or no of each candidate.
+/// One boolean per candidate.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct Mask<S: Simd>(S, S::m64s);
 
-/// Adding and taking away this rounds to whole numbers, ties to even.
+/// Adding and subtracting this rounds to integers, ties to even.
 const ROUND: f64 = 6_755_399_441_055_744.0;
-/// A quarter turn in two parts: the first has so few digits that its multiples are exact.
+/// π/2 in two parts: the first has so few digits that its multiples are exact.
 const QUARTER: (f64, f64) = (1.570_796_326_734_125_6, 6.077_100_506_506_192e-11);
 /// Coefficients of the sine and the cosine between -45° and 45°: those of fdlibm (Sun Microsystems, 1993).
 const SINE: [f64; 6] = [
@@ -39,7 +39,7 @@ const COSINE: [f64; 6] = [
 ];
 
 impl<S: Simd> Lanes<S> {
-    /// The same number for all.
+    /// The same number in every lane.
     #[inline(always)]
     pub(in crate::engine::articulated) fn all(simd: S, x: f64) -> Self {
         Lanes(simd, simd.splat_f64s(x))
@@ -67,19 +67,19 @@ impl<S: Simd> Lanes<S> {
         pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(std::slice::from_mut(&mut self.1))[lane] = x;
     }
 
-    /// The same number in every lane, of the kind of this one.
+    /// The same number in every lane, of this value's type.
     #[inline(always)]
     pub(in crate::engine::articulated) fn like(self, x: f64) -> Self {
         Lanes::all(self.0, x)
     }
 
-    /// This and a product, rounded once.
+    /// `self + a·b`, rounded once.
     #[inline(always)]
     pub(in crate::engine::articulated) fn add_product(self, a: Self, b: Self) -> Self {
         Lanes(self.0, self.0.mul_add_f64s(a.1, b.1, self.1))
     }
 
-    /// This without a product, rounded once.
+    /// `self − a·b`, rounded once.
     #[inline(always)]
     pub(in crate::engine::articulated) fn sub_product(self, a: Self, b: Self) -> Self {
         Lanes(self.0, self.0.negate_mul_add_f64s(a.1, b.1, self.1))
@@ -110,13 +110,13 @@ impl<S: Simd> Lanes<S> {
         Mask(self.0, self.0.less_than_or_equal_f64s(self.1, other.1))
     }
 
-    /// The larger one; `other` where either is no number.
+    /// The larger one; `other` where either is NaN.
     #[inline(always)]
     pub(in crate::engine::articulated) fn max(self, other: Self) -> Self {
         other.less(self).select(self, other)
     }
 
-    /// The smaller one; `other` where either is no number.
+    /// The smaller one; `other` where either is NaN.
     #[inline(always)]
     pub(in crate::engine::articulated) fn min(self, other: Self) -> Self {
         self.less(other).select(self, other)
@@ -127,7 +127,7 @@ impl<S: Simd> Lanes<S> {
         self.max(least).min(most)
     }
 
-    /// Sine and cosine; to the last digits up to a hundred thousand turns.
+    /// Sine and cosine; accurate to the last digits up to 100,000 turns.
     #[inline(always)]
     pub(in crate::engine::articulated) fn sin_cos(self) -> (Self, Self) {
         let round = self.like(ROUND);
@@ -136,7 +136,7 @@ impl<S: Simd> Lanes<S> {
         let square = x * x;
         let sine = x + x * square * polynomial(square, &SINE);
         let cosine = (self.like(1.0) - square * self.like(0.5)) + square * square * polynomial(square, &COSINE);
-        // Which quarter it is: 0, 1/4, 1/2 or -1/2, -1/4.
+        // The quadrant: 0, 1/4, 1/2 or -1/2, -1/4.
         let turns = quarters * self.like(0.25);
         let quarter = turns - ((turns + round) - round);
         let (early, late) = (self.like(0.125), self.like(0.375));
@@ -179,12 +179,12 @@ impl<S: Simd> Mask<S> {
         Mask(self.0, self.0.not_m64s(self.1))
     }
 
-    /// Whether it is a yes for this one.
+    /// Whether it is true in a lane.
     pub(in crate::engine::articulated) fn lane(self, lane: usize) -> bool {
         self.select(Lanes::all(self.0, 1.0), Lanes::zero(self.0)).lane(lane) > 0.5
     }
 
-    /// Whether it is a yes for any.
+    /// Whether it is true in any lane.
     #[inline(always)]
     pub(in crate::engine::articulated) fn any(self) -> bool {
         self.0.first_true_m64s(self.1) < S::F64_LANES

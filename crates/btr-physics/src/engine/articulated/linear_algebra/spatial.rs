@@ -54,13 +54,13 @@ impl<S: Simd> Spatial<S> {
         sum
     }
 
-    /// How a motion moves a point.
+    /// Velocity of a point under this motion.
     #[inline(always)]
     pub(in crate::engine::articulated) fn at(&self, point: &V3<S>) -> V3<S> {
         self.linear + self.angular.cross(point)
     }
 
-    /// How a motion that is fixed to a body changes as the body moves with `self`.
+    /// Spatial cross product with a motion: rate of change of a motion that is fixed to a body moving with `self`.
     #[inline(always)]
     pub(in crate::engine::articulated) fn cross_motion(&self, motion: &Self) -> Self {
         Spatial {
@@ -69,7 +69,7 @@ impl<S: Simd> Spatial<S> {
         }
     }
 
-    /// The same for a momentum.
+    /// Spatial cross product with a force or a momentum.
     #[inline(always)]
     pub(in crate::engine::articulated) fn cross_force(&self, force: &Self) -> Self {
         Spatial {
@@ -85,7 +85,7 @@ impl<S: Simd> Symmetric<S> {
         Symmetric([Lanes::zero(simd); 6])
     }
 
-    /// The matrix in axes that are turned by `rotation`.
+    /// The matrix in axes rotated by `rotation`.
     #[inline(always)]
     pub(in crate::engine::articulated) fn turned(&self, rotation: &M3<S>) -> Self {
         let [xx, yy, zz, xy, xz, yz] = self.0;
@@ -99,7 +99,7 @@ impl<S: Simd> Symmetric<S> {
         Symmetric(turned)
     }
 
-    /// What a mass at `place` adds to the inertia about the origin.
+    /// Inertia of a point mass at `place` about the origin.
     #[inline(always)]
     pub(in crate::engine::articulated) fn of_point(mass: Lanes<S>, place: &V3<S>) -> Self {
         let [x, y, z] = place.0;
@@ -124,7 +124,7 @@ impl<S: Simd> Symmetric<S> {
 }
 
 impl<S: Simd> Inertia<S> {
-    /// Momentum of a motion, or the force for an acceleration.
+    /// Momentum of a motion, or force of an acceleration.
     #[inline(always)]
     pub(in crate::engine::articulated) fn times(&self, motion: &Spatial<S>) -> Spatial<S> {
         Spatial {
@@ -143,14 +143,15 @@ impl<S: Simd> Inertia<S> {
     }
 }
 
-/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `ways` leads
-/// from the root to each degree of freedom, which comes last; the matrix is empty wherever neither of two moves the
-/// other, and so is the factor. Its diagonal holds the reciprocals, which is all that is ever asked for.
+/// The factor L of a symmetric matrix LᵀL, in place, in the lower triangle (Featherstone 2008, table 6.3). `paths` has
+/// the path from the root to each degree of freedom, itself last. The matrix has no entries for degrees of freedom on
+/// different branches, and neither has the factor. Its diagonal holds the reciprocals, which is all that is needed of
+/// it.
 #[inline(always)]
 pub(in crate::engine::articulated) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
     let n = ways.len();
     for k in (0..n).rev() {
-        // A body without any inertia makes this NaN, which is noticed as trouble.
+        // A body without inertia makes this NaN, which [`Dynamics::trouble`](crate::engine::Dynamics::trouble) reports.
         let pivot = matrix[k * n + k].sqrt().recip();
         matrix[k * n + k] = pivot;
         let above = &ways[k][..ways[k].len() - 1];
@@ -180,8 +181,8 @@ pub(in crate::engine::articulated) fn solve<S: Simd>(factor: &[Lanes<S>], ways: 
     substitute(factor, ways, x);
 }
 
-/// Solves Lᵀ·x = b where b only is something on the way from the root to one degree of freedom, in place; `x` has an
-/// entry for each step of the way.
+/// Solves Lᵀ·x = b in place, where b is nonzero only on the path from the root to one degree of freedom; `x` has an
+/// entry for each step of the path.
 #[inline(always)]
 pub(in crate::engine::articulated) fn solve_way<S: Simd>(
     factor: &[Lanes<S>],
@@ -199,7 +200,7 @@ pub(in crate::engine::articulated) fn solve_way<S: Simd>(
     }
 }
 
-/// The same for six b at once.
+/// The same for six right-hand sides at once.
 #[inline(always)]
 pub(in crate::engine::articulated) fn solve_motions<S: Simd>(
     factor: &[Lanes<S>],

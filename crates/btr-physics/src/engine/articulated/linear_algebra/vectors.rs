@@ -1,15 +1,15 @@
-//! Vectors and matrices of several candidates side by side.
+//! 3-D vectors and matrices of several candidates.
 
 use super::lanes::{Lanes, Mask};
 use nalgebra::{Matrix3, Vector3};
 use pulp::Simd;
 use std::ops::{Add, Sub};
 
-/// A vector of each candidate.
+/// One vector per candidate.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct V3<S: Simd>(pub(in crate::engine::articulated) [Lanes<S>; 3]);
 
-/// A matrix of each candidate, row by row.
+/// One matrix per candidate, row-major.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct M3<S: Simd>(pub(in crate::engine::articulated) [[Lanes<S>; 3]; 3]);
 
@@ -40,7 +40,7 @@ impl<S: Simd> V3<S> {
         self.0.iter_mut().zip(vector.iter()).for_each(|(lanes, x)| lanes.set(lane, *x));
     }
 
-    /// The one for those who say yes, and the other for those who do not.
+    /// `yes` where the mask is true, `no` where it is false.
     #[inline(always)]
     pub(in crate::engine::articulated) fn select(mask: Mask<S>, yes: &Self, no: &Self) -> Self {
         let mut chosen = *no;
@@ -113,7 +113,7 @@ impl<S: Simd> M3<S> {
         V3([self.row(0).dot(v), self.row(1).dot(v), self.row(2).dot(v)])
     }
 
-    /// What the transposed matrix makes of a vector.
+    /// Product of the transposed matrix and a vector.
     #[inline(always)]
     pub(in crate::engine::articulated) fn turn_back(&self, v: &V3<S>) -> V3<S> {
         V3([self.column(0).dot(v), self.column(1).dot(v), self.column(2).dot(v)])
