@@ -18,8 +18,8 @@ pub(crate) struct Motor {
     sampled: Option<SampledServo>,
 }
 
-/// Stiffness of a prescribed joint's spring relative to inertia/dt². The joint lags by the inverse of this, as a fraction of
-/// one step's motion.
+/// Stiffness of a prescribed joint's spring relative to inertia/dt². The joint lags by the inverse of this, as a
+/// fraction of one step's motion.
 const HOLD: f64 = 1e4;
 
 impl Motor {

@@ -6,8 +6,6 @@
 //! - Candidates for one robot are simulated in batches, one per SIMD lane (8 with AVX-512, 4 with AVX2, detected at run
 //!   time). The batch size affects only the time taken. Robots with prescribed joints and runs on Rapier are simulated
 //!   one by one.
-//!   chosen as the program starts). The batch size changes nothing but time. Robots with prescribed joints and runs on Rapier
-//!   are simulated one by one.
 //! - A controller's references depend on the controller alone, not on the simulated parameters.
 
 mod batch;
