@@ -1,5 +1,5 @@
-//! What is large and what is small for a robot: the hints of the effects' cards are made for a desk arm, and a crane's friction
-//! is not a finger's.
+//! What is large and what is small for a robot: the hints of the effects' cards are made for a desk arm, and a crane's
+//! friction is not a finger's.
 
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};

@@ -1,7 +1,7 @@
 //! Suggestions for misspelt names.
 
-/// A question with the known names that may have been meant: the one most similar to `wrong`, or else those of which one word
-/// is similar.
+/// A question with the known names that may have been meant: the one most similar to `wrong`, or else those of which
+/// one word is similar.
 pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let known: Vec<&str> = known.into_iter().collect();
     let by_word = || known.iter().copied().filter(|name| nearest(wrong, name.split('_')).is_some()).collect();

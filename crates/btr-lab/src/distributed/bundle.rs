@@ -30,8 +30,8 @@ pub(super) enum RecordedLogs {
 }
 
 impl Bundle {
-    /// Packs a model file, with or without the logs of its `[reality]`. What names further files (an index of logs, a folder, a
-    /// data set's episode) is referred to by its absolute path.
+    /// Packs a model file, with or without the logs of its `[reality]`. What names further files (an index of logs, a
+    /// folder, a data set's episode) is referred to by its absolute path.
     pub(super) fn pack(source: &Source, logs: RecordedLogs, functions: &[u8]) -> Result<Self, DistributedError> {
         let mut document = source.text.parse::<DocumentMut>()?;
         if let Some(reality) =

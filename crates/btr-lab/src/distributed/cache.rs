@@ -17,7 +17,8 @@ impl<T, E> Cache<T, E> {
         Cache { capacity, slots: Mutex::new(Vec::new()) }
     }
 
-    /// The value of a key, made if it is absent. Threads that request the same key wait for it; other keys are not blocked.
+    /// The value of a key, made if it is absent. Threads that request the same key wait for it; other keys are not
+    /// blocked.
     pub(super) fn get(&self, key: u64, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, Arc<E>> {
         let slot = {
             let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);

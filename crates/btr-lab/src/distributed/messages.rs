@@ -32,8 +32,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<PayloadContent, DistributedError> {
 pub(super) enum PayloadContent {
     /// An identification problem: a model with its logs.
     Problem { model: Bundle, learn: Vec<(PathBuf, Log)>, held_out: Vec<(PathBuf, Log)> },
-    /// An experiment's simulations, the distance to real tests (as JSON, since postcard cannot decode untagged enums), and what
-    /// answers real tests.
+    /// An experiment's simulations, the distance to real tests (as JSON, since postcard cannot decode untagged enums),
+    /// and what answers real tests.
     Experiment { experiment: Bundle, distance: String, reality: RealitySource },
     /// The robot's behaviour in a real test.
     Test(Behaviour),

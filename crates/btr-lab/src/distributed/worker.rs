@@ -32,8 +32,8 @@ static TESTS: Cache<OpenPayload, DistributedError> = Cache::new(256);
 
 const MISMATCH: DistributedError = DistributedError::Payload("the batch does not fit its payload");
 
-/// Answers a batch: `payloads` are keys and contents, the first of them the problem or experiment. To be called by workers,
-/// each in one thread; each payload is opened once per process. `functions` unpacks the laws that
+/// Answers a batch: `payloads` are keys and contents, the first of them the problem or experiment. To be called by
+/// workers, each in one thread; each payload is opened once per process. `functions` unpacks the laws that
 /// [`Executor::functions`](crate::execution::Executor::functions) packed.
 ///
 /// # Errors

@@ -64,7 +64,8 @@ impl ExecutionContext {
         self.executor.as_deref()
     }
 
-    /// Does all work on the context's threads: as many as there are workers, each of which waits for one batch at a time.
+    /// Does all work on the context's threads: as many as there are workers, each of which waits for one batch at a
+    /// time.
     ///
     /// # Errors
     /// More threads than the system allows.
@@ -74,8 +75,8 @@ impl ExecutionContext {
         Ok(pool.map_err(|source| ThreadError { threads, source })?.install(work))
     }
 
-    /// A worker's `count` results for a batch, checked against the fingerprint; `None` without an executor. Where the executor
-    /// or the worker fails, this unwinds: with the executor's own cause, or with an [`ExchangeError`].
+    /// A worker's `count` results for a batch, checked against the fingerprint; `None` without an executor. Where the
+    /// executor or the worker fails, this unwinds: with the executor's own cause, or with an [`ExchangeError`].
     pub(crate) fn dispatch<T: DeserializeOwned>(
         &self,
         payloads: &[Arc<Payload>],

@@ -4,7 +4,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::hash::{DefaultHasher, Hasher};
 
-/// Largest number of rollouts or candidates in one batch; batches are smaller where some workers would otherwise be idle.
+/// Largest number of rollouts or candidates in one batch; batches are smaller where some workers would otherwise be
+/// idle.
 pub(crate) const BATCH_SIZE: usize = 64;
 
 /// A worker's answer to a batch, with the fingerprint of its simulations.

@@ -21,8 +21,8 @@ pub trait Executor: Send + Sync {
     fn functions(&self) -> &[u8] {
         &[]
     }
-    /// Has [`serve`](crate::distributed::serve) called by a worker, and waits for the answer. Called from as many threads at
-    /// once as there are workers.
+    /// Has [`serve`](crate::distributed::serve) called by a worker, and waits for the answer. Called from as many
+    /// threads at once as there are workers.
     ///
     /// # Errors
     /// Whatever keeps the answer from coming: all work ends with it.

@@ -89,8 +89,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for what
-    /// the text says of reality. Which one that is nobody can tell.
+    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for
+    /// what the text says of reality. Which one that is nobody can tell.
     pub fn stamp(&self) -> String {
         let robot = if self.has_robot() { ", reality is a function" } else { "" };
         format!("# --seed {}{robot}\n{}", self.seed, self.source.text)
@@ -106,8 +106,8 @@ impl Experiment {
         if self.has_robot() { RealitySource::Function } else { RealitySource::File }
     }
 
-    /// Goes on with a larger S: `text` is the file with further parameters. Reality stays what it was, so that a hidden twin
-    /// neither gains nor loses anything by what its simulations are given.
+    /// Goes on with a larger S: `text` is the file with further parameters. Reality stays what it was, so that a hidden
+    /// twin neither gains nor loses anything by what its simulations are given.
     ///
     /// # Errors
     /// Whatever does not make sense, at its line.

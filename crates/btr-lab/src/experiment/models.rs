@@ -37,8 +37,8 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
 }
 
-/// The model of a file, told what a log says the robot was told, from where the log starts, with what an index of logs in the
-/// file knows of it.
+/// The model of a file, told what a log says the robot was told, from where the log starts, with what an index of logs
+/// in the file knows of it.
 ///
 /// # Errors
 /// Whatever does not make sense; a log that cannot be read or lacks the robot's joints.
@@ -53,7 +53,8 @@ pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Mod
     builder.model(ScenarioSet { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
 }
 
-/// The simulations of an experiment, without its plan and reality. Its `[reality]` section only matters where it names logs.
+/// The simulations of an experiment, without its plan and reality. Its `[reality]` section only matters where it names
+/// logs.
 ///
 /// # Errors
 /// Whatever does not make sense, at its line.

@@ -13,8 +13,8 @@ use btr_physics::model::{Model, Scenario};
 use std::sync::Arc;
 
 impl Experiment {
-    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told, from
-    /// where every test begins.
+    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told,
+    /// from where every test begins.
     ///
     /// # Errors
     /// A controller that does not fit.
@@ -56,8 +56,8 @@ impl Experiment {
         if self.model.drive.senses() {
             references = corrected_references(&references, log);
         }
-        // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample, is held
-        // only where it is something else than what was asked for.
+        // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample,
+        // is held only where it is something else than what was asked for.
         let as_asked = quality::check_references(&references, log).is_none();
         let replay = match as_asked {
             true => Replay::new(&references, &self.model.robot),

@@ -47,12 +47,12 @@ impl Replays {
     }
 }
 
-/// The model of a file beside logs: what each log says the robot was told, from where it starts; a log with gaps in pieces. An
-/// index of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
+/// The model of a file beside logs: what each log says the robot was told, from where it starts; a log with gaps in
+/// pieces. An index of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
 ///
 /// # Errors
-/// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt from and
-/// held out.
+/// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt
+/// from and held out.
 pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replays, FileError>
 where
     L: Clone + Into<LogSource>,

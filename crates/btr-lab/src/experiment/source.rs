@@ -160,8 +160,8 @@ fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result
     Ok(())
 }
 
-/// The parts of a dotted key. Those that TOML wants in quotes do without them here, where no dot is in them: shells take
-/// quotes away, and `parameters.mass@bob.value` says what it means.
+/// The parts of a dotted key. Those that TOML wants in quotes do without them here, where no dot is in them: shells
+/// take quotes away, and `parameters.mass@bob.value` says what it means.
 fn keys_of(dotted: &str) -> Option<Vec<toml_edit::Key>> {
     let is_bare = |part: &str| part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let quoted = |part: &str| match part {

@@ -9,8 +9,8 @@ use btr_physics::model::Model;
 use std::sync::Arc;
 
 impl IdentificationProblem {
-    /// Puts a model beside its logs: `recorded` in the order of the model's scenarios. `without` names effects that are not to
-    /// be considered.
+    /// Puts a model beside its logs: `recorded` in the order of the model's scenarios. `without` names effects that are
+    /// not to be considered.
     ///
     /// # Errors
     /// A log without any measured channel that the model has; a model that blows up as it stands.

@@ -37,8 +37,8 @@ impl IdentificationProblem {
         })
     }
 
-    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a floor; their
-    /// starts as the model at `u` sees them.
+    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a
+    /// floor; their starts as the model at `u` sees them.
     pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
         let other = Self::without_effects(model, recorded, parts)?;

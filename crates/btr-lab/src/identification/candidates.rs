@@ -53,7 +53,8 @@ impl IdentificationProblem {
         self.effects.push(effect);
     }
 
-    /// The channels of the limb that a joint or a link belongs to; none where the robot is compared from beginning to end.
+    /// The channels of the limb that a joint or a link belongs to; none where the robot is compared from beginning to
+    /// end.
     fn limb_of(&self, site: &str) -> Vec<String> {
         if self.parts.iter().all(|part| part.windows.is_empty()) {
             return Vec::new();
@@ -62,7 +63,8 @@ impl IdentificationProblem {
         here.map_or_else(Vec::new, |joint| self.limbs[joint].clone())
     }
 
-    /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it moves.
+    /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it
+    /// moves.
     fn introduce(&mut self) {
         let links = &self.model.robot.links;
         let place =

@@ -72,8 +72,8 @@ impl VerbInput {
         Ok(VerbInput { source, problem, doubts, not_judged, recordings: replays.recordings })
     }
 
-    /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are these
-    /// without.
+    /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are
+    /// these without.
     ///
     /// # Errors
     /// See [`new`](Self::new); an effect or a site that is not there.

@@ -12,8 +12,8 @@ use btr_physics::robot::Base;
 use std::ops::Range;
 
 impl IdentificationProblem {
-    /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests first is
-    /// simulated from there, if it can be; else it is found in its log, window by window.
+    /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests
+    /// first is simulated from there, if it can be; else it is found in its log, window by window.
     pub(super) fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
         if self.model.robot.base == Base::Floating && !self.rest(u)? {
             self.cut(u)?;

@@ -11,7 +11,8 @@ use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::{ModelRequest, Scenario};
 
 impl IdentificationProblem {
-    /// What is simulated at a point beside the log of a scenario; with windows, from where the log has the robot at each start.
+    /// What is simulated at a point beside the log of a scenario; with windows, from where the log has the robot at
+    /// each start.
     ///
     /// # Errors
     /// A simulation that blew up.

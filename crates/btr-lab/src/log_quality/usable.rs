@@ -67,8 +67,8 @@ pub(crate) fn check_positions(log: &Log, robot: &Robot, mapping: &Mapping) -> Re
     missing.map_or(Ok(()), Err)
 }
 
-/// What is odd about a log, although it can be used: channels without a value, and commands that change more often than the
-/// model takes steps of `dt_s`.
+/// What is odd about a log, although it can be used: channels without a value, and commands that change more often than
+/// the model takes steps of `dt_s`.
 pub(crate) fn warnings(log: &Log, dt_s: Option<f64>) -> Vec<String> {
     let mut warnings = Vec::new();
     let empty = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));

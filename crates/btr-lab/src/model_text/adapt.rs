@@ -1,4 +1,4 @@
-//! The adapted model as a file: the experiment's own text with the estimates written in, comments and all.
+//! The adapted model as a file: the experiment's text with the estimates written in and its comments kept.
 
 use super::paths::{anchor, with_schema};
 use crate::experiment::{SimulationSection, Source};
@@ -6,16 +6,16 @@ use btr_core::space::Space;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, TomlError};
 
-/// Sections that steer a run and do not belong to a model.
+/// Sections that control a run and do not belong to a model.
 const NOT_MODEL: [&str; 3] = ["reality", "coevolve", "distances"];
 
-/// What a model is told and how it is judged; where nobody searched controllers, these are not part of a result.
+/// Sections for the drive and its fitness; not part of the result if no controllers were searched.
 const TASK: [&str; 2] = ["drive", "fitness"];
 
-/// Said above the parameters of an adapted model.
-const WHAT_WINS: &str = "# As fitted: these values win over those under [robot] and [actuators].";
+/// Comment above the parameters of an adapted model.
+const PRECEDENCE: &str = "# As fitted: these values win over those under [robot] and [actuators].";
 
-/// The text of `source` as a model file in the folder `into`, whose parameters in doubt have the values of `s`.
+/// The text of `source` as a model file in the folder `into`, with its free parameters at the values of `s`.
 ///
 /// # Errors
 /// A file that is not TOML; it was read before, so this does not happen.
@@ -25,8 +25,8 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
     Ok(model_text(document, source, (space, s), into))
 }
 
-/// The same with what the model is told and how it is judged. The drive is that of `controller`, a point of C with its space,
-/// and searches nothing; without a controller it stays as it is.
+/// The same with the sections for the drive and its fitness. The drive is fixed at `controller`, a point of C with its
+/// space; without a controller it stays unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
@@ -43,21 +43,21 @@ pub fn adapted_with_drive(
     Ok(model_text(document, source, simulation, into))
 }
 
-/// A document as a model file in the folder `into`, with these values of what is in doubt.
+/// A document as a model file in the folder `into`, with these values of the free parameters.
 fn model_text(mut document: DocumentMut, source: &Source, (space, s): (&Space, &[f64]), into: &Path) -> String {
     NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
     write_values(&mut document, named(space, s));
-    say_what_wins(&mut document);
+    note_precedence(&mut document);
     with_schema(&document.to_string(), source.folder(), into)
 }
 
-/// The numbers of a point with their names.
+/// The values of a point with their names.
 fn named<'a>(space: &'a Space, point: &'a [f64]) -> impl Iterator<Item = (&'a str, f64)> {
     space.dims().iter().map(|dim| dim.name.as_str()).zip(point.iter().copied())
 }
 
-/// Fixes what a drive searched, beside what it had fixed.
+/// Fixes the searched parameters of a drive in addition to those that were already fixed.
 fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a str, f64)>) {
     let Some(drive) = document.get_mut("drive").and_then(|drive| drive.as_table_like_mut()) else { return };
     for key in ["search", "start_from_nominal"] {
@@ -75,7 +75,7 @@ fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a s
     drive.insert("set", Item::Table(set));
 }
 
-/// The text of a file of whose parameters in doubt these have other values; all else is as it was.
+/// The text of a file with other values of these free parameters; everything else is unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
@@ -97,25 +97,25 @@ fn write_values<'a>(document: &mut DocumentMut, values: impl IntoIterator<Item =
     }
 }
 
-/// Whoever reads an actuator's gain in an adapted model must know that another one holds.
-fn say_what_wins(document: &mut DocumentMut) {
+/// Adds a comment that the fitted values override those under `[robot]` and `[actuators]`.
+fn note_precedence(document: &mut DocumentMut) {
     let Some(parameters) = document.get_mut("parameters").and_then(|item| item.as_table_mut()) else { return };
     let before = parameters.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or("\n").to_owned();
-    if !before.contains(WHAT_WINS) {
-        parameters.decor_mut().set_prefix(format!("{before}{WHAT_WINS}\n"));
+    if !before.contains(PRECEDENCE) {
+        parameters.decor_mut().set_prefix(format!("{before}{PRECEDENCE}\n"));
     }
 }
 
-/// The text of a model file with a finer time step: so many where there was one, sampled as before.
+/// The text of a model file with each time step divided into `times`; the sampling times are unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
 pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    let usual = SimulationSection::default();
+    let default = SimulationSection::default();
     let simulation = document.entry("simulation").or_insert_with(toml_edit::table);
-    for (key, usual) in [("steps_per_control", usual.steps_per_control), ("sample_every", usual.sample_every)] {
-        let now = simulation.get(key).and_then(|item| item.as_integer()).unwrap_or(i64::from(usual));
+    for (key, default) in [("steps_per_control", default.steps_per_control), ("sample_every", default.sample_every)] {
+        let now = simulation.get(key).and_then(|item| item.as_integer()).unwrap_or(i64::from(default));
         if let Some(table) = simulation.as_table_like_mut() {
             table.insert(key, toml_edit::value(now * i64::from(times)));
         }

@@ -1,4 +1,4 @@
-//! `add`: writes effects into a model file, free to fit.
+//! `add`: writes effects into a model file as free parameters.
 
 use crate::experiment::Source;
 use crate::scales::RobotScales;
@@ -8,55 +8,55 @@ use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
-/// An effect to be added somewhere.
+/// An effect to add, and its site.
 #[derive(Clone, Debug)]
 pub struct Addition {
     effect: &'static dyn Effect,
     site: String,
 }
 
-/// What cannot be added.
+/// Why an effect or a law cannot be added.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AddError {
     /// No effect of that name.
     #[error("there is no effect `{name}`")]
     Unknown {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// Which ones are similar, as a question.
+        /// Similar names, as a question.
         near: Option<String>,
     },
-    /// Nothing there.
+    /// The effect cannot act on that site.
     #[error("`{effect}` cannot sit on `{site}`")]
     Site {
         /// The effect.
         effect: String,
-        /// What was asked for.
+        /// The requested name.
         site: String,
-        /// What there is.
+        /// The possible sites.
         known: Vec<String>,
     },
-    /// It is there already.
+    /// The model already has the effect.
     #[error("the model has `{name}` already")]
     Twice {
         /// `effect@site`.
         name: String,
     },
-    /// A law's parameter that cannot be called so.
+    /// A name that a law's parameter cannot have.
     #[error("a law's parameter cannot be called `{name}`: {why}")]
     Name {
         /// The parameter.
         name: String,
-        /// Who has the name.
+        /// The reason.
         why: String,
     },
-    /// The file is no TOML; it was read before, so this does not happen.
+    /// The file is not valid TOML; it was parsed before, so this does not happen.
     #[error(transparent)]
     Toml(#[from] toml_edit::TomlError),
 }
 
 impl AddError {
-    /// What to do about it.
+    /// The remedy.
     pub fn help(&self) -> Option<String> {
         match self {
             AddError::Unknown { near, .. } => {
@@ -71,10 +71,10 @@ impl AddError {
 }
 
 impl Addition {
-    /// Reads `EFFECT[@SITE]`; without a site it sits everywhere it can.
+    /// Parses `EFFECT[@SITE]`; without a site the effect acts on every possible site.
     ///
     /// # Errors
-    /// An effect or a site that is not there.
+    /// An unknown effect or site.
     pub fn parse(text: &str, robot: &Robot) -> Result<Self, AddError> {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
         let effect = effects::find(name).ok_or_else(|| AddError::Unknown {
@@ -100,16 +100,16 @@ impl Addition {
     }
 }
 
-/// The model's text with the effects in it: each parameter in doubt, at its off value where it has one. Bounds are made for
-/// the robot, as far as its weight tells.
+/// The model's text with the effects added: each parameter is free, at its off value if it has one. Bounds are scaled
+/// to the robot by its weight.
 ///
 /// # Errors
-/// An effect that is there already.
+/// An effect that the model already has.
 pub fn add(source: &Source, robot: &Robot, additions: &[Addition]) -> Result<String, AddError> {
     add_scaled(source, &RobotScales::guess(robot), additions)
 }
 
-/// The same with bounds made for what the robot does.
+/// The same with bounds for the given scales.
 pub(crate) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Addition]) -> Result<String, AddError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     for addition in additions {
@@ -149,12 +149,12 @@ fn off(param: &Param) -> String {
     }
 }
 
-/// To two digits: a bound is no measurement.
+/// Rounds a bound to two digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
-/// Bounds, and where a fit starts: off if that is a number, else the typical value.
+/// Bounds and initial value of a parameter: its off value if that is finite, else its typical value.
 fn entry(param: &Param, scale: f64) -> InlineTable {
     let start = if param.off.is_finite() { param.off } else { param.hint * scale };
     let mut table = InlineTable::new();

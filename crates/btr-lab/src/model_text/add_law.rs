@@ -1,17 +1,17 @@
-//! A user's own law written into a model file, its numbers fixed or free to fit.
+//! Writes a user-defined law into a model file, with fixed or free parameters.
 
 use super::add_effect::AddError;
 use crate::experiment::Source;
 use btr_physics::effects::FORMULA;
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};
 
-/// What a formula's section says beside the law's own parameters.
+/// Keys of a formula's section other than the law's parameters.
 const KEYS: [&str; 4] = ["effect", "site", "on", "law"];
 
-/// A law as it is to stand in a model file.
+/// A user-defined law for a model file.
 #[derive(Clone, Debug)]
 pub struct OwnLaw {
-    /// An expression, or the name of a function that comes with the model.
+    /// An expression, or the name of a function passed along with the model.
     pub law: String,
     /// Names of joints.
     pub site: String,
@@ -24,14 +24,14 @@ pub struct OwnLaw {
 /// A parameter of a law.
 #[derive(Clone, Copy, Debug)]
 pub enum OwnNumber {
-    /// Known.
+    /// Fixed at a value.
     Fixed(f64),
     /// Free to fit between two bounds.
     Between(f64, f64),
 }
 
 impl OwnNumber {
-    /// Where a fit begins: in the middle, of positive bounds in that of their orders of magnitude, as fits take them.
+    /// Initial value of a fit: the midpoint of the bounds, or their geometric mean if they are positive, as in fits.
     fn nominal(self) -> f64 {
         match self {
             OwnNumber::Fixed(value) => value,
@@ -41,19 +41,19 @@ impl OwnNumber {
     }
 }
 
-/// The model's text with the law in it. Whether the law and its numbers make sense is said when the text is read.
+/// The model's text with the law added. The law and its parameters are validated when the text is read.
 ///
 /// # Errors
-/// A parameter whose name is taken in the file.
-pub fn add_law(source: &Source, own: &OwnLaw) -> Result<String, AddError> {
+/// A parameter name that is already used in the file.
+pub fn add_law(source: &Source, law: &OwnLaw) -> Result<String, AddError> {
     let mut document = source.text.parse::<DocumentMut>()?;
-    for (name, _) in &own.numbers {
+    for (name, _) in &law.numbers {
         let taken = |why: String| Err(AddError::Name { name: name.clone(), why });
         if KEYS.contains(&name.as_str()) {
             return taken("a formula's section says something else with it".to_owned());
         }
-        if has(document.get("effects"), &own.site, name) {
-            let site = &own.site;
+        if has_parameter(document.get("effects"), &law.site, name) {
+            let site = &law.site;
             return taken(format!("another formula at `{site}` has one, and parameters of one name there are one"));
         }
     }
@@ -61,44 +61,44 @@ pub fn add_law(source: &Source, own: &OwnLaw) -> Result<String, AddError> {
     match effects {
         Item::ArrayOfTables(sections) => {
             let mut section = Table::new();
-            fill(&mut section, own);
+            fill(&mut section, law);
             sections.push(section);
         }
         Item::Value(Value::Array(sections)) => {
             let mut section = InlineTable::new();
-            fill(&mut section, own);
+            fill(&mut section, law);
             sections.push(section);
         }
         _ => {}
     }
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(document.to_string()) };
-    for (name, number) in &own.numbers {
+    for (name, number) in &law.numbers {
         if let OwnNumber::Between(least, most) = *number {
             let mut entry = InlineTable::new();
             entry.insert("bounds", Value::Array([least, most].into_iter().collect()));
-            parameters.insert(&format!("{}.{name}@{}", FORMULA.name, own.site), value(entry));
+            parameters.insert(&format!("{}.{name}@{}", FORMULA.name, law.site), value(entry));
         }
     }
     Ok(document.to_string())
 }
 
-fn fill(section: &mut dyn TableLike, own: &OwnLaw) {
-    let texts = [FORMULA.name, &own.site, &own.on, &own.law];
+fn fill(section: &mut dyn TableLike, law: &OwnLaw) {
+    let texts = [FORMULA.name, &law.site, &law.on, &law.law];
     for (key, text) in KEYS.into_iter().zip(texts) {
         section.insert(key, value(text));
     }
-    for (name, number) in &own.numbers {
+    for (name, number) in &law.numbers {
         section.insert(name, value(number.nominal()));
     }
 }
 
 /// Whether a formula at the site has a parameter of that name.
-fn has(effects: Option<&Item>, site: &str, name: &str) -> bool {
-    let says = |section: &dyn TableLike, key: &str, text: &str| section.get(key).and_then(Item::as_str) == Some(text);
+fn has_parameter(effects: Option<&Item>, site: &str, name: &str) -> bool {
+    let holds = |section: &dyn TableLike, key: &str, text: &str| section.get(key).and_then(Item::as_str) == Some(text);
     let is = |section: &dyn TableLike| {
-        let there = says(section, "site", site) || (site == "*" && !section.contains_key("site"));
-        says(section, "effect", FORMULA.name) && there && section.contains_key(name)
+        let here = holds(section, "site", site) || (site == "*" && !section.contains_key("site"));
+        holds(section, "effect", FORMULA.name) && here && section.contains_key(name)
     };
     match effects {
         Some(Item::ArrayOfTables(sections)) => sections.iter().any(|section| is(section)),

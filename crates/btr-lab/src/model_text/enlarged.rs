@@ -1,12 +1,12 @@
-//! Whether one experiment is another one with a larger S.
+//! Whether an experiment equals another one except for a larger S.
 
 use toml::{Table, Value};
 
-/// What may change with S: how long the run goes on, and what it does when it stops.
+/// Keys that may change with S: the length of the run, and what it does when it stops.
 const MAY_CHANGE: [&str; 3] = ["iterations", "real_tests", "self_augment"];
 
-/// Whether `new` is the text of the experiment `old` with further parameters behind its own, and nothing else that could change
-/// what was found so far.
+/// Whether `new` is the text of the experiment `old` with further parameters after the existing ones, and without any
+/// other change that could affect earlier results.
 pub fn enlarges(old: &str, new: &str) -> bool {
     let (Ok(mut old), Ok(mut new)) = (old.parse::<Table>(), new.parse::<Table>()) else { return false };
     let (fewer, more) = (parameters(&mut old), parameters(&mut new));
@@ -19,7 +19,7 @@ pub fn enlarges(old: &str, new: &str) -> bool {
     old == new && same && more.len() > fewer.len()
 }
 
-/// Takes the parameters out of a file.
+/// Removes the parameters from a file and returns them.
 fn parameters(file: &mut Table) -> Table {
     match file.remove("parameters") {
         Some(Value::Table(parameters)) => parameters,

@@ -1,13 +1,13 @@
-//! The paths in a model file, and how they change when the file moves to another folder.
+//! The paths in a model file, rewritten when the file moves to another folder.
 
 use crate::experiment::Source;
 use std::path::{Component, Path, PathBuf};
 use toml_edit::{DocumentMut, TomlError, Value};
 
-/// How the line that tells editors of the schema begins; only the first line is one.
+/// Prefix of the line that names the schema for editors; only the first line counts.
 const SCHEMA: &str = "#:schema";
 
-/// Where a file names other files, relative to its own folder: one, or a list.
+/// Keys with paths relative to the file's folder: one path, or a list.
 const NAMES_FILES: [(&str, &str); 6] = [
     ("robot", "urdf"),
     ("logs", "index"),
@@ -17,8 +17,8 @@ const NAMES_FILES: [(&str, &str); 6] = [
     ("reality", "held_out"),
 ];
 
-/// The text with its line for editors, which names the schema relative to `folder`, relative to `into`; without it where the
-/// schema is not there.
+/// The text with the path in its schema line rewritten from relative to `folder` to relative to `into`; without that
+/// line if the schema does not exist.
 pub(super) fn with_schema(text: &str, folder: &Path, into: &Path) -> String {
     let Some((line, rest)) = text.split_once('\n') else { return text.to_owned() };
     let Some(schema) = line.strip_prefix(SCHEMA).map(str::trim) else { return text.to_owned() };
@@ -29,7 +29,7 @@ pub(super) fn with_schema(text: &str, folder: &Path, into: &Path) -> String {
     }
 }
 
-/// The text of a model file that lies in `folder`, for one in the folder `into`.
+/// The text of a model file in `folder`, rewritten for the folder `into`.
 ///
 /// # Errors
 /// A text that is not TOML.
@@ -39,7 +39,7 @@ pub fn moved(text: &str, folder: &Path, into: &Path) -> Result<String, TomlError
     Ok(with_schema(&document.to_string(), folder, into))
 }
 
-/// The files that a model's file names. A text that is not TOML names none; whoever parses it says so.
+/// The files that a model file names; none if the text is not TOML, which parsing it reports.
 pub fn named_files(source: &Source) -> Vec<PathBuf> {
     let mut files = Vec::new();
     if let Ok(mut document) = source.text.parse::<DocumentMut>() {
@@ -48,7 +48,7 @@ pub fn named_files(source: &Source) -> Vec<PathBuf> {
     files
 }
 
-/// Makes the paths in a document, relative to `folder`, relative to `into`. Absolute ones stay.
+/// Rewrites the paths in a document from relative to `folder` to relative to `into`. Absolute paths stay unchanged.
 pub(super) fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
     each_named_file(document, |_, value| {
         let Some(path) = value.as_str().map(Path::new).filter(|path| path.is_relative()) else { return };
@@ -59,7 +59,7 @@ pub(super) fn anchor(document: &mut DocumentMut, folder: &Path, into: &Path) {
     });
 }
 
-/// Visits the paths in a document, with the key at which they stand.
+/// Visits the paths in a document with their keys.
 pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(&str, &mut Value)) {
     for (section, key) in NAMES_FILES {
         let mut visit = |value: &mut Value| visit(key, value);
@@ -72,7 +72,7 @@ pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(
     }
 }
 
-/// The way from a folder to a file: up to where both lie, and down; absolute where that is no more than the root.
+/// The relative path from a folder to a file; absolute if the two have only the root in common.
 fn relative_path(from: &Path, file: &Path) -> PathBuf {
     let (from, folder) = (real(from), real(file.parent().unwrap_or(file)));
     let name = file.file_name().unwrap_or_default();
@@ -84,7 +84,7 @@ fn relative_path(from: &Path, file: &Path) -> PathBuf {
     up.chain(folder.components().skip(common)).collect::<PathBuf>().join(name)
 }
 
-/// A folder without detours; where it does not exist yet, as it is written.
+/// The canonical path of a folder; the absolute path as written if the folder does not exist yet.
 fn real(folder: &Path) -> PathBuf {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let absolute = || std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_for_editors_moves_along_or_goes() {
+    fn the_schema_line_is_rewritten_or_dropped() {
         let lab = tempfile::tempdir().unwrap();
         let (from, into) = (lab.path().join("robots"), lab.path().join("runs/monday"));
         std::fs::create_dir_all(&from).unwrap();
@@ -107,24 +107,24 @@ mod tests {
         std::fs::write(lab.path().join("btr.schema.json"), "{}").unwrap();
         std::fs::create_dir_all(&into).unwrap();
         assert_eq!(moved(text), "#:schema ../../btr.schema.json\nname = \"arm\"\n");
-        let elsewhere = "#:schema https://example.org/btr.json\nname = \"arm\"\n";
-        assert_eq!(moved(elsewhere), elsewhere);
+        let remote = "#:schema https://example.org/btr.json\nname = \"arm\"\n";
+        assert_eq!(moved(remote), remote);
     }
 
     #[test]
-    fn a_file_that_moves_takes_the_way_to_others_along() {
+    fn moving_a_file_rewrites_its_relative_paths() {
         let text = "[robot]\nurdf = \"arm.urdf\" # its shape\n[logs]\nindex = \"logs/index.csv\"\n\
                     [reality]\nfiles = [\"a.csv\", \"/b.csv\"]\n";
         let from = Path::new("/lab/robots");
         let moved = |into: &str| moved(text, from, Path::new(into)).unwrap();
         assert_eq!(moved("/lab/robots"), text);
-        let wanted = "[robot]\nurdf = \"../../robots/arm.urdf\" # its shape\n[logs]\n\
+        let expected = "[robot]\nurdf = \"../../robots/arm.urdf\" # its shape\n[logs]\n\
                       index = \"../../robots/logs/index.csv\"\n\
                       [reality]\nfiles = [\"../../robots/a.csv\", \"/b.csv\"]\n";
-        assert_eq!(moved("/lab/runs/monday"), wanted);
-        let wanted = "[robot]\nurdf = \"/lab/robots/arm.urdf\" # its shape\n[logs]\n\
+        assert_eq!(moved("/lab/runs/monday"), expected);
+        let expected = "[robot]\nurdf = \"/lab/robots/arm.urdf\" # its shape\n[logs]\n\
                       index = \"/lab/robots/logs/index.csv\"\n\
                       [reality]\nfiles = [\"/lab/robots/a.csv\", \"/b.csv\"]\n";
-        assert_eq!(moved("/tmp"), wanted);
+        assert_eq!(moved("/tmp"), expected);
     }
 }

@@ -2,18 +2,18 @@
 
 use btr_core::log::Log;
 
-/// A log that begins so many of its steps after the test began has only lost its first rows, or stamps what it did when it
-/// was done.
+/// A log that begins so many of its steps after the test began has only lost its first rows, or stamps what it did when
+/// it was done.
 const SOON: f64 = 1.5;
 /// A log may go on for this share of the test, or so many steps, after it.
 const TAIL: (f64, f64) = (0.05, 3.0);
 /// Times are rounded to this share of the test.
 const ROUNDED: f64 = 1e-9;
 
-/// A log on the clock of a test that lasts `test_s`. Where its own clock can be the test's, it is taken at its word: what
-/// begins at 0.02 s has lost what came before, and what has times below zero began to record before the test, which is left
-/// out. Any other clock counts from an epoch of its own, and its first row is the test's beginning. What comes after the test
-/// is left out, too: no simulation goes on so long.
+/// A log on the clock of a test that lasts `test_s`. Where its own clock can be the test's, it is taken at its word:
+/// what begins at 0.02 s has lost what came before, and what has times below zero began to record before the test,
+/// which is left out. Any other clock counts from an epoch of its own, and its first row is the test's beginning. What
+/// comes after the test is left out, too: no simulation goes on so long.
 pub(super) fn of_test(log: Log, test_s: f64) -> Log {
     let log = begun(log, test_s);
     let ends = log.clock_s().partition_point(|t| *t <= (1.0 + ROUNDED) * test_s);

@@ -1,7 +1,7 @@
 //! An external command per test: a program that drives the robot (or another simulator) and leaves a log.
 //!
-//! Every try writes to a file of its own and is renamed to the trial's log only when the program ended well and the log can
-//! be read: a killed run never mistakes half a log for a whole one, and no try is ever overwritten.
+//! Every try writes to a file of its own and is renamed to the trial's log only when the program ended well and the log
+//! can be read: a killed run never mistakes half a log for a whole one, and no try is ever overwritten.
 
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};

@@ -1,5 +1,5 @@
-//! The folder of real tests: `transfers/0007/` holds what was asked (`trial.toml`, `references.csv`) and what came of it
-//! (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
+//! The folder of real tests: `transfers/0007/` holds what was asked (`trial.toml`, `references.csv`) and what came of
+//! it (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
 
 use super::clock::of_test;
 use btr_core::log::{Log, Role};
@@ -57,8 +57,8 @@ pub struct Store {
 }
 
 impl Store {
-    /// Keeps tests of `test_s` seconds under `folder`; their controllers live in `controllers`, their logs are judged by
-    /// `fitness`.
+    /// Keeps tests of `test_s` seconds under `folder`; their controllers live in `controllers`, their logs are judged
+    /// by `fitness`.
     pub fn new(folder: PathBuf, controllers: Space, fitness: Fitness, mapping: Mapping, test_s: f64) -> Self {
         Store { folder, controllers, fitness, mapping, test_s }
     }

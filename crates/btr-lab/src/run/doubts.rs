@@ -1,5 +1,5 @@
-//! What makes real tests doubtful: how they were recorded, not how the robot moved. A run goes on with them, but whoever started
-//! it is told at once.
+//! Findings about real tests: defects of the recording, not of the robot's motion. A run continues despite them, but
+//! reports them at once.
 
 use crate::experiment::Experiment;
 use crate::log_quality::quality;
@@ -11,43 +11,43 @@ use btr_physics::robot::{Joint, Robot};
 use btr_physics::sensor::SensorNoise;
 use serde::Serialize;
 
-/// A log that ends before this share of the test is one of a part of it.
-const MOST_OF: f64 = 0.8;
-/// One that begins later than so many of its steps has lost more than its first row.
+/// A log that ends before this share of the test is partial.
+const MIN_SHARE: f64 = 0.8;
+/// A log that begins later than this many of its steps has lost more than its first row.
 const LATE_ROWS: f64 = 1.5;
-/// Fewer samples than this share of the commands are few.
+/// A log with fewer samples than this share of the commands has too few.
 const FEW: f64 = 0.25;
-/// What is read later than this, in s, does not tell where a joint began.
-const SOON_S: f64 = 0.05;
-/// A joint begins elsewhere if it is further away than this share of its range in the log, ...
-const AWAY: f64 = 0.15;
-/// ... and than so many noise floors.
-const TELLING: f64 = 10.0;
+/// Latest time of a reading that shows where a joint began, in s.
+const FIRST_READING_S: f64 = 0.05;
+/// A joint begins at another position if it is further away than this share of its range in the log, ...
+const START_SHARE: f64 = 0.15;
+/// ... and further than this many noise floors.
+const START_FLOORS: f64 = 10.0;
 
-/// Something odd about a real test's log.
+/// A finding about a real test's log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TestDoubt {
-    /// The test.
+    /// Number of the test.
     pub test: usize,
-    /// What was found.
+    /// The finding.
     #[serde(flatten)]
     pub finding: Finding,
 }
 
 impl TestDoubt {
-    /// In one line.
+    /// One-line summary.
     pub fn sentence(&self) -> String {
         format!("real test {}: {}", self.test, self.finding.sentence)
     }
 }
 
-/// Everything bad about real tests, test by test. Nothing about a twin, which is a simulation. Where no test gave anything,
-/// also why not.
+/// All findings about real tests, test by test. None for a twin, which is a simulation. If no test gave a log, includes
+/// why each one failed.
 pub fn doubts(experiment: &Experiment, tests: &[Entry]) -> Vec<TestDoubt> {
     doubts_since(experiment, tests, 0)
 }
 
-/// The same of the tests from `first` on.
+/// The same for the tests from `first` on.
 fn doubts_since(experiment: &Experiment, tests: &[Entry], first: usize) -> Vec<TestDoubt> {
     if experiment.reality.reveal().is_some() {
         return Vec::new();
@@ -71,11 +71,11 @@ fn failed(why: &str) -> Finding {
 fn of_log(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Vec<Finding> {
     let incomparable = incomparable(experiment, entry, real);
     let missing = if incomparable.is_none() { absent(experiment, &real.log) } else { None };
-    let of_the_test = incomparable.into_iter().chain(missing).chain(otherwise(experiment, entry, &real.log));
+    let of_the_test = incomparable.into_iter().chain(missing).chain(deviations(experiment, entry, &real.log));
     of_the_test.chain(recorded_badly(experiment, real)).collect()
 }
 
-/// What has been told of a run's real tests: each thing once, in the first test that shows it.
+/// Findings reported during a run: each is reported once, for the first test that shows it.
 #[derive(Default)]
 pub struct ReportedDoubts {
     tests: usize,
@@ -83,7 +83,7 @@ pub struct ReportedDoubts {
 }
 
 impl ReportedDoubts {
-    /// Looks at the tests since the last time; what was not told before.
+    /// Checks the tests that were added since the last call and returns the findings not yet reported.
     pub fn new_in(&mut self, experiment: &Experiment, tests: &[Entry]) -> Vec<TestDoubt> {
         let mut new = doubts_since(experiment, tests, self.tests);
         self.tests = tests.len();
@@ -97,7 +97,7 @@ impl ReportedDoubts {
     }
 }
 
-/// A log that no simulation of the same test can be compared with.
+/// Finding for a log that cannot be compared with a simulation of the same test.
 fn incomparable(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Option<Finding> {
     let (model, distance) = (&experiment.model, experiment.plan.distance.build());
     let simulated = model.run(&model.simulations.nominal(), &entry.trial.controller, entry.trial.scenario).ok()?;
@@ -107,29 +107,29 @@ fn incomparable(experiment: &Experiment, entry: &Entry, real: &Behaviour) -> Opt
     })
 }
 
-/// What the log says of how the test went that was not what was asked for.
-fn otherwise(experiment: &Experiment, entry: &Entry, log: &Log) -> Vec<Finding> {
+/// Findings where the log shows that the test was not carried out as requested.
+fn deviations(experiment: &Experiment, entry: &Entry, log: &Log) -> Vec<Finding> {
     let (model, trial) = (&experiment.model, &entry.trial);
     let known = &model.scenarios[trial.scenario];
-    // A recorded log is what it was asked for.
+    // A recorded log replays its own commands.
     if known.replay.is_some() {
         return Vec::new();
     }
     let references = model.references(&trial.controller, trial.scenario);
-    // What a policy tells depends on what the robot sensed.
+    // The references of a policy depend on the robot's sensors.
     let commands =
         references.ok().filter(|_| !model.drive.senses()).and_then(|references| check_references(&references, log));
     let begins = model.beginning(&trial.controller, trial.scenario);
-    let elsewhere = begins.map(|robot| elsewhere(&robot, &model.setup.noise, log)).unwrap_or_default();
-    commands.into_iter().chain(partial(known.duration_s, model.setup.control_s, log)).chain(elsewhere).collect()
+    let displaced = begins.map(|robot| displaced(&robot, &model.setup.noise, log)).unwrap_or_default();
+    commands.into_iter().chain(partial(known.duration_s, model.setup.control_s, log)).chain(displaced).collect()
 }
 
-/// A log of a part of the test, or of few instants of it.
+/// Finding for a log that covers only a part of the test or has too few samples.
 fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
     let (first_s, last_s) = (*log.clock_s().first()?, *log.clock_s().last()?);
     let step_s = log.usual_step_s()?;
     let say = |severity, sentence| Some(Finding::new(Topic::Clock, severity, "", sentence));
-    if last_s < MOST_OF * test_s {
+    if last_s < MIN_SHARE * test_s {
         return say(Severity::Bad, format!("its log ends at {last_s:.2} s, where the test lasts {test_s} s"));
     }
     if first_s > LATE_ROWS * step_s {
@@ -147,18 +147,18 @@ fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
     })
 }
 
-/// Joints that are not where the test begins when their log does.
-fn elsewhere(robot: &Robot, noise: &SensorNoise, log: &Log) -> Vec<Finding> {
-    let soon = |k: usize| log.clock_s()[k] <= SOON_S;
+/// Findings for joints whose log begins at another position than the test.
+fn displaced(robot: &Robot, noise: &SensorNoise, log: &Log) -> Vec<Finding> {
+    let soon = |k: usize| log.clock_s()[k] <= FIRST_READING_S;
     let finding = |joint: &Joint| {
         let name = format!("q_{}", joint.name);
         let values = &log.channel(&name).filter(|channel| channel.unit == joint.position_unit())?.values;
         let first = values.iter().position(|q| q.is_finite()).filter(|k| soon(*k))?;
-        let there = || values.iter().copied().filter(|q| q.is_finite());
-        let range = there().fold(f64::NEG_INFINITY, f64::max) - there().fold(f64::INFINITY, f64::min);
+        let finite = || values.iter().copied().filter(|q| q.is_finite());
+        let range = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
         let floor = noise.floor(&name, values).unwrap_or(0.0);
         let (begins, unit) = (values[first], joint.position_unit());
-        ((begins - joint.start).abs() > (AWAY * range).max(TELLING * floor)).then(|| {
+        ((begins - joint.start).abs() > (START_SHARE * range).max(START_FLOORS * floor)).then(|| {
             let sentence = format!(
                 "{name} begins at {begins:.3} {unit}, where the test begins at {:.3} {unit} and simulations do",
                 joint.start
@@ -169,7 +169,7 @@ fn elsewhere(robot: &Robot, noise: &SensorNoise, log: &Log) -> Vec<Finding> {
     robot.movable().filter_map(|(_, link)| finding(&link.joint)).collect()
 }
 
-/// Joints that are to be compared and are not in the log.
+/// Finding for compared joints that are not in the log.
 fn absent(experiment: &Experiment, log: &Log) -> Option<Finding> {
     let compared = experiment.plan.distance.channels()?;
     let joints = experiment.model.robot.movable().map(|(_, link)| &link.joint).filter(|joint| joint.mimic.is_none());

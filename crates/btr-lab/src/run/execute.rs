@@ -1,4 +1,5 @@
-//! A run of the loop from its beginning, or from its last checkpoint, to its files; who watches it decides what is shown.
+//! Runs the loop from its beginning or from its last checkpoint and writes the result files; an observer decides what
+//! is shown.
 
 use super::doubts::ReportedDoubts;
 use super::folder::Run;
@@ -13,31 +14,31 @@ use btr_core::world::Simulator;
 use btr_identify::LadderStep;
 use std::path::{Path, PathBuf};
 
-/// Who looks on while a run goes on.
+/// Observer of a run.
 pub trait RunObserver {
-    /// A run begins, or goes on with a larger S.
+    /// A run begins, or continues with a larger S.
     fn begins(&mut self, experiment: &Experiment, run: &Coevolution);
-    /// A step was done and written down; of another distance's identification where there is none.
+    /// A step is complete and saved; `None` for a step of the identification with another distance.
     fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>);
-    /// The populations lost each other, and the error falls like this while a cause is looked for.
+    /// The populations disengaged, and the diagnosis reached this step of the error ladder.
     fn ladder_step(&self, ladder_step: &LadderStep);
-    /// Something about a real test is not as it should be.
+    /// A warning about a real test.
     fn warn(&mut self, line: &str);
-    /// Something is to be said.
+    /// A progress message.
     fn say(&mut self, line: &str);
-    /// Whether to stop after the step in flight.
+    /// Whether to stop after the current step.
     fn stops(&mut self) -> bool;
 }
 
-/// What came of a run.
+/// The outcome of a run.
 pub struct FinishedRun {
-    /// The run, in its folder.
+    /// The run with its folder.
     pub run: Run,
-    /// What was found.
+    /// The report.
     pub report: RunReport,
-    /// Everything that was written for people.
+    /// The result files that were written.
     pub files: Vec<PathBuf>,
-    /// What is awaited, where the run stopped for a real test that somebody has to do.
+    /// The real test that the run waits for, if it stopped for one that a person has to carry out.
     pub waiting: Option<String>,
 }
 
@@ -45,7 +46,7 @@ impl FinishedRun {
     /// The document of `--json`.
     ///
     /// # Errors
-    /// A report that is no JSON, which does not happen.
+    /// A report that cannot be serialised, which does not happen.
     pub fn document(&self) -> Result<serde_json::Value, Failure> {
         let mut document =
             serde_json::to_value(&self.report).map_err(|e| Failure::new("output", e.to_string(), None))?;
@@ -62,11 +63,11 @@ enum LoopExit {
     Interrupted,
 }
 
-/// Begins or resumes an experiment's run in a folder, turns the loop, and writes its files; `None` where the watcher stopped
-/// it.
+/// Begins or resumes an experiment's run in a folder, executes the loop, and writes its files; `None` if the observer
+/// stopped it.
 ///
 /// # Errors
-/// A folder in use or without a run, a disk that refuses.
+/// A folder that already holds a run, or none to resume; a failed write.
 pub fn coevolve(
     experiment: &mut Experiment,
     folder: &Path,
@@ -78,16 +79,16 @@ pub fn coevolve(
         true => Run::resume(experiment, plan, folder)?,
         false => Run::begin(experiment, plan, folder)?,
     };
-    let mut told = ReportedDoubts::default();
-    // What earlier tests showed was told when they were done.
-    told.new_in(experiment, run.state().ledger().entries());
+    let mut reported = ReportedDoubts::default();
+    // Findings of earlier tests were reported when those tests were done.
+    reported.new_in(experiment, run.state().ledger().entries());
     loop {
         watch.begins(experiment, run.state());
-        let left = turn(&mut run, experiment, &mut told, watch)?;
-        if goes_on(&mut run, experiment, &left, watch)? {
+        let exit = turn(&mut run, experiment, &mut reported, watch)?;
+        if goes_on(&mut run, experiment, &exit, watch)? {
             continue;
         }
-        return match left {
+        return match exit {
             LoopExit::Interrupted => Ok(None),
             LoopExit::Waiting(what) => finish(experiment, run, (None, Some(what)), Vec::new()).map(Some),
             LoopExit::Stopped(reason) => match by_distance(experiment, &run, watch)? {
@@ -98,17 +99,17 @@ pub fn coevolve(
     }
 }
 
-/// The loop, one step at a time, so that it can be watched and interrupted.
+/// Executes the loop one step at a time, so that it can be observed and interrupted.
 fn turn(
     run: &mut Run,
     experiment: &mut Experiment,
-    told: &mut ReportedDoubts,
+    reported: &mut ReportedDoubts,
     watch: &mut dyn RunObserver,
 ) -> Result<LoopExit, Failure> {
     loop {
         let step = run.step(experiment)?;
         watch.step(run.state(), Some(&step));
-        let new = told.new_in(experiment, run.state().ledger().entries());
+        let new = reported.new_in(experiment, run.state().ledger().entries());
         new.iter().for_each(|doubt| watch.warn(&doubt.sentence()));
         match step {
             StepOutcome::Stopped(reason) => return Ok(LoopExit::Stopped(reason)),
@@ -121,15 +122,14 @@ fn turn(
     }
 }
 
-/// Whether a run that stopped disengaged goes on, in a larger S or from a better estimate, once its real tests have been asked
-/// for the cause.
+/// Diagnoses a run that stopped disengaged. Whether it continues, in a larger S or from a better estimate.
 fn goes_on(
     run: &mut Run,
     experiment: &mut Experiment,
-    left: &LoopExit,
+    exit: &LoopExit,
     watch: &mut dyn RunObserver,
 ) -> Result<bool, Failure> {
-    let LoopExit::Stopped(reason) = left else { return Ok(false) };
+    let LoopExit::Stopped(reason) = exit else { return Ok(false) };
     if run.state().disengaged() {
         watch.say("disengaged: looking for the cause in the real tests");
     }
@@ -141,7 +141,7 @@ fn goes_on(
     Ok(goes_on)
 }
 
-/// The same real tests through the other distances of the experiment; `None` when interrupted.
+/// Identification with the other distances of the experiment on the same real tests; `None` if interrupted.
 fn by_distance(
     experiment: &mut Experiment,
     run: &Run,
@@ -178,7 +178,7 @@ fn finish(
     Ok(FinishedRun { run, report, files, waiting })
 }
 
-/// The model as the run adapted it, driven by the best controller that was tried.
+/// The adapted model, driven by the best controller that was tested.
 ///
 /// # Errors
 /// A model file that cannot be written with these values.

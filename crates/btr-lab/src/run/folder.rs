@@ -25,14 +25,14 @@ pub struct Run {
     payloads: RunPayloads,
 }
 
-/// What a checkpoint remembers beside the loop's own state.
+/// State of a checkpoint in addition to the loop's state.
 #[derive(Default, Serialize, Deserialize)]
 struct Enlargement {
-    /// The experiment's text since S has grown.
+    /// The experiment's text after S has grown.
     text: Option<String>,
-    /// The last answer to why the run disengaged.
+    /// The last diagnosis of the disengagement.
     cause: Option<Cause>,
-    /// What explains the tests with that.
+    /// The explanation of the tests that belongs to the diagnosis.
     explanation: Option<Explanation>,
 }
 
@@ -63,11 +63,11 @@ impl Run {
         Ok(run)
     }
 
-    /// Takes a run up again where its last checkpoint left it. With an experiment whose S is larger than the run's, the
-    /// run goes on in the larger one.
+    /// Resumes a run from its last checkpoint. If the experiment's S is larger than the run's, the run continues in the
+    /// larger one.
     ///
     /// # Errors
-    /// No run there, another experiment, a damaged checkpoint, or a real test whose log is gone.
+    /// No run in the folder, another experiment, a damaged checkpoint, or a real test whose log is missing.
     pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
         let path = checkpoint_path(folder);
         let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
@@ -75,19 +75,19 @@ impl Run {
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
         let (larger, state): (Enlargement, RunState) =
             postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
-        let wished = in_own_space(experiment, larger.text.as_deref(), folder)?;
+        let requested = in_space_of_run(experiment, larger.text.as_deref(), folder)?;
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.to_string()))?;
         let distance = state.plan().distance.build();
         let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
-        if let Some(text) = wished {
+        if let Some(text) = requested {
             run.enlarge(experiment, text)?;
         }
         Ok(run)
     }
 
-    /// Resumes when there is a run of this very experiment, S included, and begins otherwise. For what can be worked out again
-    /// from the real tests of another run.
+    /// Resumes a run of exactly this experiment, S included, or begins a new one. For results that can be computed
+    /// again from the real tests of another run.
     ///
     /// # Errors
     /// As [`Run::begin`] and [`Run::resume`].
@@ -98,10 +98,10 @@ impl Run {
         Run::anew(experiment, plan, folder)
     }
 
-    /// Does the next unit of work and writes it down.
+    /// Executes the next unit of work and writes a checkpoint.
     ///
     /// # Errors
-    /// When the disk refuses; the state before the step is still there.
+    /// A failed write; the checkpoint before the step is intact.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
         let model = experiment.model.clone();
         let comparison = TestComparison { distance: &self.state.plan().distance, reality: experiment.reality_source() };
@@ -113,11 +113,12 @@ impl Run {
         Ok(step)
     }
 
-    /// Where the run stopped because the populations lost each other: asks its real tests for the cause, once. Where the plan
-    /// allows it and the cause is clear, adds it to S; true if the run goes on. `on_step` hears how the error falls.
+    /// Diagnoses a run that stopped because the populations disengaged, once. If the plan allows it and the cause is
+    /// clear, adds the missing effects to S; true if the run continues. `on_step` is called with every step of the
+    /// error ladder.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// A failed write.
     pub fn look_for_cause(
         &mut self,
         experiment: &mut Experiment,
@@ -153,7 +154,7 @@ impl Run {
         Ok(goes_on)
     }
 
-    /// Goes on with the experiment of this text, which has more parameters.
+    /// Continues with the experiment of this text, which has more parameters.
     fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
         experiment.enlarge(text.clone())?;
         self.state.enlarge(&experiment.model.simulations);
@@ -162,18 +163,18 @@ impl Run {
         self.checkpoint()
     }
 
-    /// Goes on from what is known to explain the tests; false where that is not known of the present S.
+    /// Continues from the explanation of the tests; false if there is none in the present S.
     fn explain(&mut self, experiment: &Experiment) -> bool {
         let known = self.larger.explanation.take();
         known.is_some_and(|known| self.state.explain(&experiment.model.simulations, &known))
     }
 
-    /// Why the run disengaged, as far as it has been asked.
+    /// The last diagnosis of the disengagement, if there was one.
     pub fn cause(&self) -> Option<&Cause> {
         self.larger.cause.as_ref()
     }
 
-    /// Where the run is.
+    /// The state of the loop.
     pub fn state(&self) -> &Coevolution {
         &self.state
     }
@@ -183,10 +184,10 @@ impl Run {
         &self.folder
     }
 
-    /// Writes a file of the run, whole or not at all.
+    /// Writes a file of the run atomically.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// A failed write.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
         let path = self.folder.join(name);
         let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
@@ -203,22 +204,26 @@ impl Run {
     }
 }
 
-/// Gives an experiment the S that the run in this folder has, and the reality that it began with; `grown` is the run's text
-/// since its S has grown. Returns the experiment's own text where its S is larger still.
-fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path) -> Result<Option<String>, RunError> {
-    let (stamp, wished) = (experiment.stamp(), experiment.source().text.clone());
+/// Gives an experiment the S of the run in this folder and the reality that the run began with; `grown` is the run's
+/// text after its S has grown. Returns the experiment's original text if its S is even larger.
+fn in_space_of_run(
+    experiment: &mut Experiment,
+    grown: Option<&str>,
+    folder: &Path,
+) -> Result<Option<String>, RunError> {
+    let (stamp, requested) = (experiment.stamp(), experiment.source().text.clone());
     let began = stamp_of(folder);
     let mut larger = None;
     if began != stamp {
         // A stamp's first line is the seed, its rest the text.
         let (seed, text) = began.split_once('\n').unwrap_or_default();
         let present = grown.unwrap_or(text);
-        let grows = enlarges(present, &wished);
-        if stamp.lines().next() != Some(seed) || !(grows || wished == present) {
+        let grows = enlarges(present, &requested);
+        if stamp.lines().next() != Some(seed) || !(grows || requested == present) {
             return Err(RunError::OtherExperiment(folder.to_owned()));
         }
         experiment.restart(text.to_owned(), folder)?;
-        larger = grows.then_some(wished);
+        larger = grows.then_some(requested);
     }
     if let Some(text) = grown {
         experiment.enlarge(text.to_owned())?;
@@ -226,7 +231,7 @@ fn in_own_space(experiment: &mut Experiment, grown: Option<&str>, folder: &Path)
     Ok(larger)
 }
 
-/// The stamp of the experiment that the run in this folder was begun with; empty where there is none.
+/// The stamp of the experiment that the run in this folder began with; empty if there is none.
 fn stamp_of(folder: &Path) -> String {
     std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! The same identification by other distances: which of them sees which parameter.
+//! The same identification with other distances: how well each of them resolves each parameter.
 
 use super::folder::Run;
 use super::report::{ByDistance, error_percent};
@@ -11,28 +11,29 @@ use btr_core::world::Simulator;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 
-/// Steps by which a parameter is moved until phi tells, in percent of its value.
-const MOVES_PERCENT: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 25.0];
-/// A step too small to mean anything: what it does to phi is the roughness of the landscape.
-const NUDGE_PERCENT: f64 = 0.1;
-/// phi tells when it rises by more than this share of itself: less is within the sensors' noise. (White noise on 50 000
-/// samples moves the minimum of a sum of squares to where the square is higher by nine shares of 1/50 000, at three sigma.)
-const TELLING_RISE: f64 = 1e-4;
-/// And by more than so many times what a nudge does.
-const TELLING_NUDGES: f64 = 2.0;
+/// Steps by which a parameter is moved until phi detects it, in percent of its value.
+const STEPS_PERCENT: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 25.0];
+/// A negligible step: its effect on phi is the roughness of the landscape.
+const NEGLIGIBLE_PERCENT: f64 = 0.1;
+/// phi detects a move if it rises by more than this share of itself: less is within the sensors' noise. (White noise on
+/// 50 000 samples moves the minimum of a sum of squares to where the square is higher by nine shares of 1/50 000, at
+/// three sigma.)
+const DETECTED_RISE: f64 = 1e-4;
+/// It must also rise by more than this many times the effect of a negligible step.
+const DETECTED_ROUGHNESS: f64 = 2.0;
 
-/// Repeats the search for the simulation with another distance, the experiment's `number`th, in a folder of its own below
-/// the run's. Sound for fixed drives only: elsewhere other controllers would be tried.
+/// Repeats the search for the simulation with another distance, the experiment's `number`th, in a subfolder of the
+/// run's folder. Valid for fixed drives only: with a controller search, each distance would test other controllers.
 ///
 /// # Errors
-/// When the disk refuses, or a real test is gone.
+/// A failed write, or a real test whose log is missing.
 pub fn with_distance(
     experiment: &mut Experiment,
     run: &Run,
     (number, spec): (usize, &DistanceSpec),
     mut watch: impl FnMut(&Coevolution) -> bool,
 ) -> Result<Option<ByDistance>, RunError> {
-    // A goal for phi is in the unit of the plan's own distance.
+    // A goal for phi is in the unit of the plan's distance.
     let plan = Plan { distance: spec.clone(), phi_goal: None, ..run.state().plan().clone() };
     let folder = run.folder().join("by_distance").join(format!("{number}_{}", spec.name()));
     let mut other = Run::begin_or_resume(experiment, plan, &folder)?;
@@ -49,20 +50,20 @@ pub fn with_distance(
     Ok(Some(found(experiment, other.state())))
 }
 
-/// What a finished identification found, and how sharply its distance sees each parameter there.
+/// The result of a finished identification, and the resolution of its distance in each parameter at the estimate.
 pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
     let (model, s) = (&experiment.model, state.simulation());
     let truth = experiment.reality.reveal();
     let distance = state.plan().distance.build();
     let dims = model.simulations().dims();
     let phi = |s: &[f64]| phi(experiment, state, distance.as_ref(), s);
-    let here = phi(s);
+    let phi_here = phi(s);
     let nudges: Vec<f64> = (0..2 * dims.len())
         .into_par_iter()
-        .filter_map(|i| moved(s, i / 2, &dims[i / 2], sign(i) * NUDGE_PERCENT))
+        .filter_map(|i| moved(s, i / 2, &dims[i / 2], sign(i) * NEGLIGIBLE_PERCENT))
         .map(|nudged| phi(&nudged))
         .collect();
-    let telling = telling(here, nudges);
+    let telling = telling(phi_here, nudges);
     let resolution: Vec<Option<f64>> = (0..dims.len())
         .into_par_iter()
         .map(|k| {
@@ -73,7 +74,7 @@ pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
     let iteration = state.history().iterations.last();
     ByDistance {
         distance: state.plan().distance.name().to_owned(),
-        phi: [state.history().iterations.first().and_then(|i| i.phi_predicted).unwrap_or(f64::NAN), here],
+        phi: [state.history().iterations.first().and_then(|i| i.phi_predicted).unwrap_or(f64::NAN), phi_here],
         parameters: iteration.map(|i| i.parameters.clone()).unwrap_or_default(),
         phi_of_truth: truth.as_ref().and_then(|truth| {
             let names = dims.iter().map(|d| truth.parameters.get(&d.name).copied());
@@ -85,8 +86,9 @@ pub fn found(experiment: &Experiment, state: &Coevolution) -> ByDistance {
     }
 }
 
-/// Lets every distance judge the others' estimates: one that it likes as well as its own, or better, shows what it cannot
-/// tell, also where parameters make up for each other and every move of a single one is told.
+/// Evaluates every distance at the others' estimates. If phi there is as low as at its own estimate, or lower, the
+/// distance cannot tell the two apart. This also detects parameters that compensate for each other although each single
+/// move is detected.
 pub fn confront(experiment: &Experiment, state: &Coevolution, found: &mut [ByDistance]) {
     let specs: Vec<&DistanceSpec> = std::iter::once(&state.plan().distance).chain(&experiment.distances).collect();
     let estimates: Vec<Vec<f64>> = found.iter().map(|by| by.parameters.values().copied().collect()).collect();
@@ -95,46 +97,50 @@ pub fn confront(experiment: &Experiment, state: &Coevolution, found: &mut [ByDis
         for other in estimates.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, other)| other) {
             if phi(experiment, state, distance.as_ref(), other) <= by.telling {
                 let apart = estimates[i].iter().zip(other).map(|(a, b)| 100.0 * (b / a - 1.0).abs());
-                by.resolution_percent.values_mut().zip(apart).for_each(|(told, apart)| *told = coarser(*told, apart));
+                by.resolution_percent
+                    .values_mut()
+                    .zip(apart)
+                    .for_each(|(resolved, apart)| *resolved = coarser(*resolved, apart));
             }
         }
     }
 }
 
-/// A resolution that does not claim to tell `apart` percent.
-fn coarser(told: Option<f64>, apart: f64) -> Option<f64> {
-    told.and_then(|told| MOVES_PERCENT.into_iter().find(|percent| *percent >= told && *percent > apart))
+/// The resolution, coarsened so that it exceeds a difference of `apart` percent.
+fn coarser(resolved: Option<f64>, apart: f64) -> Option<f64> {
+    resolved.and_then(|resolved| STEPS_PERCENT.into_iter().find(|percent| *percent >= resolved && *percent > apart))
 }
 
 fn sign(i: usize) -> f64 {
     if i.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
-/// The phi above which a move has been told: it rises by twice as much as with nine in ten nudges, and by a share of itself.
+/// The phi above which a move counts as detected: a rise of twice the 90th percentile over negligible steps, and of a
+/// share of phi.
 ///
-/// Touchdowns that come a step earlier or later make phi rough. A rise that a meaningless nudge causes as well says nothing
+/// Touchdowns that come a step earlier or later make phi rough. A rise that a negligible step also causes says nothing
 /// about the parameter that was moved.
-fn telling(here: f64, mut nudges: Vec<f64>) -> f64 {
+fn telling(phi_here: f64, mut nudges: Vec<f64>) -> f64 {
     nudges.sort_by(f64::total_cmp);
-    let rough = nudges.get(nudges.len() * 9 / 10).copied().unwrap_or(here);
-    here + (TELLING_NUDGES * (rough - here)).max(TELLING_RISE * here)
+    let rough = nudges.get(nudges.len() * 9 / 10).copied().unwrap_or(phi_here);
+    phi_here + (DETECTED_ROUGHNESS * (rough - phi_here)).max(DETECTED_RISE * phi_here)
 }
 
-/// The smallest move from which on phi tells every larger one too, in both directions, in percent; `None` when it overlooks
-/// even the largest. `phis` gives phi after a move up and down, as far as the bounds of S leave room for it.
+/// The smallest move, in percent, such that phi detects it and every larger one in both directions; `None` if even the
+/// largest is not detected. `phis` gives phi after a move up and down, as far as the bounds of S allow.
 fn resolution(telling: f64, phis: impl Fn(f64) -> Vec<f64>) -> Option<f64> {
-    let mut told = None;
-    for percent in MOVES_PERCENT.into_iter().rev() {
+    let mut resolved = None;
+    for percent in STEPS_PERCENT.into_iter().rev() {
         let phis = phis(percent);
         if phis.iter().any(|phi| *phi <= telling) {
             break;
         }
-        told = if phis.is_empty() { told } else { Some(percent) };
+        resolved = if phis.is_empty() { resolved } else { Some(percent) };
     }
-    told
+    resolved
 }
 
-/// The point with one parameter moved; `None` where that leaves its bounds.
+/// The point with one parameter moved; `None` if that leaves its bounds.
 fn moved(s: &[f64], k: usize, dim: &Dim, percent: f64) -> Option<Vec<f64>> {
     let value = s[k] * (1.0 + percent / 100.0);
     let mut moved = s.to_vec();
@@ -142,7 +148,7 @@ fn moved(s: &[f64], k: usize, dim: &Dim, percent: f64) -> Option<Vec<f64>> {
     (value.to_bits() != s[k].to_bits() && (dim.min..=dim.max).contains(&value)).then_some(moved)
 }
 
-/// Mean distance over all real tests; infinite where a simulation fails.
+/// Mean distance over all real tests; infinite if a simulation fails.
 fn phi(experiment: &Experiment, state: &Coevolution, distance: &dyn Distance, s: &[f64]) -> f64 {
     let tests: Vec<&Entry> = state.ledger().entries().iter().filter(|e| e.behaviour().is_some()).collect();
     let of = |e: &&Entry| {
@@ -157,39 +163,39 @@ fn phi(experiment: &Experiment, state: &Coevolution, distance: &dyn Distance, s:
 mod tests {
     use super::*;
 
-    /// A valley with its floor at a move of `offset` percent.
+    /// A valley with its minimum at a move of `offset` percent.
     fn valley(offset: f64) -> impl Fn(f64) -> Vec<f64> {
         move |percent| vec![(percent - offset).abs(), (-percent - offset).abs()]
     }
 
     #[test]
-    fn a_clean_valley_is_seen_at_the_first_move() {
+    fn a_clean_valley_is_resolved_by_the_smallest_move() {
         assert_eq!(resolution(telling(0.0, vec![0.1; 16]), valley(0.0)), Some(1.0));
     }
 
     #[test]
-    fn what_a_nudge_does_as_well_tells_nothing() {
+    fn a_rise_that_a_negligible_step_also_causes_does_not_count() {
         assert_eq!(resolution(telling(0.0, vec![4.0; 16]), valley(0.0)), Some(10.0));
         assert_eq!(resolution(telling(0.0, vec![30.0; 16]), valley(0.0)), None);
-        // One bad nudge in ten is an accident.
+        // A single outlier among the negligible steps is ignored.
         let mut nudges = vec![0.1; 20];
         nudges[3] = 30.0;
         assert_eq!(resolution(telling(0.0, nudges), valley(0.0)), Some(1.0));
     }
 
     #[test]
-    fn a_lower_floor_elsewhere_is_not_seen_past() {
+    fn a_minimum_at_another_value_coarsens_the_resolution() {
         assert_eq!(resolution(telling(3.0, vec![3.0]), valley(3.0)), Some(10.0));
     }
 
     #[test]
-    fn a_flat_line_is_unseen_and_so_is_a_parameter_without_room() {
+    fn a_flat_line_and_a_parameter_without_room_have_no_resolution() {
         assert_eq!(resolution(telling(1.0, vec![1.0]), |_| vec![1.0, 1.0]), None);
         assert_eq!(resolution(telling(1.0, vec![1.0]), |_| Vec::new()), None);
     }
 
     #[test]
-    fn another_estimate_that_is_as_good_coarsens_the_claim() {
+    fn another_estimate_that_is_as_good_coarsens_the_resolution() {
         assert_eq!(coarser(Some(1.0), 0.3), Some(1.0));
         assert_eq!(coarser(Some(1.0), 7.0), Some(10.0));
         assert_eq!(coarser(Some(25.0), 7.0), Some(25.0));

@@ -1,5 +1,6 @@
-//! A run of `btr coevolve` on disk: a folder with the experiment, the real tests, a checkpoint after every step and, at the
-//! end, the results. A run that is killed loses at most the step in flight, never a real test. Its space S may grow.
+//! A run of `btr coevolve` on disk: a folder with the experiment, the real tests, a checkpoint after every step and, at
+//! the end, the results. A run that is killed loses at most the step in flight, never a real test. Its space S may
+//! grow.
 
 pub mod augment;
 pub mod doubts;

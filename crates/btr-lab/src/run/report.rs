@@ -1,4 +1,4 @@
-//! What a run found, as one document: `history.json`, `--json` and the tables of the terminal are views of it.
+//! The report of a run as one document: `history.json`, `--json` and the tables of the terminal are views of it.
 
 use super::augment::Cause;
 use super::doubts::{TestDoubt, doubts};
@@ -16,13 +16,13 @@ use serde::Serialize;
 /// A finished (or stopped) run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunReport {
-    /// Always true: failures are another document.
+    /// Always true: failures have another document.
     pub ok: bool,
     /// The experiment.
     pub name: String,
     /// Its seed.
     pub seed: u64,
-    /// What fitness is made of: weights by term; empty when controllers are not judged.
+    /// Weights of the fitness by term; empty if controllers are not judged.
     pub fitness: IndexMap<String, f64>,
     /// One record per iteration.
     pub iterations: Vec<Iteration>,
@@ -30,21 +30,21 @@ pub struct RunReport {
     pub stop_reason: Option<StopReason>,
     /// Whether the evidence speaks for disengagement, with or without stopping.
     pub disengaged: bool,
-    /// Why, as the real tests tell; the last answer where it was asked several times.
+    /// Cause of the disengagement according to the real tests; the last diagnosis if there were several.
     pub diagnosis: Option<Cause>,
     /// How S has grown.
     pub augmentations: Vec<Augmentation>,
     /// How the robot has changed during the run.
     pub drifts: Vec<Drift>,
-    /// Number of the last real test where nothing explains it beside those before it, and nobody knows why.
+    /// Number of the last real test, if nothing explains it together with the earlier ones and the reason is unknown.
     pub suspicion: Option<usize>,
     /// Real tests spent, failed ones included.
     pub real_tests: usize,
-    /// Real fitness less what was promised, over the real tests.
+    /// Real fitness minus predicted fitness over the real tests.
     pub reality_gap: Option<RealityGap>,
     /// Simulated behaviours.
     pub simulated_evaluations: u64,
-    /// Those that blew up.
+    /// Simulated behaviours that diverged.
     pub failed_evaluations: u64,
     /// The controller with the best real fitness.
     pub recommended: Option<Recommended>,
@@ -58,16 +58,16 @@ pub struct RunReport {
     pub map: Option<MapReport>,
     /// The ledger of real tests.
     pub tests: Vec<Entry>,
-    /// What is bad about them.
+    /// Findings about the real tests.
     pub doubts: Vec<TestDoubt>,
     /// Every generation.
     pub generations: Vec<Generation>,
 }
 
-/// The controllers of `quality_diversity`, each the fittest of its kind, and what the real tests let them promise.
+/// The controllers of `quality_diversity`, each the fittest of its cell, with their predictions given the real tests.
 #[derive(Clone, Debug, Serialize)]
 pub struct MapReport {
-    /// The axes by name: from where to where.
+    /// The axes by name, with their lower and upper ends.
     pub descriptors: IndexMap<String, [f64; 2]>,
     /// Cells that have a controller.
     pub filled: usize,
@@ -87,7 +87,7 @@ pub struct Recommended {
     pub controller: IndexMap<String, f64>,
 }
 
-/// The hidden twin beside what was found.
+/// The hidden twin compared with the estimate.
 #[derive(Clone, Debug, Serialize)]
 pub struct TwinComparison {
     /// The truth.
@@ -97,7 +97,8 @@ pub struct TwinComparison {
     pub error_percent: IndexMap<String, f64>,
     /// The same for the simulation the run started from.
     pub error_percent_before: IndexMap<String, f64>,
-    /// Root mean square of X_s − X_r over the state the twin shows (eqs 1 and 2), by unit, for the recommended controller.
+    /// Root mean square of X_s − X_r over the state the twin shows (eqs 1 and 2), by unit, for the recommended
+    /// controller.
     pub state_match: IndexMap<String, f64>,
 }
 
@@ -106,7 +107,7 @@ pub struct TwinComparison {
 pub struct LogScore {
     /// The log.
     pub log: String,
-    /// Whether the search never saw it.
+    /// Whether the log was held out from the search.
     pub held_out: bool,
     /// The joint channel.
     pub channel: String,
@@ -140,19 +141,20 @@ pub struct ByDistance {
     pub parameters: IndexMap<String, f64>,
     /// Error in percent of the truth, where the truth is known.
     pub error_percent: IndexMap<String, f64>,
-    /// How far a parameter has to move before phi tells, alone or to where another distance's estimate has it: in percent of
-    /// its value. `None` when it overlooks a quarter; the estimate then says nothing.
+    /// Resolution of each parameter in percent of its value: the smallest move that phi detects, of the parameter alone
+    /// or towards another distance's estimate. `None` if phi does not detect a move by a quarter; the estimate is then
+    /// meaningless.
     pub resolution_percent: IndexMap<String, Option<f64>>,
-    /// The phi above which a simulation is told from this one.
+    /// The phi above which a simulation is distinguishable from this one.
     pub telling: f64,
-    /// phi of the true parameters, where they are known: above `telling`, the distance prefers a wrong simulation.
+    /// phi of the true parameters, if known: above `telling`, the distance prefers a wrong simulation.
     pub phi_of_truth: Option<f64>,
 }
 
-/// Puts the report of a run together.
+/// Assembles the report of a run.
 ///
 /// # Errors
-/// When the simulations needed for it blow up.
+/// A simulation for the report that diverges.
 pub fn report(
     experiment: &Experiment,
     state: &Coevolution,

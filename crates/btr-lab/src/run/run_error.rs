@@ -1,4 +1,4 @@
-//! Why a run cannot begin or continue.
+//! Errors of a run.
 
 use crate::distributed::DistributedError;
 use crate::experiment::FileError;
@@ -7,19 +7,19 @@ use crate::model_text::AddError;
 use btr_core::coevolve::PlanError;
 use std::path::PathBuf;
 
-/// Why a run cannot begin or go on.
+/// Why a run cannot begin or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The experiment.
+    /// The experiment file is invalid.
     #[error(transparent)]
     File(#[from] FileError),
     /// The plan does not fit the experiment.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The folder belongs to a run already.
+    /// The folder already holds a run.
     #[error("{} holds a run already", .0.display())]
     Exists(PathBuf),
-    /// There is nothing to resume.
+    /// The folder holds no run to resume.
     #[error("{} holds no run to resume", .0.display())]
     NoRun(PathBuf),
     /// The experiment is not the one the run began with.
@@ -36,24 +36,24 @@ pub enum RunError {
     /// An effect that cannot be added to S.
     #[error(transparent)]
     Augment(#[from] AddError),
-    /// A real test that was done and is gone.
+    /// A completed real test whose log is missing.
     #[error("{0}")]
     LostTest(String),
     /// The experiment cannot be packed for workers.
     #[error(transparent)]
     Distributed(#[from] DistributedError),
-    /// The disk refused.
+    /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Where.
+        /// The path.
         path: PathBuf,
-        /// What it said.
+        /// The underlying error.
         source: std::io::Error,
     },
 }
 
 impl RunError {
-    /// What to do about it.
+    /// The remedy.
     pub fn help(&self) -> Option<String> {
         match self {
             RunError::File(error) => error.help.clone(),

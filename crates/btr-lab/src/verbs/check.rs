@@ -53,7 +53,8 @@ pub struct IdentifiabilityReport {
     pub parameters: Vec<Sensitivity>,
     /// How many independent combinations of them can be told.
     pub rank: usize,
-    /// Of the Jacobian, in noise floors per standard deviation of the priors; none where a combination is not told at all.
+    /// Of the Jacobian, in noise floors per standard deviation of the priors; none where a combination is not told at
+    /// all.
     pub condition_number: Option<f64>,
     /// Combinations that cannot be told, each with a sentence.
     pub null_directions: Vec<NullDirection>,

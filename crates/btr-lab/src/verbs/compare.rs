@@ -28,7 +28,8 @@ pub struct CompareReport {
     pub step: TimeStep,
 }
 
-/// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too coarse.
+/// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too
+/// coarse.
 ///
 /// # Errors
 /// A simulation that blew up; logs of which no channel is simulated.

@@ -96,7 +96,8 @@ pub struct DiagnoseReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// The share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
-    /// Where nothing explains the error and it may be the sensors' own: channels whose noise is stated too low, it seems.
+    /// Where nothing explains the error and it may be the sensors' own: channels whose noise is stated too low, it
+    /// seems.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,
     /// What the error looks like where nothing known explains it.
@@ -195,7 +196,8 @@ const AS_LARGE: f64 = 1.15;
 /// Samples that tell as much as one, where an error is noise.
 const NEARLY_WHITE: f64 = 2.0;
 
-/// Channels in which what is left is white, above the noise that the model states, and what their readings show of noise.
+/// Channels in which what is left is white, above the noise that the model states, and what their readings show of
+/// noise.
 fn stated_low(input: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
     let model = input.problem.model();
     let (mut found, mut start) = (Vec::<StatedLow>::new(), 0);

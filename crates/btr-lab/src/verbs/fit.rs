@@ -48,8 +48,8 @@ pub struct FitReport {
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds for.
-/// `residual_model` is the problem's own, or the same served by others.
+/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds
+/// for. `residual_model` is the problem's own, or the same served by others.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.

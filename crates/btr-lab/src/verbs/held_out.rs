@@ -29,8 +29,8 @@ impl VerbInput {
         HeldOutLogs { names, logs: &recorded[scenarios.clone()], scenarios }
     }
 
-    /// What is wrong at a point of the family in the logs to judge on, in the channels that fits and diagnoses compare. Start
-    /// states are as the logs have them; nothing is projected out.
+    /// What is wrong at a point of the family in the logs to judge on, in the channels that fits and diagnoses compare.
+    /// Start states are as the logs have them; nothing is projected out.
     ///
     /// # Errors
     /// A simulation that blew up.

@@ -29,8 +29,8 @@ pub struct NextExperiment {
     pub kind: String,
     /// The joints that move; the others hold the middle of their ranges.
     pub joints: Vec<String>,
-    /// How far the favourite and the nearest of the rivals that it tells apart are from each other, in multiples of the noise
-    /// floor.
+    /// How far the favourite and the nearest of the rivals that it tells apart are from each other, in multiples of the
+    /// noise floor.
     pub separation: f64,
     /// The same in the logs that there are.
     pub separation_so_far: f64,
@@ -52,8 +52,8 @@ pub struct RivalExplanation {
     pub separation: f64,
 }
 
-/// The drive that tells the first of `rivals` (candidates with their points) best from the others; none where no drive tells
-/// it from anybody or does so better than the logs did, and where there are none to tell apart.
+/// The drive that tells the first of `rivals` (candidates with their points) best from the others; none where no drive
+/// tells it from anybody or does so better than the logs did, and where there are none to tell apart.
 ///
 /// # Errors
 /// A model that blows up on its own logs.
@@ -129,8 +129,8 @@ fn scenario(problem: &IdentificationProblem, drive: &Excitation) -> Scenario {
     }
 }
 
-/// How far the first point's simulation is from each other's, in multiples of the noise floor over all measured channels;
-/// `None` where one of them is not `safe`.
+/// How far the first point's simulation is from each other's, in multiples of the noise floor over all measured
+/// channels; `None` where one of them is not `safe`.
 fn separations(
     problem: &IdentificationProblem,
     points: &[&Vec<f64>],

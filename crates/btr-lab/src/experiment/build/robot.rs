@@ -118,7 +118,8 @@ fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str
     Ok(Some(Sampling { period_s, velocity_over }))
 }
 
-/// The line of a URDF that a message is about: where the first name that it quotes stands in quotes. The parser tells none.
+/// The line of a URDF that a message is about: where the first name that it quotes stands in quotes. The parser tells
+/// none.
 fn line_of(text: &str, message: &str) -> Option<usize> {
     let quoted = format!("\"{}\"", message.split('`').nth(1)?);
     let before = &text[..text.find(&quoted)?];

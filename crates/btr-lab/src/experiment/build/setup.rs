@@ -62,8 +62,9 @@ fn tick_of(recorded: &[Log]) -> Option<f64> {
     Some((fastest * GRAIN).round() / GRAIN).filter(|tick| *tick > 0.0)
 }
 
-/// How often the model takes a command. Where those of logs change from sample to sample, more often than the file says, what
-/// led a joint from one reference to the next is in them already: they are taken as often as they come, at most once a step.
+/// How often the model takes a command. Where those of logs change from sample to sample, more often than the file
+/// says, what led a joint from one reference to the next is in them already: they are taken as often as they come, at
+/// most once a step.
 fn as_often(recorded: &[Log], control_s: f64, dt_s: f64) -> f64 {
     match tick_of(recorded) {
         Some(tick_s) if is_coarser(control_s, tick_s) && recorded.iter().all(changes_with_every_sample) => {

@@ -15,7 +15,8 @@ pub struct DriveSection {
     pub omega_rad_s: Option<f64>,
     /// Policy: the kind of the drive that it corrects; `hold` if not stated.
     pub around: Option<String>,
-    /// Policy: what it goes by, of `tilt`, `gyro`, `positions`, `velocities`, `feet` and `clock`; `tilt` and `gyro` if not stated.
+    /// Policy: what it goes by, of `tilt`, `gyro`, `positions`, `velocities`, `feet` and `clock`; `tilt` and `gyro` if
+    /// not stated.
     pub sensors: Option<Vec<String>>,
     /// Policy: the joints that it corrects, as a pattern; all if not stated.
     pub joints: Option<String>,

@@ -1,5 +1,5 @@
-//! The sections of a model or experiment file, as serde reads them. A model file is an experiment file without the sections
-//! that control a run. The doc comments are the descriptions in the JSON schema.
+//! The sections of a model or experiment file, as serde reads them. A model file is an experiment file without the
+//! sections that control a run. The doc comments are the descriptions in the JSON schema.
 
 mod drive;
 mod logs;

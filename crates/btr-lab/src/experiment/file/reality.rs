@@ -71,8 +71,8 @@ impl Default for TwinParameters {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSection {
-    /// The program and its arguments; `{trial}` stands for the file with the controller, `{references}` for the CSV of joint
-    /// references, `{log}` for the file to write (`.csv` or `.mcap`).
+    /// The program and its arguments; `{trial}` stands for the file with the controller, `{references}` for the CSV of
+    /// joint references, `{log}` for the file to write (`.csv` or `.mcap`).
     pub run: Vec<String>,
     /// Ending of the log it writes.
     #[serde(default = "csv")]

@@ -73,11 +73,11 @@ pub enum ActuatorSection {
         /// The same as for `position`, for the position loop that `gain` makes.
         sample_s: Option<f64>,
     },
-    /// The joint follows its measured motion (its command where none was measured); the torque that this takes is compared
-    /// with the measured one, both smoothed alike.
+    /// The joint follows its measured motion (its command where none was measured); the torque that this takes is
+    /// compared with the measured one, both smoothed alike.
     Prescribed {
-        /// Where a digital servo worked out the measured torque: the time between two instants at which it did, in s. Each is
-        /// logged at its instant and held until the next.
+        /// Where a digital servo worked out the measured torque: the time between two instants at which it did, in s.
+        /// Each is logged at its instant and held until the next.
         sample_s: Option<f64>,
     },
 }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulationSection {
-    /// Time between two references, in s. Unless given: the time between two samples of the recorded logs; without logs the
-    /// paper's 0.055 s. Commands of logs that change with every sample are taken as they come, at most once a step.
+    /// Time between two references, in s. Unless given: the time between two samples of the recorded logs; without logs
+    /// the paper's 0.055 s. Commands of logs that change with every sample are taken as they come, at most once a step.
     pub control_s: Option<f64>,
     /// Physics steps between two references; the step is `control_s / steps_per_control`.
     pub steps_per_control: u32,

@@ -54,7 +54,8 @@ fn listed(section: &LogsSection, source: &Source) -> Vec<LogRequest> {
     section.files.iter().map(wanted(false)).chain(section.held_out.iter().map(wanted(true))).collect()
 }
 
-/// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt from.
+/// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt
+/// from.
 fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<LogRequest>, FileError> {
     let rows = read_index(index, source, "reality")?;
     let folder = index.parent().unwrap_or(Path::new(""));

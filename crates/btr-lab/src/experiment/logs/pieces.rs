@@ -19,8 +19,8 @@ pub(crate) struct LogPiece {
     pub begins_s: f64,
 }
 
-/// Cuts a log at its gaps: nobody knows what the robot was told in one, nor where it is after it. What is too short to tell
-/// anything is left out, which is noticed.
+/// Cuts a log at its gaps: nobody knows what the robot was told in one, nor where it is after it. What is too short to
+/// tell anything is left out, which is noticed.
 pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<String>), FileError> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let runs = missing::pieces(log);

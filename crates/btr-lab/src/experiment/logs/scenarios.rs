@@ -60,8 +60,8 @@ impl ScenarioSet {
         self.warnings.extend(noticed.into_iter().map(|warning| format!("{}: {warning}", path.display())));
     }
 
-    /// Adds a log, in pieces where it has gaps; those to learn from have to be added first. The largest noise floor of torques
-    /// that were smoothed, if there are any.
+    /// Adds a log, in pieces where it has gaps; those to learn from have to be added first. The largest noise floor of
+    /// torques that were smoothed, if there are any.
     pub(crate) fn add(
         &mut self,
         log: &ReadLog,
@@ -88,8 +88,8 @@ impl ScenarioSet {
     }
 }
 
-/// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what is
-/// left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
+/// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what
+/// is left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
 fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
     let clock_s = log.clock_s().to_vec();
     let mut floor = None;
@@ -111,7 +111,8 @@ fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
 }
 
 impl ScenarioReader<'_> {
-    /// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to be set.
+    /// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to
+    /// be set.
     fn compared(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         let replaying = self.replaying(piece)?;
         let checked = usable::check_positions(&piece.log, self.robot, &self.file.channels);

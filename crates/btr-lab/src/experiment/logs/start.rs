@@ -5,8 +5,8 @@ use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_physics::robot::{Actuator, Robot};
 
-/// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does not
-/// say what a joint with a motor was told cannot be replayed.
+/// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does
+/// not say what a joint with a motor was told cannot be replayed.
 ///
 /// # Errors
 /// Commands that are missing.

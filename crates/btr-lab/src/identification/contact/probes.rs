@@ -1,5 +1,5 @@
-//! How large a change must be to show on the ground. Contact answers a change that is too small with noise of its own, and the
-//! typical sizes of effects were made for a desk arm, whose motion shows the least of them.
+//! How large a change must be to show on the ground. Contact answers a change that is too small with noise of its own,
+//! and the typical sizes of effects were made for a desk arm, whose motion shows the least of them.
 
 use crate::identification::problem::IdentificationProblem;
 use btr_core::world::WorldError;

@@ -13,13 +13,14 @@ use std::sync::Arc;
 
 /// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
 const NUDGE: (f64, f64) = (3.0, 0.05);
-/// What the first readings of a fixed robot leave open, in these: the standard deviation of positions and of velocities.
+/// What the first readings of a fixed robot leave open, in these: the standard deviation of positions and of
+/// velocities.
 pub(crate) const OPEN: [f64; 2] = [1.0, 30.0];
 /// A log whose squares fall to this share, or to noise, began elsewhere than its readings seem to say.
 const MOST: f64 = 0.5;
 
-/// The situations of a fixed robot's logs with starts as the model that stands there sees them, where these explain all or most
-/// of what it is off. `None` where there are no such.
+/// The situations of a fixed robot's logs with starts as the model that stands there sees them, where these explain all
+/// or most of what it is off. `None` where there are no such.
 pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenario>> {
     if model.robot.base != Base::Fixed {
         return None;

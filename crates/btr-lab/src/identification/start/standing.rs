@@ -37,7 +37,8 @@ const LIKELIER: f64 = 0.98;
 const BEGINNING_S: f64 = 0.3;
 /// Joints rest that move by at most so many noise floors in so many seconds...
 const AT_REST: (f64, f64) = (3.0, 0.05);
-/// ... or whose first readings have a slope of at most so many standard deviations: of many joints some always seem to move.
+/// ... or whose first readings have a slope of at most so many standard deviations: of many joints some always seem to
+/// move.
 const TELLING: f64 = 4.0;
 /// Whatever leans further than this from how it starts, in rad, has fallen.
 const UPRIGHT_RAD: f64 = 0.5;

@@ -37,7 +37,8 @@ pub(crate) struct Windows {
     pub samples: Vec<Range<usize>>,
 }
 
-/// Cuts a log, as the model sees it that has the values `s` and these effects. A log that is too short for a window has none.
+/// Cuts a log, as the model sees it that has the values `s` and these effects. A log that is too short for a window has
+/// none.
 pub(crate) fn cut(
     model: &Model,
     s: &[f64],
@@ -160,8 +161,8 @@ pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
     (number / 2 < joints).then_some(number / 2)
 }
 
-/// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints' noise
-/// floors.
+/// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints'
+/// noise floors.
 pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[f64]) {
     for Restart { state: RobotState { joints, base }, .. } in restarts {
         if let Some((sigma, joint)) = sigmas.get(number / 2).zip(joints.get_mut(number / 2)) {

@@ -1,4 +1,4 @@
-//! Asks the real tests of a run for the cause of its disengagement.
+//! Diagnoses the cause of a run's disengagement from its real tests.
 
 use super::by_posterior;
 use super::cause::Cause;
@@ -14,28 +14,28 @@ use btr_identify::fit::Objective;
 use btr_physics::robot::Base;
 use std::sync::Arc;
 
-/// The most real tests that are looked at: of a robot with a fixed base, and of a floating one.
+/// Most real tests that are used: for a fixed base, and for a floating one.
 const MOST_TESTS: (usize, usize) = (8, 4);
-/// One in so many of them is held out.
+/// One in this many tests is held out.
 const HELD_OUT: usize = 4;
-/// How many physics steps a diagnosis of a floating robot may take: contact needs the general engine, which is slow. About a
+/// Most physics steps of a diagnosis of a floating robot: contact needs the general engine, which is slow. About a
 /// minute on two cores.
 const FLOATING_STEPS: f64 = 1e6;
 
 impl Cause {
-    /// Asks the real tests of a run; `on_step` hears every step of the error's fall. A run with a posterior is also told what
-    /// explains them, where something does.
+    /// Diagnoses the real tests of a run; `on_step` is called with every step of the error ladder. For a run with a
+    /// posterior, also returns the explanation of the tests, if there is one.
     pub(crate) fn of(
         experiment: &Experiment,
         run: &Coevolution,
         on_step: &dyn Fn(&LadderStep),
     ) -> (Self, Option<Explanation>) {
-        let asked = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
+        let unanswered = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
         let answer = match run.plan().posterior {
-            Some(_) => by_posterior::cause(experiment, run, asked.clone(), on_step),
-            None => asked.clone().answered(experiment, run.ledger(), on_step).map(|answered| (answered, None)),
+            Some(_) => by_posterior::cause(experiment, run, unanswered.clone(), on_step),
+            None => unanswered.clone().answered(experiment, run.ledger(), on_step).map(|answered| (answered, None)),
         };
-        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..asked }, None))
+        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..unanswered }, None))
     }
 
     fn answered(self, experiment: &Experiment, ledger: &Ledger, on_step: &dyn Fn(&LadderStep)) -> Result<Self, String> {
@@ -49,18 +49,18 @@ impl Cause {
         }
         let whole = known.iter().map(|(trial, log)| experiment.from_the_beginning(trial, log));
         let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
-        let asked: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
-        let model = experiment.replaying(&asked, learn).map_err(|e| e.to_string())?;
+        let tests_with_logs: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
+        let model = experiment.replaying(&tests_with_logs, learn).map_err(|e| e.to_string())?;
         let problem = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
-        let question = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
+        let options = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
         let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
-        let found = diagnose(&mut Objective::new(&residual_model), question, on_step)
+        let found = diagnose(&mut Objective::new(&residual_model), options, on_step)
             .map_err(|_| "the model blows up on the real tests as it stands".to_owned())?;
         if found.cut_short && found.effects.is_empty() {
             return Err(format!(
                 "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \
                  logs under transfers/ has no such limit",
-                question.max_rollouts
+                options.max_rollouts
             ));
         }
         let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
@@ -76,7 +76,7 @@ impl Cause {
     }
 }
 
-/// Real tests that gave a log: all, or some evenly over the whole run, the last one among them.
+/// Real tests that gave a log: all of them, or at most `most`, spread evenly over the run and including the last one.
 fn chosen(ledger: &Ledger, most: usize) -> Vec<&Entry> {
     let gave_a_log = |entry: &&Entry| entry.behaviour().is_some_and(|behaviour| behaviour.log.len() > 1);
     let usable: Vec<&Entry> = ledger.entries().iter().filter(gave_a_log).collect();
@@ -84,7 +84,7 @@ fn chosen(ledger: &Ledger, most: usize) -> Vec<&Entry> {
     (1..=count).map(|k| usable[k * usable.len() / count - 1]).collect()
 }
 
-/// How many rollouts a diagnosis may take. Counted in steps, not in seconds: a result must not depend on the machine.
+/// Most rollouts of a diagnosis. The limit counts steps, not seconds: a result must not depend on the machine.
 fn allowance(experiment: &Experiment) -> usize {
     let model = &experiment.model;
     let steps = model.scenarios.iter().map(|s| s.duration_s).fold(0.0, f64::max) / model.setup.dt_s;

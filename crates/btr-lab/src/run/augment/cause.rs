@@ -6,38 +6,38 @@ use btr_identify::LadderStep;
 use btr_identify::diagnose::{MissingEffect, Verdict};
 use serde::{Deserialize, Serialize};
 
-/// Why simulation and reality lost each other.
+/// Why simulation and reality disengaged.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
-    /// After which iteration it was asked.
+    /// Number of closed iterations at the time of the diagnosis.
     pub after_iteration: usize,
-    /// The answer in a word; none where the question could not be asked.
+    /// The verdict; `None` if no diagnosis was possible.
     pub verdict: Option<Verdict>,
-    /// What is missing; with the verdict `unexplained`, what helps and does not explain.
+    /// The missing effects; with the verdict `unexplained`, effects that help but do not explain.
     pub effects: Vec<MissingEffect>,
-    /// How the error fell, in multiples of the noise floor.
+    /// Error after each step, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
-    /// Numbers of the real tests that were learnt from.
+    /// Numbers of the training tests.
     pub learnt: Vec<usize>,
-    /// Numbers of those it was judged on.
+    /// Numbers of the held-out tests.
     pub held_out: Vec<usize>,
-    /// Simulated logs.
+    /// Number of simulated logs.
     pub rollouts: usize,
-    /// Why there is no answer, where there is none.
+    /// Why there is no diagnosis, if there is none.
     pub not_diagnosed: Option<String>,
-    /// What the run added to S.
+    /// Effects that the run added to S.
     pub added: Vec<String>,
 }
 
 impl Cause {
-    /// `effect@site` of what is missing for certain; nothing that merely helps.
+    /// `effect@site` of each effect that is certainly missing; effects that only help are left out.
     pub fn missing(&self) -> Vec<String> {
         let certain = self.verdict == Some(Verdict::EffectMissing);
         let names = self.effects.iter().map(|found| format!("{}@{}", found.effect, found.site));
         names.filter(|_| certain).collect()
     }
 
-    /// In one line.
+    /// One-line summary.
     pub fn sentence(&self) -> String {
         let named: Vec<String> =
             self.effects.iter().map(|found| format!("{} on {}", found.effect, found.site)).collect();
@@ -53,7 +53,7 @@ impl Cause {
         }
     }
 
-    /// The experiment's text with what is missing in it, free to be found.
+    /// The experiment's text with the missing effects added as free parameters.
     pub(crate) fn remedy(&self, experiment: &Experiment) -> Result<String, AddError> {
         let robot = &experiment.model.robot;
         let additions: Result<Vec<Addition>, AddError> =

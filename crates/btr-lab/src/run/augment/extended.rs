@@ -1,4 +1,4 @@
-//! A model with effects that it lacks: their parameters are further dimensions of S.
+//! A model extended by effects: their parameters are further dimensions of S.
 
 use crate::scales::RobotScales;
 use btr_core::space::{Dim, Scale, Space, SpaceError};
@@ -6,14 +6,14 @@ use btr_core::world::{Behaviour, Job, Simulator, WorldError};
 use btr_physics::effects::{Effect, EffectSpec, Param, PlacedEffect};
 use btr_physics::model::Model;
 
-/// Multiples of its typical size at which an amplitude is tried.
+/// Multiples of its typical size at which an amplitude is probed.
 const AMPLITUDES: [f64; 2] = [0.5, 3.0];
-/// Multiples of its typical size at which a limit is tried.
+/// Multiples of its typical size at which a limit is probed.
 const LIMITS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// Multiples of the model's own value at which one that takes its place is tried.
-const OWN: [f64; 2] = [0.6, 1.5];
+/// Multiples of the model's value at which a replacement value is probed.
+const REPLACEMENTS: [f64; 2] = [0.6, 1.5];
 
-/// An effect at a place.
+/// An effect at a site.
 #[derive(Clone)]
 pub(super) struct Added {
     pub effect: &'static dyn Effect,
@@ -27,7 +27,7 @@ impl Added {
     }
 }
 
-/// A model with effects whose values are the last dimensions of its S.
+/// A model with effects whose parameters are the last dimensions of its S.
 pub(super) struct Extended<'a> {
     model: &'a Model,
     added: Vec<Added>,
@@ -48,7 +48,7 @@ impl<'a> Extended<'a> {
         &self.added
     }
 
-    /// Where the effect that was added last is tried, in the units of its parameters.
+    /// Points at which the last added effect is probed, in the units of its parameters.
     pub(super) fn probes(&self) -> Vec<Vec<f64>> {
         let Some(last) = self.added.last() else { return Vec::new() };
         let spec = last.effect.spec();
@@ -60,8 +60,8 @@ impl<'a> Extended<'a> {
         shapes.iter().flat_map(|shapes| probes_at(spec, dims, shapes)).collect()
     }
 
-    /// The base's part of a point, and the effects at the rest.
-    fn parted<'s>(&self, s: &'s [f64]) -> (&'s [f64], Vec<PlacedEffect>) {
+    /// Splits a point into the base model's values and the effects with the remaining values.
+    fn split<'s>(&self, s: &'s [f64]) -> (&'s [f64], Vec<PlacedEffect>) {
         let (base, mut rest) = s.split_at(self.model.simulations().len().min(s.len()));
         let mut placed = Vec::with_capacity(self.added.len());
         for Added { effect, site } in &self.added {
@@ -95,38 +95,39 @@ impl Simulator for Extended<'_> {
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
-        let parted: Vec<(&[f64], Vec<PlacedEffect>)> = jobs.iter().map(|job| self.parted(job.s)).collect();
+        let split: Vec<(&[f64], Vec<PlacedEffect>)> = jobs.iter().map(|job| self.split(job.s)).collect();
         let requests = jobs
             .iter()
-            .zip(&parted)
+            .zip(&split)
             .map(|(job, (s, effects))| self.model.request(s, job.scenario).controller(job.c).effects(effects));
         self.model.behaviours(requests.collect())
     }
 }
 
-/// What a parameter of an effect may be: amplitudes are off at their nominal value, all others have none.
+/// Dimension of an effect's parameter. Amplitudes are off at their nominal value; shapes and limits have no nominal
+/// value.
 fn dim(spec: &EffectSpec, param: &Param, site: &str, scales: &RobotScales, model: &Model) -> Dim {
     let scale = scales.of_unit(param.unit, site);
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let dim = Dim::new(format!("{}.{}@{site}", spec.name, param.name), param.unit, least, most);
     match param {
         p if p.shape || p.off.is_infinite() => dim.scale(if least > 0.0 { Scale::Log } else { Scale::Linear }),
-        p if p.off.is_nan() => {
-            own(model).filter(|own| (least..=most).contains(own)).map_or(dim.clone(), |own| dim.nominal(own))
-        }
+        p if p.off.is_nan() => replaced_value(model)
+            .filter(|replaced_value| (least..=most).contains(replaced_value))
+            .map_or(dim.clone(), |replaced_value| dim.nominal(replaced_value)),
         p => Dim { min: least.min(0.0), ..dim }.nominal(p.off),
     }
 }
 
-/// What the model has where an effect would put its own value.
-fn own(model: &Model) -> Option<f64> {
+/// The model's value that an effect would replace.
+fn replaced_value(model: &Model) -> Option<f64> {
     model.setup.ground.map(|ground| ground.friction)
 }
 
-/// All amplitudes together at their sizes, and each by itself, beside these shapes.
+/// Probes with all amplitudes together at their sizes, then each amplitude alone, at these shapes.
 fn probes_at(spec: &EffectSpec, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
     let mut shapes = shapes.iter();
-    // Shapes stand where they start; amplitudes are off.
+    // Shapes are at their starts; amplitudes are off.
     let off: Vec<f64> = (spec.params.iter().zip(dims))
         .map(|(param, dim)| match param {
             p if p.shape => shapes.next().copied().unwrap_or(p.hint).clamp(dim.min, dim.max),
@@ -148,22 +149,22 @@ fn probes_at(spec: &EffectSpec, dims: &[Dim], shapes: &[f64]) -> Vec<Vec<f64>> {
     together.chain(alone).collect()
 }
 
-/// By which multiples of its size a parameter is tried.
+/// Multiples of its size at which a parameter is probed.
 fn multiples(param: &Param) -> Vec<f64> {
     let signed = param.bounds.0 < 0.0;
     match param {
         p if p.off.is_infinite() => LIMITS.to_vec(),
-        p if p.off.is_nan() => OWN.to_vec(),
+        p if p.off.is_nan() => REPLACEMENTS.to_vec(),
         _ => AMPLITUDES.iter().flat_map(|&a| if signed { vec![a, -a] } else { vec![a] }).collect(),
     }
 }
 
-/// A multiple of a parameter's typical size, or of the model's own value, within the bounds.
+/// A multiple of a parameter's typical size, or of the model's value, clamped to the bounds.
 fn size(param: &Param, dim: &Dim, multiple: f64) -> f64 {
-    // Bounds and hints are scaled alike.
+    // Bounds and hints have the same scale.
     let scale = if param.bounds.1 == 0.0 { 1.0 } else { dim.max / param.bounds.1 };
     let value = match dim.nominal.filter(|_| param.off.is_nan()) {
-        Some(own) => own * multiple,
+        Some(replaced_value) => replaced_value * multiple,
         None => param.hint * scale * multiple,
     };
     value.clamp(dim.min, dim.max)
