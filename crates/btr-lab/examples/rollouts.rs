@@ -1,5 +1,5 @@
-//! How long a population takes: `rollouts MODEL.toml CANDIDATES ROUNDS` prints the seconds of every round. For
-//! `benches/python_overhead.py`, which puts the same beside Python.
+//! Time of simulating a population: `rollouts MODEL.toml CANDIDATES ROUNDS` prints the seconds of every round. For
+//! `benches/python_overhead.py`, which compares it with Python.
 
 use btr_core::world::{Job, Simulator};
 use btr_lab::experiment::{Source, model};

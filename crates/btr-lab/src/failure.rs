@@ -1,4 +1,4 @@
-//! Errors at the edge: one message, one `help:` line, one exit code.
+//! Errors for the user: one message, one `help:` line, one exit code.
 
 use crate::experiment::FileError;
 use crate::identification::{Doubt, ProblemError, VerbInput};
@@ -6,32 +6,32 @@ use crate::model_text::AddError;
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
 
-/// A simulation that blows up sooner than this, in s, was wrong from the beginning.
+/// A simulation that diverges sooner than this, in s, was wrong from the beginning.
 const AT_ONCE_S: f64 = 0.2;
 
-/// Why a verb could not do its work.
+/// Why a verb failed.
 #[derive(Debug)]
 pub struct Failure {
-    /// A word that programs go by.
+    /// Machine-readable code.
     pub code: &'static str,
     /// What went wrong.
     pub message: String,
-    /// What to do about it.
+    /// The remedy.
     pub help: Option<String>,
 }
 
 impl Failure {
-    /// A failure of some kind, with what to do about it.
+    /// A failure with a code, a message and a remedy.
     pub fn new(code: &'static str, message: impl Into<String>, help: Option<String>) -> Self {
         Failure { code, message: message.into(), help }
     }
 
-    /// A command line that makes no sense.
+    /// An invalid command line.
     pub fn usage(message: impl Into<String>) -> Self {
         Failure::new("usage", message, None)
     }
 
-    /// A question that cannot be asked about logs of which this is doubtful.
+    /// A model or logs that cannot be used; `doubts` are the findings about the logs.
     pub fn input(error: ProblemError, doubts: &[Doubt]) -> Self {
         let (message, help) = (error.to_string(), error.help());
         match error {
@@ -44,7 +44,7 @@ impl Failure {
         }
     }
 
-    /// A simulation that could not be done, of logs of which this is doubtful.
+    /// A simulation that failed; `doubts` are the findings about the logs.
     pub fn simulation(error: &WorldError, doubts: &[Doubt]) -> Self {
         let unit = doubts.iter().find(|doubt| doubt.finding.topic == Topic::Unit);
         let help = match (error, unit) {
@@ -62,7 +62,7 @@ impl Failure {
         Failure::new("simulation", error.to_string(), help)
     }
 
-    /// A model that cannot be simulated at its current values on the logs of a question, and why.
+    /// A model that cannot be simulated at its current values on the logs of the input.
     pub fn simulation_failure(input: &VerbInput, error: &WorldError) -> Self {
         let why = Failure::simulation(error, &input.doubts);
         Failure { message: format!("the model blows up on these logs as it stands: {}", why.message), ..why }

@@ -1,5 +1,5 @@
-//! What a run needs around the physics: experiment files, realities, identification problems, distributed work, runs in
-//! their folders, and the verbs that the command line and Python call.
+//! Experiment files, realities, identification problems, distributed work, runs in their folders, and the verbs that
+//! the command line and Python call.
 
 pub mod distributed;
 pub mod execution;

@@ -1,5 +1,5 @@
-//! What a verb may write, asked before it computes anything: a file in a folder that is there, over nothing but an
-//! earlier output of its own kind. A recording exists once.
+//! Checks of a verb's outputs before it computes anything: the folder must exist, and only an earlier output of the
+//! same kind may be overwritten. A recording is never overwritten.
 
 use crate::experiment::Source;
 use crate::failure::Failure;
@@ -8,7 +8,7 @@ use btr_core::log::Role;
 use btr_io::{IoError, Mapping};
 use std::path::{Path, PathBuf};
 
-/// What is written.
+/// Kind of an output.
 #[derive(Clone, Copy)]
 pub enum OutputKind {
     /// A model's TOML.
@@ -17,16 +17,16 @@ pub enum OutputKind {
     Report,
     /// A log.
     Log {
-        /// Whether it may take the place of one that holds more than commands.
+        /// Whether it may overwrite a log that holds more than commands.
         over_measurements: bool,
     },
 }
 
 /// A file that a verb is to write.
 pub struct OutputFile<'a> {
-    /// Where.
+    /// The path.
     pub path: &'a Path,
-    /// What.
+    /// Its kind.
     pub kind: OutputKind,
 }
 
@@ -37,12 +37,12 @@ impl OutputKind {
     }
 }
 
-/// Every file that a verb reads: the model, what it names, and these.
+/// Every file that a verb reads: the model, the files that it names, and `further`.
 pub fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
     std::iter::once(source.path.clone()).chain(named_files(source)).chain(further).collect()
 }
 
-/// Refuses a log that cannot be written, or that would take the place of one with more than commands in it.
+/// Rejects a log that cannot be written, or that would overwrite a log with more than commands.
 ///
 /// # Errors
 /// See [`guard`].
@@ -50,11 +50,11 @@ pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure
     guard(OutputKind::Log { over_measurements }.at(Some(path)), [])
 }
 
-/// Refuses outputs that cannot be written or would take the place of what is not theirs to replace.
+/// Rejects outputs that cannot be written or would overwrite other files.
 ///
 /// # Errors
-/// An output that is one of the inputs, by whatever name; one whose name is not of its kind; a log in the place of
-/// measurements; a folder that is not there or cannot be written into.
+/// An output that is also an input under any name; an extension that does not match the kind; a log that would
+/// overwrite measurements; a folder that does not exist or is not writable.
 pub fn guard<'a>(
     outputs: impl IntoIterator<Item = OutputFile<'a>>,
     inputs: impl IntoIterator<Item = PathBuf>,
@@ -66,7 +66,7 @@ pub fn guard<'a>(
 impl OutputFile<'_> {
     fn check(&self, inputs: &[PathBuf]) -> Result<(), Failure> {
         let name = self.path.display();
-        if self.path.canonicalize().is_ok_and(|there| inputs.contains(&there)) {
+        if self.path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
             return Err(refused(format!("{name} is read here and would be written over")));
         }
         match self.kind {
@@ -91,8 +91,8 @@ impl OutputFile<'_> {
     }
 }
 
-/// Whether nothing would be lost with this file that a simulation or a robot has answered. What cannot be read may be
-/// anything, and so may a column whose name says nothing.
+/// Whether a file holds only commands, so that overwriting it loses no measurement. Files that cannot be read and
+/// columns with unknown names count as measurements.
 fn holds_commands_alone(path: &Path) -> bool {
     btr_io::read_log(path, &Mapping::default())
         .is_ok_and(|(log, _)| log.channels().all(|(_, channel)| channel.role == Role::Command))

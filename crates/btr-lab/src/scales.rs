@@ -1,5 +1,5 @@
-//! What is large and what is small for a robot: the hints of the effects' cards are made for a desk arm, and a crane's
-//! friction is not a finger's.
+//! Typical magnitudes of a robot. The hints of the effect specs are for a desk arm and must be scaled: the friction of
+//! a crane is not that of a finger.
 
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
@@ -7,26 +7,26 @@ use btr_physics::engine::carried_inertia;
 use btr_physics::model::Model;
 use btr_physics::robot::{JointKind, Robot};
 
-/// The desk arm that the cards' hints are made for.
+/// The desk arm to which the hints of the effect specs refer.
 const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
 
 /// Standard gravity, in m/s².
 const G: f64 = 9.81;
 
-/// What a joint usually does.
+/// Typical magnitudes of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct JointScale {
     /// Root mean square of the motor's torque, in N·m (N).
     torque: f64,
     /// Largest usual speed, in rad/s (m/s).
     speed: f64,
-    /// What it moves, in kg·m² (kg).
+    /// Carried inertia, in kg·m² (kg).
     inertia: f64,
     /// The carried link's mass in kg.
     mass: f64,
 }
 
-/// The scales of all joints, and the largest for what sits elsewhere.
+/// The scales of all joints, and the largest ones for all other sites.
 #[derive(Clone)]
 pub(crate) struct RobotScales {
     joints: Vec<(String, String, JointScale)>,
@@ -34,14 +34,14 @@ pub(crate) struct RobotScales {
 }
 
 impl RobotScales {
-    /// Simulates the logs once, with the model as it stands, and looks what the motors do.
+    /// Scales from simulations of the logs with the model at its current values.
     pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
         let nominal = model.simulations().nominal();
         let simulated = (0..model.learn.min(recorded.len())).map(|log| model.simulate(model.request(&nominal, log)));
         RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
     }
 
-    /// Looks what the motors do in logs of simulations.
+    /// Scales from the motions and torques of simulated logs.
     pub(crate) fn seen(robot: &Robot, simulated: &[Log]) -> Result<Self, WorldError> {
         let carried = carried_inertia(robot);
         let mut joints: Vec<(String, String, JointScale)> = robot
@@ -65,7 +65,7 @@ impl RobotScales {
             inertia: largest(|s| s.inertia),
             mass: largest(|s| s.mass),
         };
-        // A joint that does nothing has the others' measure, or the desk arm's.
+        // A joint that does not move gets a share of the others' scale, or the desk arm's.
         let or = |x: f64, other: f64, desk: f64| [x, 0.1 * other, desk].into_iter().find(|v| *v > 0.0).unwrap_or(desk);
         for (_, _, scale) in &mut joints {
             scale.torque = or(scale.torque.max(0.1 * whole.torque), whole.torque, DESK.torque);
@@ -76,7 +76,7 @@ impl RobotScales {
         Ok(RobotScales { joints, whole })
     }
 
-    /// A guess from the robot alone, without knowing what it does: motors carry its weight, at a desk arm's speed.
+    /// Estimate from the robot alone, without a motion: motors carry its weight, at a desk arm's speed.
     pub(crate) fn guess(robot: &Robot) -> Self {
         let carried = carried_inertia(robot);
         let mass = robot.mass_kg();
@@ -96,10 +96,10 @@ impl RobotScales {
         RobotScales { joints, whole: whole.unwrap_or(DESK) }
     }
 
-    /// By how much a hint in this unit is to be scaled at a site.
+    /// Factor for a hint in this unit at a site.
     pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
-        let there = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);
-        let scale = there.map_or(&self.whole, |(_, _, scale)| scale);
+        let joint = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);
+        let scale = joint.map_or(&self.whole, |(_, _, scale)| scale);
         let (torque, speed) = (scale.torque / DESK.torque, scale.speed / DESK.speed);
         let factor = match unit {
             "N·m" | "N" | "N·m/rad" => torque,

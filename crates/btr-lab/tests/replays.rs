@@ -1,4 +1,4 @@
-//! Models beside logs named by hand.
+//! Models with logs that are named explicitly.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use btr_core::log::{Log, Role};
@@ -167,7 +167,7 @@ fn edited(folder: &Path, name: &str, change: impl Fn(usize, &mut Vec<String>) ->
 #[test]
 fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
     let folder = tempfile::tempdir().unwrap();
-    let told = |from: usize, to: usize, as_text: &dyn Fn(&str) -> String| {
+    let commands = |from: usize, to: usize, as_text: &dyn Fn(&str) -> String| {
         let held = std::cell::RefCell::new(String::new());
         let path = edited(folder.path(), "edited.csv", |k, cells| {
             match (from..to).contains(&k) {
@@ -181,8 +181,8 @@ fn the_last_command_is_held_over_lost_ones_and_torque_is_off_over_many() {
         log.values("q_hinge").unwrap().to_vec()
     };
     let (empty, last) = (|_: &str| String::new(), |held: &str| held.to_owned());
-    assert_eq!(told(40, 45, &empty), told(40, 45, &last));
-    let (off, held) = (told(40, 46, &empty), told(40, 46, &last));
+    assert_eq!(commands(40, 45, &empty), commands(40, 45, &last));
+    let (off, held) = (commands(40, 46, &empty), commands(40, 46, &last));
     assert!(off.iter().zip(&held).any(|(a, b)| (a - b).abs() > 1e-4));
 }
 

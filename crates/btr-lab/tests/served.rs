@@ -46,7 +46,7 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
     Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
 }
 
-fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
+fn assert_the_same(here: &dyn ResidualModel, finite: &dyn ResidualModel) {
     let description = here.description();
     let parameters = description.parameters.len();
     let reach = |k: usize| description.parameters[k].reach;
@@ -67,7 +67,7 @@ fn assert_the_same(here: &dyn ResidualModel, there: &dyn ResidualModel) {
     let rollouts: Vec<ResidualRequest> = of_points.chain(of_starts).collect();
     for step in [TimeStep::USUAL, TimeStep::USUAL.halved()] {
         let together = bits(here.residuals(&rollouts, step));
-        assert_eq!(together, bits(there.residuals(&rollouts, step)));
+        assert_eq!(together, bits(finite.residuals(&rollouts, step)));
         assert_eq!(together, bits(rollouts.iter().map(|one| here.residual(*one, step)).collect()), "one by one");
     }
 }
@@ -94,8 +94,8 @@ fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
         let residual = |residual_model: &dyn ResidualModel| {
             residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
         };
-        let there = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
-        assert_ne!(there(residual(&problem)?), there(residual(&*with_initial_state)?), "part {log}");
+        let finite = |residual: Vec<f64>| residual.into_iter().filter(|r| r.is_finite()).collect::<Vec<f64>>();
+        assert_ne!(finite(residual(&problem)?), finite(residual(&*with_initial_state)?), "part {log}");
     }
     Ok(())
 }
@@ -106,13 +106,13 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
     let (input, residual_model) = served(&source, 0.0)?;
     assert_the_same(&input.problem, &residual_model);
-    // One that begins elsewhere.
+    // One with another initial state.
     let description = residual_model.description();
     let numbers = 0..description.starts[0].numbers.len();
     let moved = Derivation::WithInitialState(vec![(0, numbers.map(|k| 0.1 * k as f64 - 0.3).collect())]);
-    let (here, there) = (input.problem.derive(&moved), residual_model.derive(&moved));
-    let (here, there) = here.zip(there).ok_or("a fixed robot's logs can begin elsewhere")?;
-    assert_the_same(&*here, &*there);
+    let (here, finite) = (input.problem.derive(&moved), residual_model.derive(&moved));
+    let (here, finite) = here.zip(finite).ok_or("a fixed robot's logs can begin elsewhere")?;
+    assert_the_same(&*here, &*finite);
     let origin = vec![0.0; residual_model.description().parameters.len()];
     let from = |residual_model: &dyn ResidualModel, log| {
         residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
@@ -132,13 +132,13 @@ fn families_that_were_derived_of_others() -> Tested<()> {
         let (input, residual_model) = served(&source, from_s)?;
         assert_the_same(&input.problem, &residual_model);
         let seen = Derivation::WithStartsAt(vec![0.0; residual_model.description().parameters.len()]);
-        for (here, there) in [
+        for (here, finite) in [
             (input.problem.derive(&Derivation::Beginnings), residual_model.derive(&Derivation::Beginnings)),
             (input.problem.derive(&seen), residual_model.derive(&seen)),
         ] {
-            assert_eq!(here.is_some(), there.is_some());
-            if let (Some(here), Some(there)) = (here, there) {
-                assert_the_same(&*here, &*there);
+            assert_eq!(here.is_some(), finite.is_some());
+            if let (Some(here), Some(finite)) = (here, finite) {
+                assert_the_same(&*here, &*finite);
                 derived += 1;
             }
         }
@@ -175,8 +175,8 @@ fn a_population_of_an_experiment() -> Tested<()> {
     let served = RemoteSimulator::new(&model, &source, comparison, &context, &payloads)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
-    let wanted = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];
-    let (here, there) = (model.evaluate_all(&jobs, &wanted), served.evaluate_all(&jobs, &wanted));
-    assert!(matches!(here[1], Ok(Output::Behaviour(_))) && here == there);
+    let outputs = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];
+    let (here, finite) = (model.evaluate_all(&jobs, &outputs), served.evaluate_all(&jobs, &outputs));
+    assert!(matches!(here[1], Ok(Output::Behaviour(_))) && here == finite);
     Ok(())
 }

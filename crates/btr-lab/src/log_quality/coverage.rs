@@ -1,13 +1,13 @@
-//! What several logs together show of a robot.
+//! What a set of logs covers of a robot.
 
 use btr_core::log::Log;
 use btr_physics::robot::Robot;
 use btr_physics::sensor::SensorNoise;
 
-/// Readings within this many noise floors do not move.
+/// Readings whose range is within this many noise floors do not move.
 const DEAD: f64 = 10.0;
 
-/// Joints of which no log has a reading that could be compared.
+/// Joints for which no log has a comparable reading.
 pub(crate) fn unmeasured_joints(robot: &Robot, logs: &[Log]) -> Vec<String> {
     let has = |log: &Log, name: &str| log.channel(name).is_some_and(|c| c.values.iter().any(|x| x.is_finite()));
     let joints = robot.movable().map(|(_, link)| &link.joint);
@@ -15,7 +15,7 @@ pub(crate) fn unmeasured_joints(robot: &Robot, logs: &[Log]) -> Vec<String> {
     unmeasured.map(|joint| joint.name.clone()).collect()
 }
 
-/// Whether any reading that could be compared changes by more than its noise.
+/// Whether any comparable reading changes by more than its noise.
 pub(crate) fn is_moving(robot: &Robot, noise: &SensorNoise, logs: &[Log]) -> bool {
     let moves = |log: &Log, name: &str| {
         let Some(channel) = log.channel(name) else { return false };

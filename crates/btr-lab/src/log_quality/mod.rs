@@ -1,6 +1,5 @@
-//! Whether a log is usable for a robot, and how good it is. All judgements of a log are in this folder: [`usable`] has
-//! the errors that refuse a log, [`robot`] the findings of `btr check`, [`coverage`] what all logs of a command have in
-//! common.
+//! Quality of logs for a robot. [`usable`] has the errors that reject a log, [`robot`] the findings of `btr check`, and
+//! [`coverage`] the checks over all logs of a command.
 
 pub(crate) mod coverage;
 pub(crate) mod robot;

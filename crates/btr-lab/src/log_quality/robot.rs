@@ -1,4 +1,4 @@
-//! What a log is worth for a robot: beside what the log shows by itself, whether its joints are the robot's.
+//! Quality of a log for a robot: the findings about the log alone, and whether its joints match the robot's.
 
 use crate::suggest::nearest;
 use btr_core::log::{Channel, Log, Role};
@@ -6,12 +6,12 @@ use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
 use btr_physics::robot::{Actuator, Joint, JointKind, Robot};
 use btr_physics::sensor::SensorNoise;
 
-/// A joint that goes beyond its limits by so many times its range is not in these units.
+/// A position beyond the joint's limits by this many ranges is in another unit.
 const FAR: f64 = 1.0;
-/// A share of its range is what a limit may be off by.
+/// Tolerance of a limit, as a share of the range.
 const SLACK: f64 = 0.05;
 
-/// All that is to be said about a log that is compared with this robot, whose sensors err as `noise` says.
+/// All findings about a log that is compared with this robot, whose sensors have this noise.
 pub(crate) fn quality(log: &Log, robot: &Robot, noise: &SensorNoise) -> Quality {
     let mut quality = check(log);
     let mut found = Vec::new();
@@ -21,22 +21,23 @@ pub(crate) fn quality(log: &Log, robot: &Robot, noise: &SensorNoise) -> Quality 
             beyond.chain(idle(log, joint)).chain(unmeasured(log, joint, robot)).chain(noiseless(log, joint, noise)),
         );
     }
-    // What the limits tell about units need not be guessed from the size of the numbers.
+    // A finding from the joint limits replaces a guess from the size of the values.
     let tells = |limits: &Finding, of: &Finding| match limits.topic {
         Topic::Unit => limits.channel == of.channel,
         Topic::Limits => limits.channel == of.channel && of.severity < Severity::Bad,
         _ => false,
     };
-    let told = |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|limits| tells(limits, finding));
-    // What a joint is told that follows another one says nothing about it.
-    let led =
+    let is_covered =
+        |finding: &Finding| finding.topic == Topic::Unit && found.iter().any(|limits| tells(limits, finding));
+    // The commands of a joint that follows another one say nothing about it.
+    let follows =
         |finding: &Finding| robot.movable().any(|(_, l)| l.joint.mimic.is_some() && l.joint.name == finding.channel);
-    quality.findings.retain(|finding| !told(finding) && !led(finding));
+    quality.findings.retain(|finding| !is_covered(finding) && !follows(finding));
     quality.add(found);
     quality
 }
 
-/// Positions, or commands of a servo, that the joint cannot have.
+/// Finding for positions, or commands of a servo, beyond the joint's limits.
 fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
     let name = format!("{kind}_{}", joint.name);
     let channel = log.channel(&name).filter(|channel| channel.unit == joint.position_unit())?;
@@ -53,7 +54,7 @@ fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
     let reach = if most - high >= low - least { most } else { least };
     let sentence = format!("{name} reaches {reach:.2} {}, but {} ends at {low} and {high}", channel.unit, joint.name);
     if over < FAR * range {
-        // A servo may well be told to go where its joint cannot.
+        // A servo command may well lie beyond the joint's limits.
         let severity = if kind == "cmd" { Severity::Fine } else { Severity::Doubtful };
         return Some(Finding::new(Topic::Limits, severity, &name, sentence));
     }
@@ -62,12 +63,12 @@ fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
     Some(Finding::new(Topic::Unit, Severity::Bad, &name, sentence))
 }
 
-/// A joint that is told something and has nothing to do it with.
+/// Finding for a joint that has commands but no actuator.
 fn idle(log: &Log, joint: &Joint) -> Option<Finding> {
     let name = format!("cmd_{}", joint.name);
     let idle = joint.actuator == Actuator::Passive && joint.mimic.is_none();
-    let told = idle && ends(log.channel(&name)?).is_some();
-    told.then(|| {
+    let has_commands = idle && ends(log.channel(&name)?).is_some();
+    has_commands.then(|| {
         let joint = &joint.name;
         let sentence =
             format!("{name} is in the log, but {joint} has no actuator: give it one in [actuators.\"{joint}\"]");
@@ -75,13 +76,13 @@ fn idle(log: &Log, joint: &Joint) -> Option<Finding> {
     })
 }
 
-/// A joint whose position is not in the log at all; one that is there and empty is told about elsewhere.
+/// Finding for a joint whose position is not in the log; an empty channel is another finding.
 fn unmeasured(log: &Log, joint: &Joint, robot: &Robot) -> Option<Finding> {
     let name = format!("q_{}", joint.name);
     if log.channel(&name).is_some() {
         return None;
     }
-    let help = match strange(log, joint, robot).as_slice() {
+    let help = match candidates(log, joint, robot).as_slice() {
         [] => String::new(),
         all @ [first, ..] => format!(
             "; is it `{}`? Say so in the model file: [channels.channels] {name} = \"{first}\"",
@@ -92,16 +93,16 @@ fn unmeasured(log: &Log, joint: &Joint, robot: &Robot) -> Option<Finding> {
     Some(Finding::new(Topic::Missing, Severity::Doubtful, &name, sentence))
 }
 
-/// Columns that nobody uses and that may be a joint's position: one that is called almost as it should be, or else
-/// those that the joint's name is in.
-fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
+/// Unused columns that may be a joint's position: the one with the most similar name, or else those that contain the
+/// joint's name.
+fn candidates<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
     let known = |joint: &str| robot.movable().any(|(_, link)| link.joint.name == joint);
     let unknown = |other: &&str| other.strip_prefix("q_").is_some_and(|joint| !known(joint));
     let names = || log.channels().map(|(name, _)| name);
     if let Some(like) = nearest(&format!("q_{}", joint.name), names().filter(unknown)) {
         return vec![like];
     }
-    // A column of `left_knee` is none of `knee`.
+    // A column of `left_knee` does not belong to `knee`.
     let longest = |column: &str| {
         let inside = robot.movable().map(|(_, link)| &link.joint.name).filter(|name| column.contains(name.as_str()));
         inside.max_by_key(|name| name.len()).cloned()
@@ -110,7 +111,7 @@ fn strange<'a>(log: &'a Log, joint: &Joint, robot: &Robot) -> Vec<&'a str> {
     unused.filter(|column| longest(column).as_ref() == Some(&joint.name)).collect()
 }
 
-/// Readings without any noise, as simulations make them.
+/// Finding for readings without any noise, as in a simulation.
 fn noiseless(log: &Log, joint: &Joint, noise: &SensorNoise) -> Option<Finding> {
     let name = format!("q_{}", joint.name);
     let channel = log.channel(&name)?;
@@ -125,8 +126,8 @@ fn noiseless(log: &Log, joint: &Joint, noise: &SensorNoise) -> Option<Finding> {
     })
 }
 
-/// Least and greatest value; `None` where there is none at all.
+/// Least and greatest finite value; `None` if there is none.
 fn ends(channel: &Channel) -> Option<(f64, f64)> {
-    let there = channel.values.iter().copied().filter(|x| x.is_finite());
-    there.fold(None, |ends, x| Some(ends.map_or((x, x), |(low, high): (f64, f64)| (low.min(x), high.max(x)))))
+    let finite = channel.values.iter().copied().filter(|x| x.is_finite());
+    finite.fold(None, |ends, x| Some(ends.map_or((x, x), |(low, high): (f64, f64)| (low.min(x), high.max(x)))))
 }

@@ -1,4 +1,4 @@
-//! Whether a log can be used at all.
+//! Checks that reject a log.
 
 use btr_core::log::{Log, LogError};
 use btr_io::Mapping;
@@ -7,7 +7,7 @@ use btr_physics::robot::Robot;
 /// Largest time between two samples, in s.
 const LONGEST_STEP_S: f64 = 0.5;
 
-/// Why a log cannot be used.
+/// Why a log is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub(crate) struct UnusableLog {
@@ -15,7 +15,7 @@ pub(crate) struct UnusableLog {
     pub help: Option<String>,
 }
 
-/// Refuses a log that is too short, or whose clock cannot be in seconds.
+/// Rejects a log that is too short, or whose clock cannot be in seconds.
 pub(crate) fn check_clock(log: &Log) -> Result<(), UnusableLog> {
     if log.len() < 2 {
         return Err(UnusableLog { message: "a log needs at least two samples".to_owned(), help: None });
@@ -37,7 +37,7 @@ fn not_in_seconds(step_s: f64) -> UnusableLog {
     UnusableLog { message: format!("{step_s} s between two samples: is its time in {unit}?"), help: Some(help) }
 }
 
-/// Refuses the log of a real test that measures nothing of the robot.
+/// Rejects the log of a real test that measures nothing of the robot.
 pub(crate) fn check_measures_robot(log: &Log, robot: &Robot) -> Result<(), UnusableLog> {
     let joints = robot.movable().map(|(_, link)| link.joint.name.as_str());
     let of_joints: Vec<String> =
@@ -57,7 +57,7 @@ pub(crate) fn check_measures_robot(log: &Log, robot: &Robot) -> Result<(), Unusa
     Err(UnusableLog { message: format!("measures nothing of this robot: it has {available}"), help: Some(help) })
 }
 
-/// Refuses a log without a position of any joint, or without one that the mapping names.
+/// Rejects a log without a position of any joint, or without one that the mapping names.
 pub(crate) fn check_positions(log: &Log, robot: &Robot, mapping: &Mapping) -> Result<(), LogError> {
     let position = |joint: &str| log.values(&format!("q_{joint}"));
     let joints = || robot.movable().map(|(_, link)| link.joint.name.as_str());
@@ -67,8 +67,8 @@ pub(crate) fn check_positions(log: &Log, robot: &Robot, mapping: &Mapping) -> Re
     missing.map_or(Ok(()), Err)
 }
 
-/// What is odd about a log, although it can be used: channels without a value, and commands that change more often than
-/// the model takes steps of `dt_s`.
+/// Warnings about a usable log: channels without a value, and commands that change more often than the model takes
+/// steps of `dt_s`.
 pub(crate) fn warnings(log: &Log, dt_s: Option<f64>) -> Vec<String> {
     let mut warnings = Vec::new();
     let empty = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));
@@ -81,7 +81,7 @@ pub(crate) fn warnings(log: &Log, dt_s: Option<f64>) -> Vec<String> {
     warnings
 }
 
-/// Whether something with this period misses some events of another period.
+/// Whether sampling with this period misses events of another period.
 pub(crate) fn is_coarser(period_s: f64, other_s: f64) -> bool {
     period_s > 1.5 * other_s
 }

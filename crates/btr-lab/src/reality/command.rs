@@ -1,7 +1,7 @@
-//! An external command per test: a program that drives the robot (or another simulator) and leaves a log.
+//! An external command per test: a program that drives the robot (or another simulator) and writes a log.
 //!
-//! Every try writes to a file of its own and is renamed to the trial's log only when the program ended well and the log
-//! can be read: a killed run never mistakes half a log for a whole one, and no try is ever overwritten.
+//! Every attempt writes to a separate file, which is renamed to the trial's log only if the program succeeded and the
+//! log can be read. A killed run never mistakes an incomplete log for a complete one, and no attempt is overwritten.
 
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
@@ -14,7 +14,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often a running program is looked at.
+/// Polling period of a running program.
 const POLL: Duration = Duration::from_millis(20);
 
 /// The program that runs one test.
@@ -38,7 +38,7 @@ pub struct CommandReality {
 }
 
 impl CommandReality {
-    /// Keeps tests in `store`; `model` knows the references a controller stands for.
+    /// Keeps tests in `store`; `model` computes the references of a controller.
     pub fn new(settings: CommandSettings, model: Arc<Model>, store: Store) -> Self {
         CommandReality { settings, model, store }
     }
@@ -64,7 +64,7 @@ impl CommandReality {
         self.store.fail(trial, &why)
     }
 
-    /// Runs the program once; its output goes to `<name>.out` and `<name>.err` beside the log.
+    /// Runs the program once; its output goes to `<name>.out` and `<name>.err` in the log's folder.
     fn try_once(&self, folder: &Path, name: &str, log: &Path) -> Result<(), String> {
         let fill = |argument: &String| {
             argument
@@ -98,7 +98,7 @@ impl CommandReality {
     }
 }
 
-/// The first `try-N` that no earlier try has used.
+/// The first `try-N` that no earlier attempt has used.
 fn free_name(folder: &Path) -> String {
     let taken = |n: &usize| folder.join(format!("try-{n}.out")).exists();
     let n = (1..).find(|n| !taken(n)).unwrap_or(usize::MAX);

@@ -2,7 +2,7 @@
 
 use btr_core::log::{Log, Role};
 
-/// A log that has lost the beginning of its test, with rows for it: what the robot was told, and no readings.
+/// Prepends rows for the lost beginning of a test to its log: with commands, without readings.
 pub(crate) fn with_lost_rows(log: &Log, references: &Log) -> Log {
     let (Some(&first_s), Some(step_s)) = (log.clock_s().first(), log.usual_step_s()) else { return log.clone() };
     let rows = (first_s / step_s - 0.5).ceil().max(0.0) as usize;
@@ -14,37 +14,37 @@ pub(crate) fn with_lost_rows(log: &Log, references: &Log) -> Log {
             || vec![f64::NAN; rows],
             |commands| lost_s.iter().map(|t| commands.values[held(references, *t)]).collect(),
         );
-        // The length is the clock's own.
+        // Cannot fail: the length matches the clock.
         let _ = output.insert(name, &channel.unit, channel.role, [lost, channel.values.clone()].concat());
     }
     output
 }
 
-/// Which row of `references` is held at a time.
+/// The row of `references` that is held at a time.
 fn held(references: &Log, time_s: f64) -> usize {
     references.clock_s().partition_point(|r| *r <= time_s + 1e-9).saturating_sub(1)
 }
 
-/// A log with what the robot was told, by the controller's references where the log does not say it.
+/// Adds the controller's references as commands where the log has none.
 pub(crate) fn with_commands(log: &Log, references: &Log) -> Log {
     let mut output = log.clone();
     for (name, channel) in references.channels().filter(|(name, _)| log.channel(name).is_none()) {
         // Each reference holds until the next one.
         let values = log.clock_s().iter().map(|t| channel.values[held(references, *t)]).collect();
-        // The length is the clock's own.
+        // Cannot fail: the length matches the clock.
         let _ = output.insert(name, &channel.unit, Role::Command, values);
     }
     output
 }
 
-/// References as a policy corrected them, by what a log says at their ticks.
+/// References as corrected by a policy: the commands of a log at the control ticks.
 pub(crate) fn corrected_references(references: &Log, log: &Log) -> Log {
     let mut corrected = references.clone();
     let ticks_s = references.clock_s();
     for (name, channel) in references.channels() {
         let Some(logged) = log.channel(name) else { continue };
         let values = btr_core::log::interpolate(log.clock_s(), &logged.values, ticks_s);
-        // The length is the clock's own.
+        // Cannot fail: the length matches the clock.
         let _ = corrected.insert(name, &channel.unit, Role::Command, values);
     }
     corrected

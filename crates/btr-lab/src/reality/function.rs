@@ -1,4 +1,4 @@
-//! A function per test: another simulator, or whatever can be called that drives a robot.
+//! A function per test: another simulator, or any callable that drives a robot.
 
 use super::commands::with_commands;
 use super::revealed::Revealing;
@@ -13,19 +13,19 @@ use nalgebra::Isometry3;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// What a robot is asked to do.
+/// A test that a robot is to carry out.
 pub struct TestRequest<'a> {
     /// The test.
     pub trial: &'a Trial,
     /// The names of the controller's parameters, in the order of the trial's values.
     pub names: Vec<&'a str>,
-    /// The commands that it stands for, on the control clock.
+    /// The controller's references on the control clock.
     pub references: &'a Log,
-    /// Where each joint is when the test begins, at rest, in rad (m): by joint in the order of the robot's.
+    /// Initial position of each joint, at rest, in rad (m), in the order of the robot's joints.
     pub start: Vec<(&'a str, f64)>,
-    /// Where a floating robot's base is when the test begins: x, y, z in m and the quaternion w, x, y, z.
+    /// Initial pose of a floating base: x, y, z in m and the quaternion w, x, y, z.
     pub base: Option<[f64; 7]>,
-    /// How long the test lasts, in s.
+    /// Duration of the test, in s.
     pub duration_s: f64,
 }
 
@@ -38,16 +38,16 @@ fn pose_of(pose: &Isometry3<f64>) -> [f64; 7] {
 /// Why a robot gave no log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TestFailure {
-    /// It could not do it; the test counts as spent.
+    /// The robot could not carry out the test; the test counts as spent.
     Failed(String),
-    /// Nobody knows; the run stops here, and asks again when it is resumed.
+    /// The outcome is unknown; the run stops, and requests the test again when it is resumed.
     Broken(String),
 }
 
-/// A robot, or whatever stands for one: plays the references of a controller and gives back what it did.
+/// A robot or a stand-in: plays the references of a controller and returns the log.
 pub type RobotFunction = Arc<dyn Fn(&TestRequest) -> Result<Log, TestFailure> + Send + Sync>;
 
-/// Asks a function for every test.
+/// Calls a function for every test.
 pub struct FunctionReality {
     robot: RobotFunction,
     model: Arc<Model>,
@@ -55,7 +55,7 @@ pub struct FunctionReality {
 }
 
 impl FunctionReality {
-    /// Keeps tests in `store`; `model` knows the references a controller stands for.
+    /// Keeps tests in `store`; `model` computes the references of a controller.
     pub fn new(robot: RobotFunction, model: Arc<Model>, store: Store) -> Self {
         FunctionReality { robot, model, store }
     }
@@ -74,7 +74,7 @@ impl FunctionReality {
         match (self.robot)(&TestRequest { trial, names, references: &references, start, base, duration_s }) {
             Ok(log) => match self.unusable(trial, &log) {
                 Some(what) => Ok(Outcome::Pending { what }),
-                // What the robot was told is known, whether its log says it or not.
+                // The references are known even if the log has no commands.
                 None => {
                     let log = self.store.on_the_tests_clock(log);
                     self.store.keep(trial, &with_commands(&log, &references), &Meta::default())
@@ -87,7 +87,7 @@ impl FunctionReality {
 }
 
 impl FunctionReality {
-    /// Why a log must not be kept: a real test is too expensive to be spent on it.
+    /// Why a log cannot be kept. A real test is too expensive to spend on an unusable log.
     fn unusable(&self, trial: &Trial, log: &Log) -> Option<String> {
         let name = format!("the log of real test {}", trial.number);
         let (separator, error) = match usable::check_clock(log) {

@@ -1,4 +1,4 @@
-//! Recorded logs: what a robot did on other days. One scenario, one log.
+//! Recorded logs as reality: one log per scenario.
 
 use super::revealed::Revealing;
 use btr_core::log::Log;
@@ -12,7 +12,7 @@ pub struct RecordedReality {
 }
 
 impl RecordedReality {
-    /// `logs[k]` is what really happened in scenario k.
+    /// `logs[k]` is the recorded log of scenario k.
     pub fn new(logs: Vec<Log>, fitness: Fitness) -> Self {
         RecordedReality { logs, fitness }
     }

@@ -1,4 +1,4 @@
-//! A person at the robot: trials are written down, and the run waits until their logs are there.
+//! A person operates the robot: trials are written to disk, and the run waits until their logs exist.
 
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
@@ -6,14 +6,14 @@ use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
 use std::sync::Arc;
 
-/// Waits for logs that a person puts beside the trials.
+/// Waits for logs that a person puts into the folders of the trials.
 pub struct ManualReality {
     model: Arc<Model>,
     store: Store,
 }
 
 impl ManualReality {
-    /// Keeps trials in `store`; `model` knows the references a controller stands for.
+    /// Keeps trials in `store`; `model` computes the references of a controller.
     pub fn new(model: Arc<Model>, store: Store) -> Self {
         ManualReality { model, store }
     }

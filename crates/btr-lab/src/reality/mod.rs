@@ -1,5 +1,5 @@
-//! Realities: where the truth comes from. Each kind is one file; all keep what they produced on disk before anybody
-//! uses it.
+//! Realities: how real tests are carried out. Each kind is one file; all of them save a result to disk before it is
+//! used.
 
 mod clock;
 mod command;

@@ -1,18 +1,18 @@
-//! What a reality reveals at the end of a run.
+//! The truth that a reality reveals at the end of a run.
 
 use btr_core::world::Reality;
 use indexmap::IndexMap;
 use serde::Serialize;
 
-/// A reality that may tell at the end what it was.
+/// A reality that may reveal the truth at the end of a run.
 pub trait Revealing: Reality + Send + Sync {
-    /// The truth, where it is known: hidden twins know it, robots do not.
+    /// The truth, if known: for hidden twins, not for robots.
     fn reveal(&self) -> Option<Revealed> {
         None
     }
 }
 
-/// What the twin was in its last test, told at the end.
+/// The twin as it was in its last test.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Revealed {
     /// Its parameters by name, in the units of S.

@@ -1,5 +1,5 @@
-//! The folder of real tests: `transfers/0007/` holds what was asked (`trial.toml`, `references.csv`) and what came of
-//! it (`log.mcap` or `log.csv`, or `failed.txt`). A result counts from the moment it is there under its final name.
+//! The folder of real tests: `transfers/0007/` holds the request (`trial.toml`, `references.csv`) and the result
+//! (`log.mcap` or `log.csv`, or `failed.txt`). A result counts as soon as it exists under its final name.
 
 use super::clock::of_test;
 use btr_core::log::{Log, Role};
@@ -13,24 +13,24 @@ use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Endings under which a finished log is looked for.
+/// Extensions of a finished log.
 const LOG_ENDINGS: [&str; 2] = ["mcap", "csv"];
 
-/// Why a real test could not be written down or read back.
+/// Why a real test could not be saved or read back.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The disk refused.
+    /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Where.
+        /// The path.
         path: PathBuf,
-        /// What it said.
+        /// The underlying error.
         source: std::io::Error,
     },
     /// A log that cannot be read or written.
     #[error(transparent)]
     Log(#[from] btr_io::IoError),
-    /// A log that breaks off: it may still be on its way.
+    /// An incomplete log: it may still be being written.
     #[error("{}: {why}", path.display())]
     Half {
         /// The log.
@@ -38,7 +38,7 @@ pub enum StoreError {
         /// What is missing.
         why: String,
     },
-    /// A folder with a result for another question.
+    /// A folder with the result of another trial.
     #[error("{} holds the result of another trial; start with an empty --out", path.display())]
     OtherTrial {
         /// The folder.
@@ -57,21 +57,21 @@ pub struct Store {
 }
 
 impl Store {
-    /// Keeps tests of `test_s` seconds under `folder`; their controllers live in `controllers`, their logs are judged
-    /// by `fitness`.
+    /// Keeps tests of `test_s` seconds under `folder`; `controllers` is the space of their controllers, `fitness`
+    /// evaluates their logs.
     pub fn new(folder: PathBuf, controllers: Space, fitness: Fitness, mapping: Mapping, test_s: f64) -> Self {
         Store { folder, controllers, fitness, mapping, test_s }
     }
 
-    /// Where a trial and its results are kept.
+    /// The folder of a trial and its results.
     pub fn folder_of(&self, trial: &Trial) -> PathBuf {
         self.folder.join(format!("{:04}", trial.number))
     }
 
-    /// Writes down what is to be tried: the controller and the joint references it stands for.
+    /// Writes the request of a trial: the controller and its joint references.
     ///
     /// # Errors
-    /// When the disk refuses, or the folder holds another trial.
+    /// A failed write, or a folder that holds another trial.
     pub fn ask(&self, trial: &Trial, references: &Log) -> Result<PathBuf, StoreError> {
         let folder = self.folder_of(trial);
         let (path, text) = (folder.join("trial.toml"), self.describe(trial));
@@ -89,7 +89,7 @@ impl Store {
     /// The result of a trial, if there is one.
     ///
     /// # Errors
-    /// A log that is there but cannot be used.
+    /// A log that exists but cannot be used.
     pub fn recall(&self, trial: &Trial) -> Result<Option<Outcome>, StoreError> {
         let folder = self.folder_of(trial);
         let failure = std::fs::read_to_string(folder.join("failed.txt")).ok();
@@ -107,10 +107,10 @@ impl Store {
         })
     }
 
-    /// Reads a log and judges it. A log that lacks what the fitness needs is a failed test, not an error.
+    /// Reads a log and evaluates its fitness. A log without the channels of the fitness is a failed test, not an error.
     ///
     /// # Errors
-    /// A log that cannot be read, or only half of one.
+    /// A log that cannot be read or is incomplete.
     pub fn judge(&self, path: &Path) -> Result<Outcome, StoreError> {
         let (log, warnings) = btr_io::read_log(path, &self.mapping)?;
         let log = of_test(log, self.test_s);
@@ -126,31 +126,31 @@ impl Store {
         })
     }
 
-    /// Keeps a log under its final name and returns what is on disk now.
+    /// Saves a log under its final name and returns the result as read back from disk.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// A failed write.
     pub fn keep(&self, trial: &Trial, log: &Log, meta: &Meta) -> Result<Outcome, StoreError> {
         let path = self.folder_of(trial).join("log.mcap");
         btr_io::write_log(&path, log, meta)?;
         self.judge(&path)
     }
 
-    /// A log on the tests' clock.
+    /// Converts a log to the tests' clock.
     pub(super) fn on_the_tests_clock(&self, log: Log) -> Log {
         of_test(log, self.test_s)
     }
 
-    /// Writes down that a test failed.
+    /// Records that a test failed.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// A failed write.
     pub fn fail(&self, trial: &Trial, why: &str) -> Result<Outcome, StoreError> {
         write_text(&self.folder_of(trial).join("failed.txt"), why)?;
         Ok(Outcome::Failed { why: why.to_owned() })
     }
 
-    /// What is known of a trial; else it is written down, and these are its folder and its references.
+    /// The result of a trial if it is known; otherwise writes its request and returns its folder and references.
     pub(super) fn known_or_asked(
         &self,
         trial: &Trial,
@@ -166,7 +166,7 @@ impl Store {
         Ok(ControlFlow::Continue((self.ask(trial, &references)?, references)))
     }
 
-    /// What was found out in an earlier test, which has to be there.
+    /// The result of an earlier test; pending if it is missing.
     pub(super) fn recalled(&self, trial: &Trial) -> Outcome {
         let lost = || Outcome::Pending { what: format!("no log in {}", self.folder_of(trial).display()) };
         or_pending(self.recall(trial).map(|found| found.unwrap_or_else(lost)))
@@ -186,7 +186,7 @@ impl Store {
     }
 }
 
-/// An outcome from a result that may not have been written down: what cannot be kept must not be used.
+/// The outcome, or pending if it could not be saved: an unsaved outcome must not be used.
 pub(super) fn or_pending(result: Result<Outcome, StoreError>) -> Outcome {
     result.unwrap_or_else(|error| Outcome::Pending { what: error.to_string() })
 }
@@ -196,7 +196,7 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), StoreError> {
         .map_err(|source| StoreError::Io { path: path.to_owned(), source })
 }
 
-/// Whether a CSV file ends within a line: a number that was cut is a number all the same.
+/// Whether a CSV file ends within a line: a truncated number would still parse.
 fn is_open_ended(path: &Path) -> bool {
     let is_csv = path.extension().is_some_and(|ending| ending == "csv");
     is_csv && std::fs::read(path).is_ok_and(|bytes| bytes.last() != Some(&b'\n'))

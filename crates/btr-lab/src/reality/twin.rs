@@ -1,4 +1,4 @@
-//! The hidden twin: a simulation of its own parameters and effects that stands in for the robot.
+//! The hidden twin: a simulation with hidden parameters and effects that replaces the robot.
 
 use super::revealed::{Revealed, Revealing};
 use super::store::{Store, StoreError, or_pending};
@@ -6,30 +6,30 @@ use btr_core::world::{Outcome, Reality, Simulator, Trial};
 use btr_io::Meta;
 use btr_physics::model::Model;
 
-/// A simulation that nobody looks into before the run is over. It may change on the way.
+/// A simulation whose parameters are hidden until the end of the run. It may change during the run.
 pub struct TwinReality {
-    /// In the order in which they come; the first from the first test on.
+    /// Stages in order; the first one begins with the first test.
     stages: Vec<TwinStage>,
-    /// Number of the last test that it was asked for.
+    /// Number of the last requested test.
     latest: usize,
     seed: u64,
     store: Store,
 }
 
-/// What a twin is from some test on.
+/// A stage of a twin: its state from some test on.
 pub struct TwinStage {
     /// Number of its first real test.
     pub from_test: usize,
-    /// Its own model: effects, time step, noise.
+    /// Its model: effects, time step, noise.
     pub model: Model,
-    /// Where in S it stands.
+    /// Its parameters in S.
     pub parameters: Vec<f64>,
     /// The effects that the model of the experiment does not have.
     pub hidden: Vec<String>,
 }
 
 impl TwinReality {
-    /// A twin that is at first what `first` says, and then what comes `later`, in the order of their first tests.
+    /// A twin with the stage `first`, followed by the stages `later` in the order of their first tests.
     pub fn new(first: TwinStage, mut later: Vec<TwinStage>, seed: u64, store: Store) -> Self {
         later.sort_by_key(|stage| stage.from_test);
         TwinReality { stages: std::iter::once(first).chain(later).collect(), latest: 0, seed, store }

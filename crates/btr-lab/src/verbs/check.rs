@@ -1,5 +1,4 @@
-//! `check`: what logs are worth before anything is fitted to them: their quality, and what they tell about the numbers
-//! in doubt.
+//! `check`: the quality of logs, and the identifiability of the free parameters from them, before any fit.
 
 use crate::experiment::{CheckedLog, Replays};
 use crate::identification::IdentificationProblem;
@@ -9,19 +8,19 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// The answer.
+/// The result of `check`.
 #[derive(Clone, Debug)]
 pub struct CheckReport {
-    /// One per log.
+    /// The quality of each log.
     pub logs: Vec<CheckedLog>,
-    /// What is odd about them, though they can be used.
+    /// Warnings about usable logs.
     pub warnings: Vec<String>,
-    /// What all of them together tell.
+    /// Identifiability of the free parameters from all logs together.
     pub told: IdentifiabilityReport,
 }
 
 impl CheckReport {
-    /// The answer with the keys of `--json`.
+    /// The result with the keys of `--json`.
     pub fn document(&self) -> Value {
         let joint = |j: &CommandResponse| {
             let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.correlation }));
@@ -39,42 +38,42 @@ impl CheckReport {
         };
         let logs: Vec<Value> = self.logs.iter().map(log).collect();
         let mut document = json!({ "ok": true, "logs": logs, "warnings": self.warnings });
-        if let (Some(document), Value::Object(told)) = (document.as_object_mut(), json!(self.told)) {
-            document.extend(told);
+        if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.told)) {
+            document.extend(fields);
         }
         document
     }
 }
 
-/// What logs tell about the numbers in doubt, with the keys of `--json`.
+/// Identifiability of the free parameters, with the keys of `--json`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct IdentifiabilityReport {
-    /// Each number in doubt.
+    /// Sensitivity to each free parameter.
     pub parameters: Vec<Sensitivity>,
-    /// How many independent combinations of them can be told.
+    /// Number of independent identifiable combinations.
     pub rank: usize,
-    /// Of the Jacobian, in noise floors per standard deviation of the priors; none where a combination is not told at
-    /// all.
+    /// Condition number of the Jacobian in noise floors per standard deviation of the priors; `None` if a combination
+    /// has no effect at all.
     pub condition_number: Option<f64>,
-    /// Combinations that cannot be told, each with a sentence.
+    /// Combinations that are not identifiable, each with a sentence.
     pub null_directions: Vec<NullDirection>,
-    /// Numbers without any effect.
+    /// Parameters without any effect.
     pub dead: Vec<String>,
-    /// Why nothing of this is known, where it is not.
+    /// Why identifiability is unknown, if it is.
     pub not_judged: Option<String>,
-    /// Simulated logs.
+    /// Number of simulated logs.
     pub rollouts: usize,
 }
 
-/// Looks at the logs, and differentiates the model as it stands by everything in doubt.
+/// Checks the logs, and differentiates the model at its current values by all free parameters.
 pub fn check(replays: Replays) -> CheckReport {
-    CheckReport { logs: replays.checked.clone(), warnings: replays.warnings.clone(), told: told(replays) }
+    CheckReport { logs: replays.checked.clone(), warnings: replays.warnings.clone(), told: identifiability(replays) }
 }
 
-fn told(replays: Replays) -> IdentifiabilityReport {
+fn identifiability(replays: Replays) -> IdentifiabilityReport {
     let not_judged =
         |why: &str| IdentifiabilityReport { not_judged: Some(why.to_owned()), ..IdentifiabilityReport::default() };
-    // Logs that cannot be compared with the model have a quality all the same.
+    // Logs that cannot be compared with the model still have a quality.
     let problem = match IdentificationProblem::to_learn(Arc::new(replays.model), replays.logs) {
         Ok(problem) => problem,
         Err(why) => return not_judged(&why.to_string()),

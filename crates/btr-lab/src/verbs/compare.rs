@@ -1,4 +1,4 @@
-//! `compare`: how far a model is off, in multiples of the sensors' noise, and where.
+//! `compare`: the errors of a model in multiples of the sensors' noise, and where they occur.
 
 use crate::experiment::{Replays, Source};
 use crate::identification::{ProblemError, seen_starts};
@@ -12,29 +12,28 @@ use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-/// Everything that was found, with what it was found in.
+/// The result of `compare`, with its model and logs.
 pub struct CompareReport {
     /// The model file's name.
     pub model: String,
     /// The model and the logs.
     pub replays: Replays,
-    /// What the logs are called.
+    /// Names of the logs.
     pub names: Vec<String>,
-    /// Where the model fails.
+    /// The errors of the model.
     pub comparison: Comparison,
-    /// How much the time step alone changes each simulated channel, in noise floors.
+    /// Discretisation error of each simulated channel, in noise floors.
     pub integrator: IndexMap<String, f64>,
-    /// What everything was simulated with.
+    /// Time step of the simulations.
     pub step: TimeStep,
 }
 
-/// Simulates every log, and once more with half the time step, and compares; with finer steps where those are too
-/// coarse.
+/// Simulates every log, once more with half the time step, and compares; refines the steps if they are too coarse.
 ///
 /// # Errors
-/// A simulation that blew up; logs of which no channel is simulated.
+/// A simulation that diverged; logs without any simulated channel.
 pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, ProblemError> {
-    // What readings do not tell of a log's start is no fault of the model.
+    // Uncertainty of a log's initial state is not an error of the model.
     if let Some(seen) = seen_starts(&replays.model, &replays.logs) {
         replays.model.scenarios = seen;
     }
@@ -73,9 +72,9 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
 }
 
-/// Root mean square error of a simulated channel that comes from its time step, in noise floors: what halving the step
-/// changes and what lies `beyond` that (L. F. Richardson 1911), twice as much in all for a method of first order, 4/3
-/// for one of second.
+/// Root mean square discretisation error of a simulated channel, in noise floors, by Richardson extrapolation (L. F.
+/// Richardson 1911): the change under halving the step times `beyond`, which is 2 for a method of first order and 4/3
+/// for one of second order.
 fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halved: &[Log]) -> f64 {
     let pairs = simulated.iter().zip(halved).filter_map(|(usual, halved)| {
         Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))
@@ -88,17 +87,17 @@ fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halv
 }
 
 impl CompareReport {
-    /// The largest of all channels.
+    /// The largest discretisation error of all channels.
     pub fn integrator_error(&self) -> f64 {
         self.integrator.values().copied().fold(0.0, f64::max)
     }
 
-    /// The time step that everything was simulated with, in s.
+    /// The time step of the simulations, in s.
     pub fn time_step_s(&self) -> f64 {
         self.replays.model.setup.dt_s / f64::from(self.step.divides_by())
     }
 
-    /// The answer with the keys of `--json`.
+    /// The result with the keys of `--json`.
     pub fn document(&self) -> Value {
         let channel = |c: &ChannelError| {
             json!({

@@ -13,13 +13,13 @@ use btr_physics::effects::FormulaTarget;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Where an effect sits.
+/// Where an effect acts.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum EffectSite {
     /// On one joint or link, or on `base` or `*`.
     One(String),
-    /// On several.
+    /// On several sites.
     Several(Vec<String>),
 }
 
@@ -37,105 +37,104 @@ impl std::fmt::Display for EffectSite {
 pub struct EffectReport {
     /// Its name.
     pub effect: String,
-    /// Where it sits.
+    /// Where it acts.
     pub site: EffectSite,
-    /// `effect@site` of what these logs cannot tell from it.
+    /// `effect@site` of effects that these logs cannot distinguish from it.
     pub alike: Vec<String>,
-    /// How much of the belief it has among all that was fitted beside it.
+    /// Its posterior probability among all candidates fitted in the same round.
     pub probability: f64,
-    /// By how much it lowers the information criterion.
+    /// Decrease of the information criterion.
     pub delta_bic: f64,
-    /// What it takes.
+    /// Estimates of its parameters.
     pub parameters: Vec<Estimate>,
 }
 
-/// What an error looks like that no effect explains: a law that can be added to the model.
+/// A law that describes an error that no effect explains, and can be added to the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LawReport {
     /// The law as a formula.
     pub law: String,
     /// The joint.
     pub site: String,
-    /// What it is on.
+    /// The quantity that it changes.
     pub on: FormulaTarget,
-    /// The share of the squared error above the noise that it explains on held-out logs.
+    /// Share of the squared error above the noise that it explains on held-out logs.
     pub explains: f64,
-    /// `effect@site` of the effects it was fitted beside; none where it takes the place of all.
+    /// `effect@site` of the effects it was fitted together with; empty if it replaces all of them.
     pub beside: Vec<String>,
-    /// What to paste into the model.
+    /// TOML to paste into the model file.
     pub toml: String,
 }
 
-/// A channel whose readings are rougher than the model says.
+/// A channel whose readings are noisier than the model states.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatedLow {
     /// The channel.
     pub channel: String,
     /// Its unit.
     pub unit: String,
-    /// Standard deviation of its readings' errors as the model has it.
+    /// Standard deviation of its noise as stated in the model.
     pub stated: f64,
-    /// The same as the readings show it.
+    /// Standard deviation of its noise as estimated from the readings.
     pub shown: f64,
 }
 
-/// The answer, with the keys of `--json`.
+/// The result of `diagnose`, with the keys of `--json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct DiagnoseReport {
-    /// Always true: failures are another document.
+    /// Always true: failures have another document.
     pub ok: bool,
-    /// The answer in a word.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What is missing; with the verdict `unexplained`, what helps and does not explain.
+    /// The missing effects; with the verdict `unexplained`, effects that help but do not explain.
     pub effects: Vec<EffectReport>,
-    /// How the error fell, in multiples of the noise floor.
+    /// Error after each step, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
-    /// Everything that was fitted, round by round, best first.
+    /// All fitted candidates, round by round, best first.
     pub ranking: Vec<Vec<RankedCandidate>>,
     /// The noise floors.
     pub noise_floor: Vec<NoiseFloor>,
-    /// The share of the squared error that remains and is not noise.
+    /// Share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
-    /// Where nothing explains the error and it may be the sensors' own: channels whose noise is stated too low, it
-    /// seems.
+    /// With the verdict `unexplained`: channels whose noise seems to be stated too low.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,
-    /// What the error looks like where nothing known explains it.
+    /// A law for the remaining error, if no known effect explains it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_law: Option<LawReport>,
-    /// What to do on the robot to tell apart what these logs cannot.
+    /// The experiment that best distinguishes the explanations that these logs cannot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next_experiment: Option<NextExperiment>,
-    /// The integrator's own error in multiples of the noise floor.
+    /// Discretisation error in multiples of the noise floor.
     pub integrator_error: f64,
-    /// The time step that it was diagnosed with, in s; finer than the model's own where that would err too much.
+    /// Time step of the diagnosis, in s; finer than the model's if that is too coarse.
     pub time_step_s: f64,
-    /// What makes the answer doubtful: the same checks as `check` makes.
+    /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
-    /// Joints of which nothing is measured: the answer is not about them.
+    /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
-    /// Parameters in doubt that ended at a bound: their bounds may be to blame for what remains.
+    /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
-    /// Simulated logs.
+    /// Number of simulated logs.
     pub rollouts: usize,
     /// Wall time.
     pub seconds: f64,
 }
 
-/// Finds out what is missing; `on_step` hears every step of the ladder.
-/// `residual_model` is the problem's own, or the same served by others.
+/// Diagnoses the missing effects; `on_step` is called with every step of the error ladder. `residual_model` is the
+/// input's problem, evaluated locally or by workers.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.
 pub fn diagnose(
     input: &VerbInput,
     residual_model: &dyn ResidualModel,
-    question: DiagnoseOptions,
+    options: DiagnoseOptions,
     on_step: &dyn Fn(&LadderStep),
 ) -> Result<(DiagnoseReport, Diagnosis), WorldError> {
     let began = Instant::now();
     let mut objective = Objective::new(residual_model);
-    let diagnosis = btr_identify::diagnose::diagnose(&mut objective, question, on_step)?;
+    let diagnosis = btr_identify::diagnose::diagnose(&mut objective, options, on_step)?;
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
@@ -162,12 +161,12 @@ pub fn diagnose(
 }
 
 impl DiagnoseReport {
-    /// Where what is left may be the sensors' own noise: to say so.
+    /// A message if the remaining error may be sensor noise.
     pub fn shows_noise(&self) -> Option<String> {
-        let told = |low: &StatedLow| {
+        let sentence = |low: &StatedLow| {
             format!("{} shows {:.2e} {}, {:.2e} is stated", low.channel, low.shown, low.unit, low.stated)
         };
-        let all: Vec<String> = self.noise_stated_low.iter().map(told).collect();
+        let all: Vec<String> = self.noise_stated_low.iter().map(sentence).collect();
         (!all.is_empty()).then(|| {
             format!(
                 "what is left is white, as noise is, and above what [noise] states: {}; is that too low? Raise it, or leave it \
@@ -177,7 +176,7 @@ impl DiagnoseReport {
         })
     }
 
-    /// Where the logs to learn from are explained and those to judge on are not: what to make of that.
+    /// A message if the training logs are explained and the held-out logs are not.
     pub fn shows_where_judged(&self) -> Option<String> {
         let last = self.error_ladder.last()?;
         let explained = last.train <= NOISE && self.verdict == Verdict::Unexplained;
@@ -191,13 +190,13 @@ impl DiagnoseReport {
     }
 }
 
-/// What is left of a channel is as large as its own readings' noise within this factor.
+/// Factor within which the remaining error of a channel equals the noise of its readings.
 const AS_LARGE: f64 = 1.15;
-/// Samples that tell as much as one, where an error is noise.
+/// Largest autocorrelation time, in samples, of an error that counts as white.
 const NEARLY_WHITE: f64 = 2.0;
 
-/// Channels in which what is left is white, above the noise that the model states, and what their readings show of
-/// noise.
+/// Channels whose remaining error is white, exceeds the noise that the model states, and equals the noise of the
+/// readings.
 fn stated_low(input: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
     let model = input.problem.model();
     let (mut found, mut start) = (Vec::<StatedLow>::new(), 0);
@@ -209,7 +208,7 @@ fn stated_low(input: &VerbInput, diagnosis: &Diagnosis) -> Vec<StatedLow> {
             let shown =
                 readings.channel(&channel.name).and_then(|c| NoiseEstimate::of(&c.values)).map(|noise| noise.sigma());
             let (Some(stated), Some(shown)) = (stated, shown) else { continue };
-            // Floors that are not the sensors' alone hold what nobody states.
+            // A floor that was raised above the sensor's noise contains errors that the model does not state.
             let is_the_floor = (channel.sigma / stated - 1.0).abs() < 0.01;
             let times = stats::std(left);
             let as_large = times > AS_LARGE && shown > AS_LARGE * stated && times * stated < AS_LARGE * shown;
@@ -236,7 +235,7 @@ fn residual_law(input: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {
     Some(LawReport { law, site, on, explains: found.explains, beside, toml })
 }
 
-/// One effect on several sites is one effect.
+/// Merges findings of one effect at several sites.
 fn grouped(found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
     for one in found {

@@ -1,19 +1,19 @@
-//! The library of effects, as the registry knows it.
+//! The library of effects, read from the registry.
 
 use crate::failure::Failure;
 use crate::suggest::suggestion;
 use btr_physics::effects::{EFFECTS, EffectSpec, FORMULA, Param};
 use serde_json::{Value, json};
 
-/// Every card; formulas share one.
+/// Every effect spec; formulas share one.
 fn all() -> impl Iterator<Item = &'static EffectSpec> {
     EFFECTS.iter().map(|effect| effect.spec()).chain([&FORMULA])
 }
 
-/// All cards, or that of one effect.
+/// All effect specs, or that of one effect.
 ///
 /// # Errors
-/// An effect that is not there.
+/// An unknown effect.
 pub fn named(name: Option<&str>) -> Result<Vec<&'static EffectSpec>, Failure> {
     Ok(match name {
         None => all().collect(),
@@ -24,7 +24,7 @@ pub fn named(name: Option<&str>) -> Result<Vec<&'static EffectSpec>, Failure> {
 /// The physical effects, or one of them, as the document of `btr effects --json`.
 ///
 /// # Errors
-/// An effect that is not there.
+/// An unknown effect.
 pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
     let effects: Vec<Value> = named(name)?.into_iter().map(describe).collect();
     Ok(json!({ "ok": true, "effects": effects }))
@@ -37,7 +37,7 @@ fn unknown(name: &str) -> Failure {
     Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
 }
 
-/// What it sits on, in a word.
+/// The kind of site on which it acts.
 pub fn site(spec: &EffectSpec) -> String {
     format!("{:?}", spec.site).to_lowercase()
 }

@@ -1,49 +1,55 @@
-//! Drives that could tell rivals apart: each joint alone and all together, within what the logs showed.
+//! Candidate drives for distinguishing rival explanations: each joint alone and all together, within the range of the
+//! logs.
 
 use btr_core::log::{Log, LogError, Role};
 use btr_physics::robot::{Actuator, Joint, Robot};
 use std::f64::consts::TAU;
 
-/// Until then the joints go from where the robot starts to the middle of their ranges.
+/// Time in which the joints move from their start to the middle of their ranges, in s.
 const EASE_S: f64 = 1.0;
 
 /// A kind of motion.
 struct MotionKind {
     name: &'static str,
-    /// What it does, for a sentence.
-    told: &'static str,
-    /// The share of the range that it uses.
+    /// Description for a sentence.
+    description: &'static str,
+    /// Share of the range that it uses.
     share: f64,
-    /// Between -1 and 1, over time in s and as a share of the whole; NaN switches the torque off.
+    /// Value between -1 and 1 as a function of time in s and of the elapsed share; NaN switches the torque off.
     wave: fn(f64, f64) -> f64,
 }
 
 const KINDS: [MotionKind; 8] = [
     MotionKind {
         name: "creep",
-        told: "ramps that creep through zero velocity",
+        description: "ramps that creep through zero velocity",
         share: 0.06,
         wave: |t, _| ramp(t / 4.0),
     },
     MotionKind {
         name: "slow_ramps",
-        told: "slow ramps to and fro through zero velocity",
+        description: "slow ramps to and fro through zero velocity",
         share: 0.15,
         wave: |t, _| ramp(t / 3.0),
     },
-    MotionKind { name: "ramps", told: "ramps to and fro", share: 0.7, wave: |t, _| ramp(t / 2.5) },
-    MotionKind { name: "steps", told: "steps", share: 0.8, wave: |t, _| LEVELS[(t / 0.8) as usize % LEVELS.len()] },
-    MotionKind { name: "multisine", told: "a sum of sines", share: 0.8, wave: |t, _| multisine(t) },
-    MotionKind { name: "chirp", told: "a sine that grows faster", share: 0.3, wave: |t, share| chirp(t, share) },
+    MotionKind { name: "ramps", description: "ramps to and fro", share: 0.7, wave: |t, _| ramp(t / 2.5) },
+    MotionKind {
+        name: "steps",
+        description: "steps",
+        share: 0.8,
+        wave: |t, _| LEVELS[(t / 0.8) as usize % LEVELS.len()],
+    },
+    MotionKind { name: "multisine", description: "a sum of sines", share: 0.8, wave: |t, _| multisine(t) },
+    MotionKind { name: "chirp", description: "a sine that grows faster", share: 0.3, wave: |t, share| chirp(t, share) },
     MotionKind {
         name: "poses",
-        told: "poses held across the range",
+        description: "poses held across the range",
         share: 1.0,
         wave: |_, share| POSES[(share * 5.0) as usize % 5],
     },
     MotionKind {
         name: "free_swing",
-        told: "torque off from a held pose, and a free swing",
+        description: "torque off from a held pose, and a free swing",
         share: 0.7,
         wave: |_, share| free(share),
     },
@@ -70,20 +76,20 @@ fn free(share: f64) -> f64 {
     if share < 0.25 { 1.0 } else { f64::NAN }
 }
 
-/// What a joint was told in the logs.
+/// Range of a joint's commands in the logs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CommandRange {
     /// Least and greatest command.
     range: (f64, f64),
-    /// The fastest that it changed, per s.
+    /// Largest rate of change, per s.
     rate: f64,
 }
 
 impl CommandRange {
-    /// `None` where the joint was never told two different things.
+    /// `None` if the joint's command never changes.
     pub(crate) fn of(joint: &str, logs: &[Log]) -> Option<CommandRange> {
         let name = format!("cmd_{joint}");
-        let mut told = CommandRange { range: (f64::INFINITY, f64::NEG_INFINITY), rate: 0.0 };
+        let mut commands = CommandRange { range: (f64::INFINITY, f64::NEG_INFINITY), rate: 0.0 };
         for log in logs {
             let Some(channel) = log.channel(&name) else { continue };
             let samples: Vec<(f64, f64)> = log
@@ -94,12 +100,12 @@ impl CommandRange {
                 .filter(|(_, x)| x.is_finite())
                 .collect();
             for (_, x) in &samples {
-                told.range = (told.range.0.min(*x), told.range.1.max(*x));
+                commands.range = (commands.range.0.min(*x), commands.range.1.max(*x));
             }
             let rates = samples.windows(2).map(|pair| ((pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0)).abs());
-            told.rate = rates.fold(told.rate, f64::max);
+            commands.rate = rates.fold(commands.rate, f64::max);
         }
-        (told.range.0 < told.range.1).then_some(told)
+        (commands.range.0 < commands.range.1).then_some(commands)
     }
 }
 
@@ -108,15 +114,15 @@ impl CommandRange {
 pub(crate) struct Excitation {
     /// The kind of motion.
     pub kind: &'static str,
-    /// The same for a sentence.
-    pub told: &'static str,
+    /// Its description for a sentence.
+    pub description: &'static str,
     /// The joints that move.
     pub joints: Vec<String>,
     /// The commands.
     pub commands: Log,
 }
 
-/// Every kind of motion for every joint alone, and for all at once. A joint that was never moved is held.
+/// Every kind of motion for every joint alone, and for all at once. A joint that never moved in the logs is held.
 pub(crate) fn excitations(
     robot: &Robot,
     logs: &[Log],
@@ -135,29 +141,29 @@ pub(crate) fn excitations(
     for group in &groups {
         for kind in &KINDS {
             let mut commands = Log::new(clock.clone())?;
-            for (i, (joint, told)) in joints.iter().enumerate() {
+            for (i, (joint, range)) in joints.iter().enumerate() {
                 let kind = group.contains(&i).then_some(kind);
                 commands.insert(
                     format!("cmd_{}", joint.name),
                     joint.command_unit(),
                     Role::Command,
-                    row(&clock, joint, *told, kind),
+                    row(&clock, joint, *range, kind),
                 )?;
             }
             let names = group.iter().map(|&i| joints[i].0.name.clone()).collect();
-            all.push(Excitation { kind: kind.name, told: kind.told, joints: names, commands });
+            all.push(Excitation { kind: kind.name, description: kind.description, joints: names, commands });
         }
     }
     Ok(all)
 }
 
-/// The commands of a joint: to the middle of its range, then the motion, never faster than the logs were.
-fn row(clock: &[f64], joint: &Joint, told: Option<CommandRange>, kind: Option<&MotionKind>) -> Vec<f64> {
+/// The commands of a joint: to the middle of its range, then the motion, never faster than in the logs.
+fn row(clock: &[f64], joint: &Joint, range: Option<CommandRange>, kind: Option<&MotionKind>) -> Vec<f64> {
     let rest = match joint.actuator {
         Actuator::Torque { .. } | Actuator::Voltage { servo: None, .. } => 0.0,
         _ => joint.start,
     };
-    let Some(CommandRange { range: (low, high), rate }) = told else { return vec![rest; clock.len()] };
+    let Some(CommandRange { range: (low, high), rate }) = range else { return vec![rest; clock.len()] };
     let (middle, reach) = (0.5 * (low + high), 0.5 * (high - low));
     let last_s = clock.last().copied().unwrap_or(0.0);
     let mut before: Option<(f64, f64)> = None;
@@ -166,12 +172,12 @@ fn row(clock: &[f64], joint: &Joint, told: Option<CommandRange>, kind: Option<&M
         let moving_s = (t - EASE_S).max(0.0);
         let wave =
             kind.map_or(0.0, |kind| kind.share * (kind.wave)(moving_s, moving_s / (last_s - EASE_S).max(EASE_S)));
-        let wanted = rest + eased * (middle - rest) + if t < EASE_S { 0.0 } else { reach * wave };
+        let requested = rest + eased * (middle - rest) + if t < EASE_S { 0.0 } else { reach * wave };
         let limited = match before {
-            Some((then, was)) if wanted.is_finite() => {
-                was + (wanted - was).clamp(-rate * (t - then), rate * (t - then))
+            Some((then, was)) if requested.is_finite() => {
+                was + (requested - was).clamp(-rate * (t - then), rate * (t - then))
             }
-            _ => wanted,
+            _ => requested,
         };
         before = Some((t, limited)).filter(|_| limited.is_finite());
         limited

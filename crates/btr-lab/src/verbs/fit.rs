@@ -1,4 +1,4 @@
-//! `fit`: the numbers in doubt at their best, with what is known of each.
+//! `fit`: estimates of the free parameters with their uncertainties.
 
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{adapted, in_finer_steps};
@@ -11,45 +11,45 @@ use std::path::Path;
 use std::time::Instant;
 use toml_edit::TomlError;
 
-/// The answer, with the keys of `--json`.
+/// The result of `fit`, with the keys of `--json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FitReport {
-    /// Always true: failures are another document.
+    /// Always true: failures have another document.
     pub ok: bool,
-    /// Sum of squares in multiples of the noise, with the priors' share.
+    /// Sum of squares in multiples of the noise, including the priors.
     pub cost: f64,
-    /// Every number in doubt.
+    /// Estimates of all free parameters.
     pub parameters: Vec<Estimate>,
-    /// Error on the logs that were learnt from, in multiples of the noise floor.
+    /// Error on training logs, in multiples of the noise floor.
     pub train: f64,
-    /// Error on held-out logs.
+    /// Error on held-out logs, in multiples of the noise floor.
     pub held_out: Option<f64>,
-    /// Combinations that these logs do not tell.
+    /// Combinations that are not identifiable from these logs.
     pub null_directions: Vec<NullDirection>,
-    /// How the error fell.
+    /// Error after each step.
     pub error_ladder: Vec<LadderStep>,
     /// Why the search ended.
     pub stop_reason: FitStop,
-    /// Why there are no intervals, where there are none.
+    /// Why there are no intervals, if there are none.
     pub withheld: Option<String>,
     /// The noise floors.
     pub noise_floor: Vec<NoiseFloor>,
-    /// What makes the answer doubtful: the same checks as `check` makes.
+    /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
-    /// Joints of which nothing is measured: the answer is not about them.
+    /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
-    /// The integrator's own error in multiples of the noise floor.
+    /// Discretisation error in multiples of the noise floor.
     pub integrator_error: f64,
-    /// The time step that it takes, in s; finer than the model's own where that would err too much.
+    /// Time step of the fit, in s; finer than the model's if that is too coarse.
     pub time_step_s: f64,
-    /// Simulated logs.
+    /// Number of simulated logs.
     pub rollouts: usize,
     /// Wall time.
     pub seconds: f64,
 }
 
-/// Fits what is in doubt; `on_step` hears every step of the ladder. Returns the fit and the time step that it holds
-/// for. `residual_model` is the problem's own, or the same served by others.
+/// Fits the free parameters; `on_step` is called with every step of the error ladder. Returns the fit and its time
+/// step. `residual_model` is the input's problem, evaluated locally or by workers.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.
@@ -83,21 +83,21 @@ pub fn fit(
 }
 
 impl VerbInput {
-    /// The text of the fitted model for a file in the folder `into`, with the time step that the fit holds for.
+    /// The text of the fitted model for a file in the folder `into`, with the time step of the fit.
     ///
     /// # Errors
-    /// A text that is not TOML; it was read before, so this does not happen.
+    /// A text that is not TOML; it was parsed before, so this does not happen.
     pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
         let text = adapted(&self.source, &self.problem.model().simulations, &self.values(fit), into)?;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
     }
 
-    /// The model's time step at so many halvings, in s.
+    /// The model's time step after the halvings of `step`, in s.
     pub(super) fn time_step_s(&self, step: TimeStep) -> f64 {
         self.problem.model().setup.dt_s / f64::from(step.divides_by())
     }
 
-    /// The values of what is in doubt at a fit, in the order of the model's space.
+    /// The values of the free parameters at a fit, in the order of the model's space.
     pub fn values(&self, fit: &FitPoint) -> Vec<f64> {
         let dims = self.problem.model().simulations.dims();
         let value = |(&k, dim): (&usize, &btr_core::space::Dim)| {

@@ -1,4 +1,4 @@
-//! What a model says beside the logs that it is judged on, for plots.
+//! Simulations of the held-out logs, for plots.
 
 use crate::identification::VerbInput;
 use btr_core::log::Log;
@@ -8,19 +8,19 @@ use btr_identify::residual_model::TimeStep;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Logs that nothing was fitted to; all logs, where the last part of each is held out.
+/// Held-out logs; all logs if the last part of each is held out.
 #[derive(Clone, Debug)]
 pub struct HeldOutLogs<'a> {
-    /// What they are called.
+    /// Their names.
     pub names: Vec<&'a str>,
-    /// What was recorded.
+    /// The recorded logs.
     pub logs: &'a [Log],
-    /// Where they are among the model's scenarios.
+    /// Their indices among the model's scenarios.
     scenarios: Range<usize>,
 }
 
 impl VerbInput {
-    /// The logs to judge on.
+    /// The held-out logs.
     pub fn judged(&self) -> HeldOutLogs<'_> {
         let (model, recorded) = (self.problem.model(), self.problem.recorded());
         let first = if model.learn < recorded.len() { model.learn } else { 0 };
@@ -29,11 +29,11 @@ impl VerbInput {
         HeldOutLogs { names, logs: &recorded[scenarios.clone()], scenarios }
     }
 
-    /// What is wrong at a point of the family in the logs to judge on, in the channels that fits and diagnoses compare.
-    /// Start states are as the logs have them; nothing is projected out.
+    /// Errors of the residual model at point `u` on the held-out logs, in the channels that fits and diagnoses compare.
+    /// Initial states are those of the logs; nothing is projected out.
     ///
     /// # Errors
-    /// A simulation that blew up.
+    /// A simulation that diverged.
     pub fn judge(&self, judged: &HeldOutLogs, u: &[f64]) -> Result<Comparison, WorldError> {
         let simulate = |scenario: usize| self.problem.simulate(u, scenario, TimeStep::USUAL);
         let simulated: Vec<Log> =

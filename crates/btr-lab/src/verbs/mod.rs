@@ -1,4 +1,5 @@
-//! What the command line and Python ask of a model and its logs: check, compare, diagnose, fit, add effects.
+//! The operations of the command line and of Python on a model and its logs: check, compare, diagnose, fit, add
+//! effects.
 
 mod check;
 mod compare;

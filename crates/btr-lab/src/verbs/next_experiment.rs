@@ -1,4 +1,4 @@
-//! The next experiment: the drive in which rival explanations differ most, within what the logs showed.
+//! The next experiment: the drive in which rival explanations differ most, within the range of the logs.
 
 use super::excitation::{Excitation, excitations};
 use crate::identification::{IdentificationProblem, VerbInput};
@@ -11,52 +11,52 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// The most rivals that are looked at.
+/// Most rivals that are considered.
 const MOST_RIVALS: usize = 5;
 /// Shortest and longest drive, in s.
 const DURATION_S: (f64, f64) = (4.0, 10.0);
-/// Rivals that are so many noise floors apart are apart: more is not better.
+/// Separation in noise floors beyond which more is not better.
 const ENOUGH: f64 = 10.0;
-/// Rivals that are less apart are alike: what is in doubt can make up for it.
+/// Separation in noise floors below which rivals are indistinguishable: the free parameters can compensate for it.
 const APART: f64 = 0.3;
-/// How far a joint may leave the range of its logs, as a share of it.
+/// How far a joint may leave its range in the logs, as a share of that range.
 const MARGIN: f64 = 0.1;
 
-/// What to do next on the robot.
+/// The proposed next experiment on the robot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NextExperiment {
     /// The kind of motion.
     pub kind: String,
     /// The joints that move; the others hold the middle of their ranges.
     pub joints: Vec<String>,
-    /// How far the favourite and the nearest of the rivals that it tells apart are from each other, in multiples of the
-    /// noise floor.
+    /// Separation of the favourite from the nearest rival that the experiment distinguishes from it, in multiples of
+    /// the noise floor.
     pub separation: f64,
-    /// The same in the logs that there are.
+    /// The same separation in the present logs.
     pub separation_so_far: f64,
-    /// What to do and why.
+    /// Description and reason.
     pub sentence: String,
-    /// Everybody who is alike, whether it tells them from the favourite or not.
+    /// All rivals, whether the experiment distinguishes them from the favourite or not.
     pub rivals: Vec<RivalExplanation>,
     /// The commands.
     #[serde(skip)]
     pub commands: Option<Log>,
 }
 
-/// An explanation that the logs cannot tell from the favourite.
+/// An explanation that the logs cannot distinguish from the favourite.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RivalExplanation {
     /// `effect@site`.
     pub effect: String,
-    /// How far it is from the favourite, in multiples of the noise floor.
+    /// Separation from the favourite, in multiples of the noise floor.
     pub separation: f64,
 }
 
-/// The drive that tells the first of `rivals` (candidates with their points) best from the others; none where no drive
-/// tells it from anybody or does so better than the logs did, and where there are none to tell apart.
+/// The drive that best distinguishes the first of `rivals` (candidates with their points) from the others. `None` if
+/// there are no rivals, or if no drive distinguishes them, or none does so better than the logs.
 ///
 /// # Errors
-/// A model that blows up on its own logs.
+/// A model that diverges on the logs.
 pub fn next_experiment(
     problem: &IdentificationProblem,
     rivals: &[(usize, Vec<f64>)],
@@ -73,7 +73,7 @@ pub fn next_experiment(
     let so_far = best(so_far.collect::<Result<Vec<_>, _>>()?.into_iter().map(Option::unwrap_or_default));
     let longest_s = problem.recorded().iter().map(Log::duration_s).fold(DURATION_S.0, f64::max);
     let drives = excitations(&model.robot, problem.recorded(), model.setup.control_s, longest_s.min(DURATION_S.1))?;
-    // A drive in which any of them blows up is no drive to propose.
+    // A drive in which any rival diverges is not proposed.
     let tried: Vec<Vec<f64>> = drives
         .par_iter()
         .map(|drive| separations(problem, &points, &scenario(problem, drive), &|log| problem.is_within(log, MARGIN)))
@@ -91,16 +91,16 @@ pub fn next_experiment(
 
 fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, so_far: &[f64]) -> NextExperiment {
     type Scores<'a> = Vec<(&'a RivalExplanation, f64)>;
-    let (told, alike): (Scores, Scores) =
+    let (distinguished, alike): (Scores, Scores) =
         rivals.iter().zip(so_far.iter().copied()).partition(|(rival, _)| rival.separation >= APART);
     let names = |rivals: &Scores| rivals.iter().map(|(rival, _)| rival.effect.as_str()).collect::<Vec<_>>().join(", ");
-    let separation = least(told.iter().map(|(rival, _)| rival.separation));
-    let separation_so_far = least(told.iter().map(|(_, so_far)| *so_far));
+    let separation = least(distinguished.iter().map(|(rival, _)| rival.separation));
+    let separation_so_far = least(distinguished.iter().map(|(_, so_far)| *so_far));
     let mut sentence = format!(
         "Drive {} with {}: {favourite} and {} then differ by at least {separation:.1} noise floors, in these logs by {separation_so_far:.1}",
         drive.joints.join(", "),
-        drive.told,
-        names(&told),
+        drive.description,
+        names(&distinguished),
     );
     if !alike.is_empty() {
         sentence += &format!("; this does not tell it from {}", names(&alike));
@@ -117,7 +117,7 @@ fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, 
     }
 }
 
-/// The drive as a situation: from where the robot is at its own start, with what is known of the first log.
+/// The drive as a scenario: from the robot's nominal start, with the settings of the first log.
 fn scenario(problem: &IdentificationProblem, drive: &Excitation) -> Scenario {
     let model = problem.model();
     Scenario {
@@ -129,8 +129,8 @@ fn scenario(problem: &IdentificationProblem, drive: &Excitation) -> Scenario {
     }
 }
 
-/// How far the first point's simulation is from each other's, in multiples of the noise floor over all measured
-/// channels; `None` where one of them is not `safe`.
+/// Separation of the first point's simulation from each other one, in multiples of the noise floor over all measured
+/// channels; `None` if any simulation is not `safe`.
 fn separations(
     problem: &IdentificationProblem,
     points: &[&Vec<f64>],
@@ -155,7 +155,7 @@ fn separations(
     logs.iter().skip(1).map(apart).collect::<Result<Vec<f64>, _>>().map(Some)
 }
 
-/// What a drive is worth: the sum of squares of its separations, as far as they matter.
+/// Value of a drive: the sum of squares of its separations, each limited to `ENOUGH`.
 fn worth(apart: &[f64]) -> f64 {
     apart.iter().map(|x| x.min(ENOUGH).powi(2)).sum()
 }
@@ -164,7 +164,7 @@ fn least(apart: impl Iterator<Item = f64>) -> f64 {
     apart.reduce(f64::min).unwrap_or(0.0)
 }
 
-/// The most telling, with its index; of equals the one in which all together are further apart.
+/// The separations of the most valuable drive, with its index; ties are broken by the sum of separations.
 fn best(all: impl IntoIterator<Item = Vec<f64>>) -> (usize, Vec<f64>) {
     let sum = |apart: &[f64]| apart.iter().sum::<f64>();
     let better = |a: &(usize, Vec<f64>), b: &(usize, Vec<f64>)| {
@@ -174,9 +174,9 @@ fn best(all: impl IntoIterator<Item = Vec<f64>>) -> (usize, Vec<f64>) {
 }
 
 impl VerbInput {
-    /// The next experiment for what a diagnosis could not tell apart.
+    /// The next experiment for the explanations that a diagnosis could not distinguish.
     pub(super) fn next_experiment(&self, rivals: &[(usize, Vec<f64>)]) -> Option<NextExperiment> {
-        // The logs themselves were simulated at these points before, so nothing blows up there.
+        // The logs were simulated at these points before, so these simulations do not diverge.
         next_experiment(&self.problem, rivals).ok().flatten()
     }
 }

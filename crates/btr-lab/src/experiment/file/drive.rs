@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What the joints are told, and which numbers of it are searched.
+/// The drive of the joints, and which of its parameters are searched.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSection {
@@ -13,24 +13,24 @@ pub struct DriveSection {
     pub kind: String,
     /// Sine, and the clock of a policy: angular frequency in rad/s.
     pub omega_rad_s: Option<f64>,
-    /// Policy: the kind of the drive that it corrects; `hold` if not stated.
+    /// Policy: the kind of the drive that it corrects; default `hold`.
     pub around: Option<String>,
-    /// Policy: what it goes by, of `tilt`, `gyro`, `positions`, `velocities`, `feet` and `clock`; `tilt` and `gyro` if
-    /// not stated.
+    /// Policy: its inputs, from `tilt`, `gyro`, `positions`, `velocities`, `feet` and `clock`; default `tilt` and
+    /// `gyro`.
     pub sensors: Option<Vec<String>>,
-    /// Policy: the joints that it corrects, as a pattern; all if not stated.
+    /// Policy: the joints that it corrects, as a pattern; default all.
     pub joints: Option<String>,
-    /// Policy: hidden units. It is linear without them.
+    /// Policy: number of hidden units; without hidden units the policy is linear.
     pub hidden: Option<usize>,
-    /// Replay: the log, relative to this file.
+    /// Replay: path of the log, relative to this file.
     pub log: Option<PathBuf>,
-    /// Fixed values by name; parameters left out have their nominal value.
+    /// Fixed values by parameter name; all other parameters have their nominal value.
     #[serde(default)]
     pub set: IndexMap<String, f64>,
-    /// C: bounds by parameter name; `search = "all"` takes every parameter with its own bounds.
+    /// C: bounds by parameter name; `search = "all"` searches every parameter within its default bounds.
     #[serde(default)]
     pub search: SearchedSection,
-    /// Whether the search starts from the drive's nominal values (c_0) or from random ones.
+    /// Whether the search starts from the drive's nominal values (c_0) instead of random ones.
     #[serde(default)]
     pub start_from_nominal: bool,
 }
@@ -41,9 +41,9 @@ pub struct DriveSection {
 pub enum SearchedSection {
     /// `all` or `none`.
     Word(String),
-    /// Some, with their own bounds.
+    /// Some parameters, with their default bounds.
     Names(Vec<String>),
-    /// Some, with these bounds.
+    /// Some parameters, with these bounds.
     Bounds(IndexMap<String, [f64; 2]>),
 }
 

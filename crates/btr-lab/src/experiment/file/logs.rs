@@ -9,32 +9,33 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogsSection {
-    /// The logs, relative to this file.
+    /// Paths of the training logs, relative to this file.
     #[serde(default)]
     pub files: Vec<PathBuf>,
-    /// Logs to judge on that the search never sees.
+    /// Paths of the held-out logs, which the search does not use.
     #[serde(default)]
     pub held_out: Vec<PathBuf>,
-    /// A table with one log per row (column `file`) and whatever else is known of each.
+    /// Path of an index (CSV) with one log per row: a column `file`, and further columns with properties of each log.
     pub index: Option<PathBuf>,
-    /// Rows of the table to learn from: column = value, or a list of values.
+    /// Rows of the index that select training logs: column = value, or a list of values.
     #[serde(default)]
     pub learn: IndexMap<String, Choice>,
-    /// Rows of the table to judge on.
+    /// Rows of the index that select held-out logs.
     #[serde(default)]
     pub judge: IndexMap<String, Choice>,
-    /// Parameters that a column sets for its log: `"gain@motor" = { column = "kp", factor = 0.003 }`.
+    /// Parameters that a column sets for each log: `"gain@motor" = { column = "kp", factor = 0.003 }`.
     #[serde(default)]
     pub columns: IndexMap<String, ColumnSection>,
 }
 
-/// A table with one log per row, for logs that are named on the command line.
+/// An index with one log per row, for logs that are named on the command line.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogIndexSection {
-    /// The table (CSV), relative to this file: a column `file`, and whatever else is known of each log.
+    /// Path of the index (CSV), relative to this file: a column `file`, and further columns with properties of each
+    /// log.
     pub index: PathBuf,
-    /// Parameters that a column sets for its log: `"mass@bob" = { column = "mass" }`.
+    /// Parameters that a column sets for each log: `"mass@bob" = { column = "mass" }`.
     #[serde(default)]
     pub columns: IndexMap<String, ColumnSection>,
 }
@@ -53,13 +54,13 @@ pub enum Choice {
     Numbers(Vec<f64>),
 }
 
-/// A column of the index and what to multiply it with.
+/// A column of the index and a factor for its values.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColumnSection {
-    /// Its name in the table's first line.
+    /// Its name in the header of the index.
     pub column: String,
-    /// From the column's unit to the parameter's.
+    /// Conversion factor from the column's unit to the parameter's unit.
     #[serde(default = "one")]
     pub factor: f64,
 }

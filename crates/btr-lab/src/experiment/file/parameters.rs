@@ -6,18 +6,18 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A parameter in doubt: its bounds and what is believed now.
+/// A free parameter: its bounds and its current value.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSection {
     /// Smallest and largest value, in the parameter's unit.
     pub bounds: Option<[f64; 2]>,
-    /// The same as factors of the robot's own value.
+    /// Bounds as factors of the model's value, instead of `bounds`.
     pub relative: Option<[f64; 2]>,
-    /// Linear or logarithmic.
+    /// Scale of the search: linear or logarithmic.
     #[serde(default)]
     pub scale: ScaleName,
-    /// What is believed now; the robot's own value unless given. A fitted model carries its estimate here.
+    /// Current value; default: the model's value. A fitted model has its estimate here.
     pub value: Option<f64>,
 }
 
@@ -46,17 +46,17 @@ impl From<ScaleName> for Scale {
 pub struct EffectSection {
     /// Its name; `btr effects` lists them.
     pub effect: String,
-    /// Joint, link, `base`, `*` or a pattern.
+    /// Where it acts: a joint, a link, `base`, `*` or a pattern.
     #[serde(default = "everywhere")]
     pub site: String,
-    /// Formula: what the law gives.
+    /// Formula: the quantity that the law gives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<FormulaTarget>,
-    /// Formula: an expression over `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function
-    /// that the program brings along (`python:slip`).
+    /// Formula: an expression in `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function
+    /// that the calling program provides (`python:slip`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
-    /// Its parameters by name; those left out have their off value.
+    /// Its parameters by name; all others have their off value.
     #[serde(flatten)]
     pub values: IndexMap<String, f64>,
 }

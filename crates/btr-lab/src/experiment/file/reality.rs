@@ -7,17 +7,17 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Where the truth comes from.
+/// How real tests are carried out.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum RealitySection {
-    /// A simulation that nobody looks into before the end.
+    /// A simulation whose parameters are hidden until the end of the run.
     Twin(TwinSection),
-    /// What a robot did on other days.
+    /// Recorded logs of a robot.
     Logs(LogsSection),
     /// A program that runs one test.
     Command(CommandSection),
-    /// A person at the robot: the run stops after writing what is to be tried, and goes on with `--resume`.
+    /// A person operates the robot: the run writes the test to carry out and stops, and continues with `--resume`.
     Manual {},
 }
 
@@ -25,29 +25,29 @@ pub enum RealitySection {
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TwinSection {
-    /// Its parameters: `nominal`, `random` (drawn from the seed within S), or values by name (the others nominal).
+    /// Its parameters: `nominal`, `random` (drawn within S with the seed), or values by name (the others nominal).
     pub parameters: TwinParameters,
-    /// With `random`: the share of the bounds, around their middle, that is drawn from.
+    /// With `random`: the share of the range, around its midpoint, from which parameters are drawn.
     pub spread: Option<f64>,
     /// Effects that the model does not have.
     pub effects: Vec<EffectSection>,
-    /// Finer physics than the model's: steps between two references.
+    /// Physics steps between two references; default: those of the model.
     pub steps_per_control: Option<u32>,
-    /// Its sensors' noise.
+    /// Noise of its sensors.
     pub noise: NoiseSection,
-    /// How it changes during the run, in this order.
+    /// Its changes during the run, in order.
     pub drift: Vec<DriftSection>,
 }
 
-/// A change of the twin: from then on it is another robot.
+/// A change of the twin during the run.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DriftSection {
-    /// Number of the first real test of the changed robot, from 0.
+    /// Number of the first real test after the change, from 0.
     pub test: usize,
-    /// Factors on parameters of S, by name.
+    /// Factors by which parameters of S are multiplied, by name.
     pub times: IndexMap<String, f64>,
-    /// Effects that it has besides from then on.
+    /// Effects that are added.
     pub effects: Vec<EffectSection>,
 }
 
@@ -74,12 +74,12 @@ pub struct CommandSection {
     /// The program and its arguments; `{trial}` stands for the file with the controller, `{references}` for the CSV of
     /// joint references, `{log}` for the file to write (`.csv` or `.mcap`).
     pub run: Vec<String>,
-    /// Ending of the log it writes.
+    /// Extension of the log that it writes: `csv` or `mcap`.
     #[serde(default = "csv")]
     pub log: String,
-    /// After so many seconds a try is given up.
+    /// Time after which an attempt is aborted, in s.
     pub timeout_s: f64,
-    /// How often a failed try is repeated.
+    /// How often a failed attempt is repeated.
     #[serde(default)]
     pub retries: u32,
 }
@@ -88,7 +88,7 @@ fn csv() -> String {
     "csv".to_owned()
 }
 
-/// What answers real tests.
+/// What carries out real tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RealitySource {
     /// The `[reality]` of the file.

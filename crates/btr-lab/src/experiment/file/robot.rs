@@ -11,16 +11,16 @@ use std::path::PathBuf;
 pub struct RobotSection {
     /// `ant`, `nao` or `pendulum`.
     pub builtin: Option<String>,
-    /// A URDF, relative to this file.
+    /// Path of a URDF, relative to this file.
     pub urdf: Option<PathBuf>,
-    /// Bolted down or free; built-in robots know it themselves.
+    /// Fixed or floating base of a URDF robot; built-in robots define their own.
     #[serde(default)]
     pub base: Option<Base>,
-    /// Where the root starts above the ground, in m.
+    /// Initial height of the root above the ground, in m.
     pub height_m: Option<f64>,
     /// Pendulum: mass of the bob in kg.
     pub mass_kg: Option<f64>,
-    /// Pendulum: from the axis to the bob, in m.
+    /// Pendulum: distance from the axis to the bob, in m.
     pub length_m: Option<f64>,
 }
 
@@ -30,7 +30,7 @@ pub struct RobotSection {
 pub enum ActuatorSection {
     /// Nothing drives the joint.
     Passive,
-    /// PID on the position.
+    /// PID controller of the position.
     Position {
         /// N·m/rad.
         kp: f64,
@@ -43,10 +43,10 @@ pub enum ActuatorSection {
         /// N·m.
         #[serde(default = "unlimited")]
         max_torque: f64,
-        /// Time between two instants at which a digital servo reads, computes and from then on holds, in s; it works in
-        /// continuous time unless this is given.
+        /// Sampling period of a digital servo, in s: it reads and computes once per period and holds the result.
+        /// Default: continuous time.
         sample_s: Option<f64>,
-        /// With `sample_s`: its velocity is the difference of two readings that are so many instants apart.
+        /// With `sample_s`: the velocity is the difference of two readings that are this many periods apart.
         #[serde(default = "one_period")]
         velocity_over: u32,
     },
@@ -56,7 +56,7 @@ pub enum ActuatorSection {
         #[serde(default = "unlimited")]
         max_torque: f64,
     },
-    /// A DC motor; with `gain` the command is a position, else a voltage.
+    /// A DC motor; the command is a position with `gain`, else a voltage.
     Voltage {
         /// N·m/A.
         kt: f64,
@@ -70,14 +70,14 @@ pub enum ActuatorSection {
         /// V.
         #[serde(default)]
         supply: f64,
-        /// The same as for `position`, for the position loop that `gain` makes.
+        /// Sampling period of the position loop that `gain` adds, in s; as for `position`.
         sample_s: Option<f64>,
     },
-    /// The joint follows its measured motion (its command where none was measured); the torque that this takes is
-    /// compared with the measured one, both smoothed alike.
+    /// The joint follows its measured motion (its command where no motion was measured); the torque that this requires
+    /// is compared with the measured torque, both smoothed in the same way.
     Prescribed {
-        /// Where a digital servo worked out the measured torque: the time between two instants at which it did, in s.
-        /// Each is logged at its instant and held until the next.
+        /// If a digital servo computed the measured torque: its sampling period in s. Each torque is logged at its
+        /// instant and held until the next.
         sample_s: Option<f64>,
     },
 }

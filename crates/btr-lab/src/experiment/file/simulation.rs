@@ -8,24 +8,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulationSection {
-    /// Time between two references, in s. Unless given: the time between two samples of the recorded logs; without logs
-    /// the paper's 0.055 s. Commands of logs that change with every sample are taken as they come, at most once a step.
+    /// Time between two references, in s. Default: the sampling period of the recorded logs, or the paper's 0.055 s
+    /// without logs. Commands of logs that change with every sample are applied at their own rate, at most once per
+    /// step.
     pub control_s: Option<f64>,
     /// Physics steps between two references; the step is `control_s / steps_per_control`.
     pub steps_per_control: u32,
-    /// Whether references are interpolated between control ticks; else they are held.
+    /// Whether references are interpolated between control ticks instead of held.
     pub interpolate: bool,
-    /// T_e in s; with recorded logs each log's own duration counts.
+    /// Duration T_e of a test in s; recorded logs have their own duration.
     pub duration_s: f64,
     /// Physics steps between two samples of the log.
     pub sample_every: u32,
-    /// Coulomb coefficient of the ground; no ground for robots with a fixed base.
+    /// Coulomb friction coefficient of the ground; robots with a fixed base have no ground.
     pub ground_friction: f64,
-    /// m/s², along world z.
+    /// Acceleration of gravity in m/s², along world z.
     pub gravity: f64,
     /// A ball on the ground.
     pub ball: Option<BallSection>,
-    /// What computes the motion.
+    /// The engine that computes the motion.
     pub engine: EngineName,
 }
 
@@ -49,30 +50,30 @@ impl Default for SimulationSection {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BallSection {
-    /// Position of its centre over the ground at the start, x and y in m.
+    /// Initial position of its centre, x and y in m; it lies on the ground.
     pub position_m: [f64; 2],
-    /// m.
+    /// Radius in m.
     pub radius_m: f64,
-    /// kg.
+    /// Mass in kg.
     pub mass_kg: f64,
-    /// Coulomb coefficient.
+    /// Coulomb friction coefficient.
     #[serde(default = "half")]
     pub friction: f64,
-    /// Speed kept in a central impact.
+    /// Coefficient of restitution: the share of the speed that remains after a central impact.
     #[serde(default = "half")]
     pub restitution: f64,
-    /// Rate at which its spin decays, in 1/s.
+    /// Decay rate of its spin, in 1/s.
     #[serde(default = "half")]
     pub rolling_damping_per_s: f64,
 }
 
-/// Standard deviations of white noise, and steps of quantisation.
+/// Noise of the sensors: standard deviations of white noise, and quantisation steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseSection {
     /// Joint encoders, in rad.
     pub position_rad: f64,
-    /// Step of the joint encoders, in rad.
+    /// Quantisation step of the joint encoders, in rad.
     pub position_quantum_rad: f64,
     /// Joint velocities, in rad/s.
     pub velocity_rad_s: f64,

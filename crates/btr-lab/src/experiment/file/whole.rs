@@ -1,4 +1,4 @@
-//! The whole file.
+//! A model or experiment file.
 
 use super::drive::DriveSection;
 use super::logs::LogIndexSection;
@@ -13,47 +13,48 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A whole file.
+/// A model or experiment file.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct File {
-    /// What it is called in reports and as the default output folder.
+    /// Name in reports and of the default output folder.
     pub name: String,
-    /// Seed of every random number of a run; `--seed` wins.
+    /// Seed of all random numbers of a run; `--seed` takes precedence.
     #[serde(default)]
     pub seed: u64,
     /// The robot.
     pub robot: RobotSection,
-    /// What drives the joints, by joint name or pattern (`*` matches anything); later entries win.
+    /// Actuators by joint name or pattern (`*` matches anything); later entries take precedence.
     #[serde(default)]
     pub actuators: IndexMap<String, ActuatorSection>,
     /// Time steps, ground, ball, gravity.
     #[serde(default)]
     pub simulation: SimulationSection,
-    /// Noise and quantum of the sensors.
+    /// Noise and quantisation of the sensors.
     #[serde(default)]
     pub noise: NoiseSection,
-    /// S: the parameters in doubt, by name (`mass@LINK`, `kp@JOINT`, `coulomb_friction.torque@JOINT`, ...).
+    /// S: the free parameters by name (`mass@LINK`, `kp@JOINT`, `coulomb_friction.torque@JOINT`, ...).
     #[serde(default)]
     pub parameters: IndexMap<String, ParameterSection>,
-    /// The effects that are present.
+    /// The effects that the model has.
     #[serde(default)]
     pub effects: Vec<EffectSection>,
-    /// Where the channels of logs are found.
+    /// Mapping from the columns of logs to channels.
     #[serde(default)]
     pub channels: Mapping,
-    /// What is known of each log that is named on the command line.
+    /// Index with properties of the logs that are named on the command line.
     pub logs: Option<LogIndexSection>,
-    /// What the joints are told.
+    /// The drive: the commands of the joints.
     pub drive: Option<DriveSection>,
-    /// f(B): weights of the terms that `btr info` lists.
+    /// Fitness f(B): weights by term; `btr info` lists the terms.
     #[serde(default)]
     pub fitness: IndexMap<String, f64>,
-    /// Where the truth comes from.
+    /// How real tests are carried out.
     pub reality: Option<RealitySection>,
     /// The Back-to-Reality loop.
     pub coevolve: Option<Plan>,
-    /// Distances to identify with once more on the same real tests, for a table beside the plan's own.
+    /// Further distances with which the identification is repeated on the same real tests, for comparison with the
+    /// plan's.
     #[serde(default)]
     pub distances: Vec<DistanceSpec>,
 }

@@ -104,6 +104,6 @@ fn scales(model: &Model, learn: &[&Entry]) -> Result<RobotScales, WorldError> {
     let nominal = model.simulations().nominal();
     let simulated = learn
         .iter()
-        .map(|test| model.simulate(model.unanswered(&nominal, test.trial.scenario).controller(&test.trial.controller)));
+        .map(|test| model.simulate(model.request(&nominal, test.trial.scenario).controller(&test.trial.controller)));
     RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
 }
