@@ -6,7 +6,7 @@ use crate::residual_model::{
 };
 use btr_core::world::WorldError;
 
-pub(crate) struct Made {
+pub(crate) struct SyntheticModel {
     pub(crate) parameters: Vec<FitParameter>,
     logs: Vec<RecordedLog>,
     residual: fn(&[f64]) -> Vec<f64>,
@@ -27,16 +27,16 @@ pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitPara
     }
 }
 
-impl Made {
+impl SyntheticModel {
     /// A model whose parameters are all free; `residual` has so many rows.
     pub(crate) fn new(parameters: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
         let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
         let log = RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };
-        Made { parameters, logs: vec![log], residual }
+        SyntheticModel { parameters, logs: vec![log], residual }
     }
 }
 
-impl ResidualModel for Made {
+impl ResidualModel for SyntheticModel {
     fn description(&self) -> ModelDescription {
         ModelDescription::new(self.parameters.clone(), self.logs.clone())
     }

@@ -1,8 +1,8 @@
 //! System identification on top of [`btr_core`]: what a log is worth ([`quality`]), where a model differs from it
 //! ([`compare`]), the parameter values that fit ([`fit`]), and which physical effect is missing ([`diagnose`]).
 //!
-//! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in, residuals
-//! in multiples of the noise floor out. It does no I/O.
+//! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in,
+//! residuals in multiples of the noise floor out. It does no I/O.
 //!
 //! # Quick start
 //!

@@ -1,4 +1,4 @@
-//! The diagnosis beside made-up worlds, each with one thing that is awkward about real ones.
+//! The diagnosis of synthetic models, each with one difficulty of real ones.
 #![allow(clippy::unwrap_used)]
 
 use btr_core::random::stream;
@@ -17,25 +17,25 @@ const PERIOD_S: f64 = 0.01;
 
 type Motion = dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync;
 
-/// Two logs to learn from and one to judge on, of one channel with a noise of 1.
+/// Two training logs and a held-out one, of one channel with a noise of 1.
 #[derive(Clone)]
-struct Made {
+struct SyntheticModel {
     parameters: Vec<FitParameter>,
     candidates: Vec<EffectCandidate>,
     logs: Vec<RecordedLog>,
     measured: Vec<Vec<f64>>,
     contact: bool,
-    /// How many samples are the beginning of a log, which can be foretold where the rest cannot.
+    /// Number of samples of a log's beginning, where that can be predicted and the rest cannot.
     beginning: Option<usize>,
-    /// What is measured at a point, without noise: coordinates, log, time in s, and by what the time step is divided.
+    /// The noiseless measurement as a function of coordinates, log, time in s, and divisor of the time step.
     motion: Arc<Motion>,
 }
 
-/// Divides the time step by so much that nothing is left of it.
+/// Divisor of the time step for which the integrator's error vanishes.
 const NO_STEP: f64 = 1e9;
 
-impl Made {
-    /// A world with a gain in doubt and effects of one amplitude each, which really stand where `truth` says.
+impl SyntheticModel {
+    /// A model with a free gain and effects of one amplitude each, whose true coordinates are `truth`.
     fn new(
         effects: &[&str],
         truth: &[f64],
@@ -63,7 +63,7 @@ impl Made {
             }],
             present: SAMPLES,
         };
-        // Twelve evenly distributed numbers have a variance of one.
+        // The sum of twelve uniform numbers has a variance of one.
         let noise = |log: usize, i: usize| {
             let mut rng = stream(7, &[log as u64, i as u64]);
             (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
@@ -71,7 +71,7 @@ impl Made {
         let measured = |log: usize| {
             (0..SAMPLES).map(|i| motion(truth, log, i as f64 * PERIOD_S, NO_STEP) + noise(log, i)).collect()
         };
-        Made {
+        SyntheticModel {
             parameters,
             candidates: effects.iter().enumerate().map(candidate).collect(),
             logs: (0..3).map(log).collect(),
@@ -103,7 +103,7 @@ fn parameter(name: &str, amplitude: bool) -> FitParameter {
     }
 }
 
-impl ResidualModel for Made {
+impl ResidualModel for SyntheticModel {
     fn description(&self) -> ModelDescription {
         ModelDescription {
             free: vec![0],
@@ -124,7 +124,7 @@ impl ResidualModel for Made {
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
         let Derivation::Beginnings = derivation else { return None };
-        let mut short = Made { beginning: None, ..self.clone() };
+        let mut short = SyntheticModel { beginning: None, ..self.clone() };
         for log in &mut short.logs {
             log.channels[0].samples.end = self.beginning?;
             log.present = self.beginning?;
@@ -137,78 +137,78 @@ fn names(diagnosis: &Diagnosis) -> Vec<&str> {
     diagnosis.effects.iter().map(|found| found.effect.as_str()).collect()
 }
 
-/// A swing of its own for each log.
+/// A sine with a different phase for each log.
 fn swing(rate: f64, log: usize, t: f64) -> f64 {
     (rate * t + 2.0 * log as f64).sin()
 }
 
 #[test]
-fn what_shows_on_one_side_only_is_found_there() {
+fn an_effect_that_shows_on_one_side_only_is_found_there() {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
         u[0] * swing(3.0, log, t) + 4.0 * (-u[1]).max(0.0) * swing(5.0, log, t) + u[2] * swing(7.0, log, t)
     };
-    let made = Made { contact: true, ..Made::new(&["lift", "tilt"], &[0.4, -1.5, 0.0], motion) };
-    let diagnosis = made.diagnosis();
+    let model = SyntheticModel { contact: true, ..SyntheticModel::new(&["lift", "tilt"], &[0.4, -1.5, 0.0], motion) };
+    let diagnosis = model.diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
     assert!((diagnosis.fit.u[1] + 1.5).abs() < 0.1, "{:?}", diagnosis.fit.u);
 }
 
 #[test]
-fn what_is_many_times_its_usual_size_is_found_where_the_way_there_is_no_straight_line() {
+fn an_effect_of_many_times_its_typical_size_is_found_despite_a_nonlinear_response() {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
         u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t + 0.05 * u[1]) + 0.2 * u[2] * swing(5.5, log, t)
     };
-    let diagnosis = Made::new(&["offset", "tilt"], &[0.4, -23.0, 0.0], motion).diagnosis();
+    let diagnosis = SyntheticModel::new(&["offset", "tilt"], &[0.4, -23.0, 0.0], motion).diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["offset"]));
     assert!((diagnosis.fit.u[1] + 23.0).abs() < 0.1, "{:?}", diagnosis.fit.u);
 }
 
 #[test]
 fn a_step_too_coarse_for_the_held_out_log_alone_is_made_finer() {
-    // The error falls with the step, but half the step does not tell where it goes.
+    // The error falls with the step, but cannot be extrapolated from half the step.
     let motion = |u: &[f64], log: usize, t: f64, finer: f64| {
-        let of_the_step = if log == 2 { 1.5 / finer * swing(4.0 + finer.min(8.0), log, t) } else { 0.0 };
-        u[0] * swing(3.0, log, t) + of_the_step + 4.0 * u[1] * swing(5.0, log, t)
+        let step_error = if log == 2 { 1.5 / finer * swing(4.0 + finer.min(8.0), log, t) } else { 0.0 };
+        u[0] * swing(3.0, log, t) + step_error + 4.0 * u[1] * swing(5.0, log, t)
     };
-    let diagnosis = Made::new(&["tilt"], &[0.4, 0.0], motion).diagnosis();
+    let diagnosis = SyntheticModel::new(&["tilt"], &[0.4, 0.0], motion).diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::NothingMissing, vec![]));
     assert!(diagnosis.integrator_error > 0.2, "{}", diagnosis.integrator_error);
 }
 
 #[test]
-fn what_tips_over_is_explained_by_how_it_began() {
-    // Once it tips, every number decides how it falls.
+fn a_robot_that_tips_over_is_explained_by_the_beginning_of_its_logs() {
+    // Once it tips over, every parameter affects how it falls.
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
-        let began = u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t) + 4.0 * u[2] * swing(7.0, log, t);
+        let beginning = u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t) + 4.0 * u[2] * swing(7.0, log, t);
         let tipped = 20.0 * (swing(9.0, log, t + 3.0 * (u[0] + u[1] + u[2])) - swing(9.0, log, 1.2));
-        began + if t > 1.2 { tipped } else { 0.0 }
+        beginning + if t > 1.2 { tipped } else { 0.0 }
     };
-    let whole = Made::new(&["lift", "tilt"], &[0.4, 0.0, 1.5], motion);
-    assert_ne!(whole.diagnosis().verdict, Verdict::EffectMissing, "the whole tells nothing from where it stands");
-    let diagnosis = Made { beginning: Some(120), ..whole }.diagnosis();
+    let whole = SyntheticModel::new(&["lift", "tilt"], &[0.4, 0.0, 1.5], motion);
+    assert_ne!(whole.diagnosis().verdict, Verdict::EffectMissing, "whole logs do not show the effect");
+    let diagnosis = SyntheticModel { beginning: Some(120), ..whole }.diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["tilt"]));
     assert!((diagnosis.fit.u[2] - 1.5).abs() < 0.1, "{:?}", diagnosis.fit.u);
 }
 
 #[test]
 fn intervals_on_the_ground_are_as_wide_as_channels_differ() {
-    // What no model has: a foot came down a little elsewhere, and each channel is off by as much or as little from then on.
+    // Not in any model: a foot lands at a slightly different place, which adds a constant offset to each channel.
     let motion = |u: &[f64], log: usize, t: f64, finer: f64| {
         let channel = (t * CHANNELS as f64 / (SAMPLES as f64 * PERIOD_S)) as usize;
         let off = if finer < NO_STEP { 0.0 } else { 0.4 * (2.0 * (channel * channel + log) as f64).sin() };
         u[0] * swing(1.0, log, t) + 4.0 * u[1] * swing(2.0, log, t) + off
     };
     const CHANNELS: usize = 8;
-    let mut air = Made::new(&["tilt"], &[0.4, 1.5], motion);
+    let mut air = SyntheticModel::new(&["tilt"], &[0.4, 1.5], motion);
     for log in &mut air.logs {
-        let each = SAMPLES / CHANNELS;
-        let channel = |k: usize| MeasuredChannel { samples: k * each..(k + 1) * each, ..log.channels[0].clone() };
+        let length = SAMPLES / CHANNELS;
+        let channel = |k: usize| MeasuredChannel { samples: k * length..(k + 1) * length, ..log.channels[0].clone() };
         log.channels = (0..CHANNELS).map(channel).collect();
     }
-    let ground = Made { contact: true, ..air.clone() };
-    let width = |made: &Made| {
-        let [low, high] = made.diagnosis().effects[0].parameters[0].ci95.unwrap();
-        assert!(low < 1.5 && 1.5 < high || !made.contact, "{low} {high}");
+    let ground = SyntheticModel { contact: true, ..air.clone() };
+    let width = |model: &SyntheticModel| {
+        let [low, high] = model.diagnosis().effects[0].parameters[0].ci95.unwrap();
+        assert!(low < 1.5 && 1.5 < high || !model.contact, "{low} {high}");
         high - low
     };
     let (air, ground) = (width(&air), width(&ground));
@@ -216,33 +216,33 @@ fn intervals_on_the_ground_are_as_wide_as_channels_differ() {
 }
 
 #[test]
-fn what_is_one_and_the_same_is_called_by_the_librarys_first_name() {
-    // Where the first is off by less than anybody could tell, the second fits a little better.
+fn of_equivalent_effects_the_first_of_the_library_is_named() {
+    // The first effect has a phase error too small to detect, so that the second fits slightly better.
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
         u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t + 0.0015) + 4.0 * u[2] * swing(5.0, log, t)
     };
     for truth in [[0.4, 1.5, 0.0], [0.4, 0.0, 1.5]] {
-        let diagnosis = Made::new(&["lift", "tilt"], &truth, motion).diagnosis();
+        let diagnosis = SyntheticModel::new(&["lift", "tilt"], &truth, motion).diagnosis();
         assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
         assert_eq!(diagnosis.effects[0].alike, ["tilt@here"]);
     }
 }
 
-/// A law and one that has another term of this size beside the same.
+/// A law, and a larger one that has another term of this size.
 fn with_a_larger_law(term: f64) -> Diagnosis {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
         u[0] * swing(3.0, log, t) + 4.0 * (u[1] + u[2]) * swing(5.0, log, t) + u[3] * swing(11.0, log, t)
     };
-    let mut made = Made::new(&["plain", "larger", "term"], &[0.4, 0.0, 1.5, term], motion);
-    made.candidates.truncate(2);
-    made.candidates[1].amplitudes.push(3);
-    (made.candidates[0].similar, made.candidates[1].similar) = (vec![1], vec![0]);
-    made.candidates[1].nested = vec![0];
-    made.diagnosis()
+    let mut model = SyntheticModel::new(&["plain", "larger", "term"], &[0.4, 0.0, 1.5, term], motion);
+    model.candidates.truncate(2);
+    model.candidates[1].amplitudes.push(3);
+    (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
+    model.candidates[1].nested = vec![0];
+    model.diagnosis()
 }
 
 #[test]
-fn a_larger_law_must_earn_its_numbers() {
+fn a_larger_law_must_earn_its_parameters() {
     let diagnosis = with_a_larger_law(0.25);
     let found = &diagnosis.effects[0];
     let first = &diagnosis.rounds[0];
@@ -252,28 +252,28 @@ fn a_larger_law_must_earn_its_numbers() {
     assert_eq!(names(&with_a_larger_law(0.7)), ["larger"]);
 }
 
-const PRETENDERS: usize = 40;
+const DECOYS: usize = 40;
 
-/// Many who seem to know more of the first two logs than a lift does, and nothing of the one to judge on; and that
-/// lift, so many times its usual size, which is what is there: nine times what this makes of its size.
-fn beside_pretenders(times: f64, lifts: fn(f64) -> f64) -> Made {
+/// Many decoy effects that seem to explain more of the training logs than the lift does, and nothing of the held-out
+/// log, and the true effect: a lift of `size` typical sizes, whose response is nine times `response` of its size.
+fn among_decoys(size: f64, response: fn(f64) -> f64) -> SyntheticModel {
     let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
-        let known = if log == 2 { 0.0 } else { 0.8 };
-        let other = |i: usize| known * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
-        let lift = 9.0 * lifts(u[PRETENDERS + 1]) * swing(5.0, log, t);
-        u[0] * swing(3.0, log, t) + (1..=PRETENDERS).map(|i| u[i] * other(i)).sum::<f64>() + lift
+        let share = if log == 2 { 0.0 } else { 0.8 };
+        let other = |i: usize| share * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
+        let lift = 9.0 * response(u[DECOYS + 1]) * swing(5.0, log, t);
+        u[0] * swing(3.0, log, t) + (1..=DECOYS).map(|i| u[i] * other(i)).sum::<f64>() + lift
     };
-    let others: Vec<String> = (1..=PRETENDERS).map(|i| format!("other{i}")).collect();
-    let effects: Vec<&str> = others.iter().map(String::as_str).chain(["lift"]).collect();
-    let mut truth = vec![0.0; PRETENDERS + 2];
-    truth[PRETENDERS + 1] = times;
-    Made::new(&effects, &truth, motion)
+    let decoys: Vec<String> = (1..=DECOYS).map(|i| format!("other{i}")).collect();
+    let effects: Vec<&str> = decoys.iter().map(String::as_str).chain(["lift"]).collect();
+    let mut truth = vec![0.0; DECOYS + 2];
+    truth[DECOYS + 1] = size;
+    SyntheticModel::new(&effects, &truth, motion)
 }
 
 #[test]
-fn nothing_is_called_unexplained_before_everybody_was_tried() {
+fn an_error_is_unexplained_only_after_all_candidates_were_fitted() {
     for contact in [false, true] {
-        let diagnosis = Made { contact, ..beside_pretenders(30.0, |u| u / 30.0) }.diagnosis();
+        let diagnosis = SyntheticModel { contact, ..among_decoys(30.0, |u| u / 30.0) }.diagnosis();
         assert_eq!(
             (diagnosis.verdict, names(&diagnosis)),
             (Verdict::EffectMissing, vec!["lift"]),
@@ -283,15 +283,15 @@ fn nothing_is_called_unexplained_before_everybody_was_tried() {
 }
 
 #[test]
-fn on_the_ground_who_leads_and_leaves_much_is_tried_in_other_places() {
-    // At all sizes that everybody is simulated with, this lift does less than the others seem to.
+fn with_contact_the_leading_effect_is_tried_at_other_sites_if_it_leaves_much() {
+    // At all sizes that are simulated for every candidate, this lift explains less than the decoys seem to.
     let peak = |u: f64| (1.0 + ((u - 9.0) / 2.5).powi(2)).recip() - (1.0 + (9.0f64 / 2.5).powi(2)).recip();
-    let mut made = Made { contact: true, ..beside_pretenders(9.0, peak) };
-    assert_ne!(made.diagnosis().verdict, Verdict::EffectMissing, "nobody of the same name leads");
-    for (place, candidate) in made.candidates.iter_mut().enumerate() {
+    let mut model = SyntheticModel { contact: true, ..among_decoys(9.0, peak) };
+    assert_ne!(model.diagnosis().verdict, Verdict::EffectMissing, "no effect of the same name leads");
+    for (place, candidate) in model.candidates.iter_mut().enumerate() {
         (candidate.effect, candidate.site) = ("payload".to_owned(), format!("place {place}"));
     }
-    let diagnosis = made.diagnosis();
+    let diagnosis = model.diagnosis();
     let found = &diagnosis.effects[0];
     assert_eq!((diagnosis.verdict, &*found.site), (Verdict::EffectMissing, "place 40"));
 }

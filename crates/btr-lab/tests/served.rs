@@ -3,7 +3,7 @@
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
-use btr_identify::residual_model::{Derivation, ResidualModel, ResidualRequest, TimeStep};
+use btr_identify::residual_model::{Derivation, MovedStart, ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::distributed::{RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
 use btr_lab::execution::{Cancelled, ExecutionContext, Executor, Payload};
 use btr_lab::experiment::{LogSource, RealitySource, Source, model};
@@ -87,7 +87,10 @@ fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
     let begin: Vec<usize> = problem.description().starts.iter().map(|start| start.begins_with).collect();
     assert_eq!(begin, [0, 0]);
     let with_initial_state = problem
-        .derive(&Derivation::WithInitialState(vec![(0, vec![2.0; problem.description().starts[0].numbers.len()])]))
+        .derive(&Derivation::WithInitialState(vec![MovedStart {
+            log: 0,
+            by: vec![2.0; problem.description().starts[0].numbers.len()],
+        }]))
         .ok_or("a fixed robot's logs can begin elsewhere")?;
     let origin = vec![0.0; problem.parameters().len()];
     for log in 0..2 {
@@ -109,7 +112,8 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     // One with another initial state.
     let description = residual_model.description();
     let numbers = 0..description.starts[0].numbers.len();
-    let moved = Derivation::WithInitialState(vec![(0, numbers.map(|k| 0.1 * k as f64 - 0.3).collect())]);
+    let moved =
+        Derivation::WithInitialState(vec![MovedStart { log: 0, by: numbers.map(|k| 0.1 * k as f64 - 0.3).collect() }]);
     let (here, finite) = (input.problem.derive(&moved), residual_model.derive(&moved));
     let (here, finite) = here.zip(finite).ok_or("a fixed robot's logs can begin elsewhere")?;
     assert_the_same(&*here, &*finite);

@@ -1,8 +1,8 @@
-//! Clues: quantities that a residual may follow, each the trace of some physical effects.
+//! Clues: quantities that a residual may correlate with, each typical of some physical effects.
 
 use serde::{Deserialize, Serialize};
 
-/// What a residual follows.
+/// A quantity that a residual correlates with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Clue {
@@ -29,7 +29,7 @@ pub enum Clue {
 }
 
 impl Clue {
-    /// What it is, after "the residual follows ".
+    /// Its name as it completes the sentence "the residual follows …".
     pub fn words(self) -> &'static str {
         match self {
             Clue::Constant => "nothing: it is an offset",

@@ -1,38 +1,38 @@
 //! The value of every clue at every sample of a joint's track.
 //!
-//! A torque that is missing in the model moves the position only as fast as the servo lets it. So each clue is also tried
-//! behind a first-order filter with several time constants, the same for all clues.
+//! A torque that is missing in the model moves the position only as fast as the servo permits. Each clue is therefore
+//! also tried behind a first-order filter, with the same time constants for all clues.
 
 use super::clue::Clue;
 use super::track::JointTrack;
 use btr_core::signal::smooth::smooth;
 
-/// How slowly a servo may give way, in s.
-const SLOWNESS_S: [f64; 3] = [0.0, 0.03, 0.1];
+/// Time constants of the filter, in s.
+const TIME_CONSTANTS_S: [f64; 3] = [0.0, 0.03, 0.1];
 
-/// All clues of a joint at every slowness, sample by sample; NaN where unknown.
+/// All clues of a joint with every time constant, sample by sample; NaN where unknown.
 pub(super) fn clues(track: &JointTrack) -> Vec<(Clue, Vec<f64>)> {
-    let slowed = |(clue, series): (Clue, Vec<f64>)| {
-        SLOWNESS_S.map(|slowness_s| (clue, behind_filter(&track.clock_s, &series, slowness_s)))
+    let filtered = |(clue, series): (Clue, Vec<f64>)| {
+        TIME_CONSTANTS_S.map(|constant_s| (clue, low_pass(&track.clock_s, &series, constant_s)))
     };
-    prompt(track).into_iter().flat_map(slowed).collect()
+    unfiltered(track).into_iter().flat_map(filtered).collect()
 }
 
-/// A series behind a filter of first order, which starts anew after whatever is missing.
-fn behind_filter(clock_s: &[f64], series: &[f64], slowness_s: f64) -> Vec<f64> {
+/// A series behind a first-order low-pass filter, which restarts after missing samples.
+fn low_pass(clock_s: &[f64], series: &[f64], constant_s: f64) -> Vec<f64> {
     let mut y = f64::NAN;
     let mut before_s = f64::NEG_INFINITY;
     let mut follow = |(t, x): (&f64, &f64)| {
-        let share = if y.is_nan() { 1.0 } else { 1.0 - (-(t - before_s) / slowness_s).exp() };
-        y = if y.is_nan() || slowness_s <= 0.0 { *x } else { y + share * (x - y) };
+        let share = if y.is_nan() { 1.0 } else { 1.0 - (-(t - before_s) / constant_s).exp() };
+        y = if y.is_nan() || constant_s <= 0.0 { *x } else { y + share * (x - y) };
         before_s = *t;
         y
     };
     clock_s.iter().zip(series).map(&mut follow).collect()
 }
 
-/// All clues without delay.
-fn prompt(track: &JointTrack) -> Vec<(Clue, Vec<f64>)> {
+/// All clues without a filter.
+fn unfiltered(track: &JointTrack) -> Vec<(Clue, Vec<f64>)> {
     let directions = track.directions();
     let of_motion = |f: fn(&btr_core::signal::smooth::Motion) -> f64| track.motion.iter().map(f).collect::<Vec<_>>();
     let against = track.load.iter().zip(&directions).map(|(load, direction)| load.abs() * direction).collect();

@@ -4,16 +4,16 @@ use super::failure::RegimeCell;
 use super::pair::ChannelResidual;
 use super::track::JointTrack;
 
-/// What was found.
+/// Errors of a model on its logs, per channel and per joint and regime.
 #[derive(Clone, Debug)]
 pub struct Comparison {
     /// One per measured channel that is in the recorded and the simulated logs, in their order.
     pub channels: Vec<ChannelError>,
-    /// Every joint in every regime that it was in.
+    /// Every joint in every regime that occurs.
     pub cells: Vec<RegimeCell>,
-    /// One per log and measured channel: what the numbers above are made of.
+    /// One per log and measured channel: the residuals that the errors above summarise.
     pub residuals: Vec<ChannelResidual>,
-    /// One per log and joint: its motion beside its residual.
+    /// One per log and joint: its motion and its residual.
     pub tracks: Vec<JointTrack>,
 }
 
@@ -24,17 +24,17 @@ pub struct ChannelError {
     pub name: String,
     /// SI unit as text.
     pub unit: String,
-    /// Samples that are there on both sides.
+    /// Samples that are both measured and simulated.
     pub samples: usize,
     /// Root mean square of the error, in the unit.
     pub rmse: f64,
-    /// 100·(1 - |e|/|y - mean|), the mean being each log's own; `None` for a channel that does not change.
+    /// 100·(1 - |e|/|y - mean|), with the mean of each log; `None` for a channel that does not change.
     pub fit_percent: Option<f64>,
     /// Mean error, in the unit.
     pub bias: f64,
-    /// How much later than simulated the channel was measured, in s; `None` where no shift makes the two alike.
+    /// Lag of the measured channel behind the simulated one, in s; `None` where they do not correlate at any shift.
     pub lag_s: Option<f64>,
-    /// What the sensor's errors alone would leave, in the unit.
+    /// The error that the sensor's noise alone would leave, in the unit.
     pub noise_floor: f64,
     /// The error in multiples of the noise floor.
     pub chi: f64,
@@ -45,8 +45,8 @@ pub struct ChannelError {
 }
 
 impl Comparison {
-    /// Where the model fails: cells whose error is above the noise, those first that hold most of the squared error beyond
-    /// their share of the time.
+    /// Where the model fails: cells whose error is above the noise. Sorted by how much their share of the squared error
+    /// exceeds their share of the time, largest first.
     pub fn failures(&self) -> Vec<&RegimeCell> {
         let mut failures: Vec<&RegimeCell> = self.cells.iter().filter(|cell| cell.is_failure()).collect();
         failures.sort_by(|a, b| b.excess.total_cmp(&a.excess));

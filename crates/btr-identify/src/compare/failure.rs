@@ -7,15 +7,15 @@ use super::track::JointTrack;
 use btr_core::signal::stats::correlation;
 use indexmap::IndexMap;
 
-/// Samples that a cell needs.
+/// Fewest samples of a cell.
 const FEWEST: usize = 10;
-/// An error above so many noise floors is one: below, the floor itself is too uncertain.
+/// Error, in noise floors, above which a cell is a failure: below it, the noise floor itself is too uncertain.
 const ABOVE_NOISE: f64 = 1.3;
 /// The window of a failure holds this share of its squared error.
 const WINDOW_SHARE: f64 = 0.8;
-/// A clue with less than this correlation is none.
+/// Smallest correlation of a clue that is reported.
 const FOLLOWS: f64 = 0.35;
-/// An offset is one when its square is this share of the mean square.
+/// Smallest share of the mean square for the mean error to count as an offset.
 const OFFSET_SHARE: f64 = 0.7;
 
 /// A joint in a regime.
@@ -23,13 +23,13 @@ const OFFSET_SHARE: f64 = 0.7;
 pub struct RegimeCell {
     /// The joint.
     pub joint: String,
-    /// What it was doing.
+    /// The regime.
     pub regime: Regime,
     /// The log that holds most of the cell's squared error, by name.
     pub log: String,
-    /// Its window that holds most of it, from, in s.
+    /// Begin of the window that holds most of it, in s.
     pub t0_s: f64,
-    /// To, in s.
+    /// End of that window, in s.
     pub t1_s: f64,
     /// Samples.
     pub samples: usize,
@@ -41,25 +41,25 @@ pub struct RegimeCell {
     pub bias: f64,
     /// Its share of the squared error of all joints.
     pub share: f64,
-    /// How much that is more than its share of the time.
+    /// By how much that exceeds its share of the time.
     pub excess: f64,
-    /// What the error follows best; `None` where it follows nothing.
+    /// The clue that the error correlates with best; `None` without any.
     pub clue: Option<FoundClue>,
-    /// All of this in one sentence.
+    /// A summary in one sentence.
     pub hint: String,
 }
 
 /// A clue that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundClue {
-    /// What the residual follows.
+    /// The clue.
     pub clue: Clue,
-    /// How closely: Pearson's correlation, with its sign.
+    /// Pearson's correlation of residual and clue.
     pub correlation: f64,
 }
 
 impl RegimeCell {
-    /// Whether there is more than noise.
+    /// Whether the error is more than noise.
     pub(super) fn is_failure(&self) -> bool {
         self.chi > ABOVE_NOISE && (self.excess > 0.0 || self.regime == Regime::Throughout)
     }
@@ -156,7 +156,7 @@ impl<'a> RegimePart<'a> {
     }
 }
 
-/// What the error of a cell follows best.
+/// The clue that the error of a cell correlates with best.
 fn clue(cell: &RegimeCell, parts: &[RegimePart]) -> Option<FoundClue> {
     if cell.bias.powi(2) > OFFSET_SHARE * cell.rmse.powi(2) {
         return Some(FoundClue { clue: Clue::Constant, correlation: cell.bias.signum() });
@@ -182,7 +182,7 @@ fn gather<'a>(parts: &'a [RegimePart], series: impl Fn(&'a JointTrack) -> Option
 
 /// "knee, after reversals: 3.1 noise floors; the residual follows the sign of the velocity".
 fn hint(cell: &RegimeCell) -> String {
-    let told = match cell.clue {
+    let summary = match cell.clue {
         _ if cell.chi <= ABOVE_NOISE => "nothing but noise".to_owned(),
         Some(FoundClue { clue: Clue::Constant, .. }) => {
             format!("the residual is an offset of {:+.2} noise floors", cell.chi * cell.bias / cell.rmse)
@@ -192,5 +192,5 @@ fn hint(cell: &RegimeCell) -> String {
         }
         None => "the residual follows no single quantity".to_owned(),
     };
-    format!("{}, {}: {:.1} noise floors; {told}", cell.joint, cell.regime.words(), cell.chi)
+    format!("{}, {}: {:.1} noise floors; {summary}", cell.joint, cell.regime.words(), cell.chi)
 }

@@ -1,7 +1,7 @@
-//! Where a simulation differs from what was measured: per channel, and per joint and regime of motion.
+//! Differences between simulation and measurement: per channel, and per joint and regime of motion.
 //!
-//! Works on logs alone and knows nothing of robots: a joint is whatever has a channel `q_<joint>`. Errors are measured minus
-//! simulated. Samples that are missing on either side are skipped, never interpolated over.
+//! Works on logs alone and knows nothing of robots: a joint is whatever has a channel `q_<joint>`. Errors are measured
+//! minus simulated. Samples that are missing on either side are skipped, never interpolated over.
 
 mod clue;
 mod clue_series;
@@ -28,11 +28,12 @@ use btr_core::signal::stats::{Whiteness, dependence};
 use indexmap::IndexMap;
 use pair::on_clock;
 
-/// How far a time shift is looked for, in s.
+/// Largest time shift that is searched, in s.
 const MOST_LAG_S: f64 = 0.25;
-/// A lag between series that are less alike than this is none.
-const LEAST_LIKENESS: f64 = 0.5;
-/// Standard deviations that a correlation of the residual with an input has to exceed; with a few dozen of them looked at.
+/// Smallest correlation of two series for their lag to count.
+const LEAST_CORRELATION: f64 = 0.5;
+/// Standard deviations that a correlation of the residual with an input has to exceed, given that a few dozen are
+/// tested.
 const DEPENDENT: f64 = 4.0;
 
 /// Compares logs with their simulations. `floor` gives a channel's noise floor from its name and its readings;
@@ -45,9 +46,9 @@ pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64]) -> Option<f64>
             let simulated = on_clock(episode.simulated, name, episode.real.clock_s())?;
             let floor = floor(name, &channel.values).filter(|floor| *floor > 0.0)?;
             let error: Vec<f64> = channel.values.iter().zip(&simulated).map(|(real, sim)| real - sim).collect();
-            let there = error.iter().any(|e| e.is_finite());
+            let has_values = error.iter().any(|e| e.is_finite());
             let (channel, unit) = (name.to_owned(), channel.unit.clone());
-            there.then_some(ChannelResidual { log, channel, unit, simulated, error, floor })
+            has_values.then_some(ChannelResidual { log, channel, unit, simulated, error, floor })
         }));
     }
     let tracks: Vec<JointTrack> = residuals.iter().filter_map(|r| track(r, &episodes[r.log])).collect();
@@ -72,13 +73,13 @@ fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> Channe
         |r: &ChannelResidual| episodes[r.log].real.channel(&r.channel).map_or(&[][..], |channel| &channel.values);
     let (mut n, mut sum, mut squares, mut spread, mut floors) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for residual in residuals {
-        let there = || real(residual).iter().zip(&residual.error).filter(|(_, e)| e.is_finite());
-        let count = there().count() as f64;
-        let mean = there().map(|(y, _)| y).sum::<f64>() / count;
+        let present = || real(residual).iter().zip(&residual.error).filter(|(_, e)| e.is_finite());
+        let count = present().count() as f64;
+        let mean = present().map(|(y, _)| y).sum::<f64>() / count;
         n += count;
-        sum += there().map(|(_, e)| e).sum::<f64>();
-        squares += there().map(|(_, e)| e * e).sum::<f64>();
-        spread += there().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
+        sum += present().map(|(_, e)| e).sum::<f64>();
+        squares += present().map(|(_, e)| e * e).sum::<f64>();
+        spread += present().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
         floors += count * residual.floor.powi(2);
     }
     let (rmse, noise_floor) = ((squares / n).sqrt(), (floors / n).sqrt());
@@ -103,7 +104,7 @@ fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelRe
     let (mut weights, mut sum) = (0.0, 0.0);
     for (episode, residual, real) in channels {
         let found = lag(episode.real.clock_s(), &residual.simulated, real, MOST_LAG_S);
-        if let Some(lag) = found.filter(|lag| lag.correlation >= LEAST_LIKENESS) {
+        if let Some(lag) = found.filter(|lag| lag.correlation >= LEAST_CORRELATION) {
             // No shift is known to better than a microsecond: without a floor one log would outweigh all.
             let weight = lag.sd_s.max(1e-6).powi(-2);
             weights += weight;
@@ -113,7 +114,7 @@ fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelRe
     (weights > 0.0).then(|| sum / weights)
 }
 
-/// Whether a residual has nothing to do with the commands: that of its own joint, or else any.
+/// Whether a residual is uncorrelated with the command of its joint or, without one, with all commands.
 fn independent(residual: &ChannelResidual, real: &Log) -> bool {
     const LAGS: usize = 20;
     let joint = residual.channel.split_once('_').map_or("", |(_, joint)| joint);

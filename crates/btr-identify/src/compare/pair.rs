@@ -5,9 +5,9 @@ use btr_core::log::{Log, interpolate};
 /// A recorded log paired with its simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct LogPair<'a> {
-    /// What the log is called.
+    /// Name of the log.
     pub name: &'a str,
-    /// What was measured.
+    /// The recorded log.
     pub real: &'a Log,
     /// The model's simulation of the same commands.
     pub simulated: &'a Log,
@@ -32,10 +32,10 @@ pub struct ChannelResidual {
 
 /// A channel of a simulation on another clock: linear between its samples, NaN beyond its ends.
 pub(super) fn on_clock(simulated: &Log, name: &str, clock_s: &[f64]) -> Option<Vec<f64>> {
-    let own = simulated.clock_s();
-    let (first, last) = (*own.first()?, *own.last()?);
-    let mut values = interpolate(own, &simulated.channel(name)?.values, clock_s);
-    // A stamp that was rounded is not beyond the end.
+    let simulated_s = simulated.clock_s();
+    let (first, last) = (*simulated_s.first()?, *simulated_s.last()?);
+    let mut values = interpolate(simulated_s, &simulated.channel(name)?.values, clock_s);
+    // Rounded time stamps do not count as beyond the end.
     let slack = 0.1 * simulated.usual_step_s().unwrap_or(0.0);
     let beyond = |t: f64| t < first - slack || t > last + slack;
     values.iter_mut().zip(clock_s).filter(|(_, t)| beyond(**t)).for_each(|(value, _)| *value = f64::NAN);

@@ -4,23 +4,23 @@ use super::quantile::quantile;
 use super::regime::Regime;
 use super::track::JointTrack;
 
-/// How long a reversal matters, in s.
+/// Duration of the regime after a reversal, in s.
 const AFTER_REVERSAL_S: f64 = 0.2;
-/// How long a step of the command matters, in s.
+/// Duration of the regime after a step of the command, in s.
 const AFTER_STEP_S: f64 = 0.33;
-/// How long a motion starts, in s; only in logs of at least thrice that.
+/// Duration of the start of a motion, in s; only in logs of at least three times that.
 const START_UP_S: f64 = 1.0;
 
-/// The regimes that a joint was in at all, with where. Samples without an error are in none; those without torque only in
-/// those that do not depend on it.
+/// The regimes that occur, with the mask of their samples. Samples without an error are in none; samples without torque
+/// are only in regimes that do not depend on it.
 pub(super) fn regimes(track: &JointTrack) -> Vec<(Regime, Vec<bool>)> {
     let n = track.clock_s.len();
-    let there: Vec<bool> = track.error.iter().map(|e| e.is_finite()).collect();
-    let driven: Vec<bool> = (0..n).map(|i| track.command.get(i).is_none_or(|told| told.is_finite())).collect();
+    let present: Vec<bool> = track.error.iter().map(|e| e.is_finite()).collect();
+    let driven: Vec<bool> = (0..n).map(|i| track.command.get(i).is_none_or(|command| command.is_finite())).collect();
     let marked = |regime: Regime| -> Vec<bool> {
         let any_torque = matches!(regime, Regime::Throughout | Regime::TorqueOff);
         let mask = mask(regime, track, &driven);
-        (0..n).map(|i| mask[i] && there[i] && (any_torque || driven[i])).collect()
+        (0..n).map(|i| mask[i] && present[i] && (any_torque || driven[i])).collect()
     };
     let all = Regime::ALL.into_iter().map(|regime| (regime, marked(regime)));
     all.filter(|(_, mask)| mask.contains(&true)).collect()

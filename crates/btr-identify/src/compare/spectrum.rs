@@ -1,5 +1,5 @@
-//! How much of a residual is at which frequency: P. D. Welch, "The use of fast Fourier transform for the estimation of power
-//! spectra", IEEE Transactions on Audio and Electroacoustics 15, 1967.
+//! Spectral density of a residual by Welch's method: P. D. Welch, "The use of fast Fourier transform for the estimation
+//! of power spectra", IEEE Transactions on Audio and Electroacoustics 15, 1967.
 
 use btr_core::signal::fft::Fft;
 use btr_core::signal::stats::mean;
@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 /// Samples of a segment, at most and at least.
 const SEGMENT: std::ops::RangeInclusive<usize> = 32..=1024;
 
-/// Frequency in Hz and amplitude density in the unit of the series per root Hz, from segments of Hann windows that overlap by
-/// half; segments with holes are left out. Empty where no segment is whole.
+/// Frequency in Hz and amplitude density in the unit of the series per root Hz, from segments of Hann windows that
+/// overlap by half; segments with missing samples are left out. Empty where no segment is complete.
 pub fn spectrum(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
     let n = clock_s.len();
     if n < *SEGMENT.start() {
@@ -23,8 +23,8 @@ pub fn spectrum(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
     let (mut power, mut count) = (vec![0.0; len / 2], 0.0);
     for from in (0..=n - len).step_by(len / 2) {
         let segment = &values[from..from + len];
-        let lasted_s = clock_s[from + len - 1] - clock_s[from];
-        if segment.iter().any(|x| !x.is_finite()) || lasted_s > 1.5 * step_s * len as f64 {
+        let duration_s = clock_s[from + len - 1] - clock_s[from];
+        if segment.iter().any(|x| !x.is_finite()) || duration_s > 1.5 * step_s * len as f64 {
             continue;
         }
         let middle = mean(segment);

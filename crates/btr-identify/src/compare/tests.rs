@@ -5,7 +5,7 @@ use rand::RngExt;
 
 const SIGMA: f64 = 1e-3;
 
-/// Two joints that follow their commands; `error` is what the measured knee has more than the simulated one.
+/// Two joints that follow their commands; `error` is the measured minus the simulated knee.
 fn logs(error: impl Fn(f64, f64) -> f64) -> (Log, Log) {
     let clock: Vec<f64> = (0..2000).map(|i| 0.005 * f64::from(i)).collect();
     let q = |t: f64| 0.5 * (2.0 * t).sin() + 0.2 * (3.7 * t).sin();
@@ -15,10 +15,10 @@ fn logs(error: impl Fn(f64, f64) -> f64) -> (Log, Log) {
     let (mut real, mut sim) = (Log::new(clock.clone()).unwrap(), Log::new(clock.clone()).unwrap());
     for joint in ["hip", "knee"] {
         let off = |t: f64| if joint == "knee" { error(t, v(t)) } else { 0.0 };
-        let (name, told) = (format!("q_{joint}"), clock.iter().map(|t| q(*t)).collect::<Vec<_>>());
-        real.insert(format!("cmd_{joint}"), "rad", Role::Command, told.clone()).unwrap();
+        let (name, commands) = (format!("q_{joint}"), clock.iter().map(|t| q(*t)).collect::<Vec<_>>());
+        real.insert(format!("cmd_{joint}"), "rad", Role::Command, commands.clone()).unwrap();
         real.insert(&name, "rad", Role::Measured, clock.iter().map(|t| q(*t) + off(*t) + noise()).collect()).unwrap();
-        sim.insert(&name, "rad", Role::Measured, told).unwrap();
+        sim.insert(&name, "rad", Role::Measured, commands).unwrap();
     }
     (real, sim)
 }
@@ -39,7 +39,7 @@ fn noise_alone_is_no_failure() {
 }
 
 #[test]
-fn an_error_that_follows_the_direction_is_found_at_its_joint() {
+fn an_error_with_the_sign_of_the_velocity_is_found_at_its_joint() {
     let (real, sim) = logs(|_, v| -4.0 * SIGMA * v.signum());
     let comparison = compared(&real, &sim);
     let worst = comparison.failures()[0];
@@ -66,7 +66,7 @@ fn a_failure_names_its_time_and_a_lag_its_size() {
 }
 
 #[test]
-fn what_is_missing_is_skipped() {
+fn missing_samples_are_skipped() {
     let (mut real, sim) = logs(|_, _| 0.0);
     real.values_mut("q_knee").unwrap()[300..700].fill(f64::NAN);
     real.values_mut("cmd_knee").unwrap()[1000..1500].fill(f64::NAN);

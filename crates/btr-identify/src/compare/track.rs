@@ -21,18 +21,18 @@ pub struct JointTrack {
     pub floor: f64,
     /// The measured motion, smoothed.
     pub motion: Vec<Motion>,
-    /// Below this speed the joint cannot be said to move, in rad/s (m/s).
+    /// Speed below which the joint counts as resting, in rad/s (m/s).
     pub still: f64,
     /// The joint's command; empty where the log has none. NaN switches the torque off.
     pub command: Vec<f64>,
-    /// How hard the motor pulls: the measured torque, or else the simulated one, or else how far the command is ahead
-    /// of the simulated position; nothing where there is no command either.
+    /// The motor's load: the measured torque, or else the simulated one, or else the command minus the simulated
+    /// position; zero where there is no command either.
     pub load: Vec<f64>,
-    /// What the load is.
+    /// Which of these the load is.
     pub load_label: &'static str,
-    /// Where the joint is in each regime.
+    /// The mask of each regime.
     pub regimes: Vec<(Regime, Vec<bool>)>,
-    /// What the residual may follow.
+    /// The series of each clue.
     pub clues: Vec<(Clue, Vec<f64>)>,
 }
 
@@ -46,8 +46,8 @@ impl JointTrack {
         let torque = format!("tau_{joint}");
         let measured = || episode.real.channel(&torque).map(|c| c.values.clone()).filter(|tau| varies(tau));
         let simulated = || on_clock(episode.simulated, &torque, clock_s).filter(|tau| varies(tau));
-        // The simulated position: the noise of the measured one would be in the load as well as in the residual.
-        let ahead = || command.iter().zip(&residual.simulated).map(|(told, is)| told - is).collect();
+        // The simulated position: the noise of the measured one would be both in the load and in the residual.
+        let ahead = || command.iter().zip(&residual.simulated).map(|(command, position)| command - position).collect();
         let (load, load_label) = match (measured(), simulated()) {
             (Some(tau), _) => (tau, "measured torque"),
             (None, Some(tau)) => (tau, "simulated torque"),
@@ -73,8 +73,8 @@ impl JointTrack {
 
     /// The direction of the motion, -1 or 1; while the joint rests, that of its last motion. 0 before the first.
     ///
-    /// A direction counts only once the joint moves faster than noise would make it seem; it then counts from where the
-    /// velocity passed through zero.
+    /// A direction counts only once the joint moves faster than its noise would suggest; it then counts from the sample
+    /// where the velocity passed through zero.
     pub fn directions(&self) -> Vec<f64> {
         let mut directions = vec![0.0; self.motion.len()];
         let mut last = 0.0;
@@ -98,7 +98,7 @@ impl JointTrack {
     }
 }
 
-/// The speed below which a joint cannot be said to move: four deviations of the smoothed velocity, at least a twentieth of
+/// The speed below which a joint counts as resting: four deviations of the smoothed velocity, at least a twentieth of
 /// its top speed.
 fn still(clock_s: &[f64], motion: &[Motion], floor: f64) -> f64 {
     let top = quantile(motion.iter().map(|m| m.velocity.abs()), 0.95).unwrap_or(0.0);
@@ -110,7 +110,7 @@ fn still(clock_s: &[f64], motion: &[Motion], floor: f64) -> f64 {
 }
 
 fn varies(values: &[f64]) -> bool {
-    let there = values.iter().filter(|x| x.is_finite());
-    let (low, high) = there.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let present = values.iter().filter(|x| x.is_finite());
+    let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     high > low
 }

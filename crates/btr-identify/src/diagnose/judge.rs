@@ -2,7 +2,7 @@
 
 use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate};
-use super::state::{DiagnosisState, earns_its_numbers};
+use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
@@ -44,12 +44,12 @@ pub(super) fn judge_rivals(
     }
     let leader = passing.first()?;
     let inside = &candidates[leader.candidate].nested;
-    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_numbers(objective, &leader.fit, &r.fit);
+    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, &leader.fit, &r.fit);
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let own = if will_do(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
+    let winning = if will_do(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
     let alike: Vec<&Rival> = rivals
         .iter()
         .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
@@ -61,7 +61,7 @@ pub(super) fn judge_rivals(
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
-        probability: own / total,
+        probability: winning / total,
         delta_bic: before - measure.criterion(&winner.fit),
         parameters: Vec::new(),
         candidate: winner.candidate,

@@ -1,32 +1,32 @@
-//! The linear approximation around a base in which candidates are ranked: the change that a probe makes grows with its
-//! amplitude, and what the base's parameters can do as well is projected out.
+//! The linear approximation around a base that ranks candidates: the residual's change grows with the amplitude of a
+//! probe, and the part that the base's parameters can produce as well is projected out.
 
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// An amplitude so many times the probe's is as far as the probe is believed.
+/// Largest amplitude for which a probe is extrapolated, in multiples of the probe's.
 pub(super) const STRETCH: f64 = 4.0;
-/// A base that could lower its cost by a smaller share is at its optimum.
+/// A base whose cost could fall by less than this share is at its optimum.
 const AT_REST: f64 = 0.01;
 /// Stiffness of parameters at a bound, relative to the information that the logs have about them.
 const HELD: f64 = 1e9;
-/// Points that are simulated at once; bounds the memory.
+/// Number of points that are simulated at once; limits the memory.
 const BATCH: usize = 48;
 
-/// The base around its optimum, as some of the logs show it: what its own parameters can do about any change of the residual.
+/// The linear model of a base on some of the logs: how its parameters respond to any change of the residual.
 pub(super) struct BasePoint<'a> {
     index: usize,
     logs: Vec<usize>,
     fit: &'a FitPoint,
     jacobian: &'a DMatrix<f64>,
-    pictures: Vec<LinearPicture>,
+    systems: Vec<NormalSystem>,
 }
 
-/// The normal equations around a base. What stands at a bound may be held there by what is missing, or come off it once that is
-/// added: there is a picture of both.
-struct LinearPicture {
+/// The normal equations around a base. A parameter at a bound may be held there by the missing effect, and leave it
+/// once that is added: there is a system for each case.
+struct NormalSystem {
     factors: Cholesky<f64, Dyn>,
     gradient: DVector<f64>,
 }
@@ -48,14 +48,15 @@ fn mirrored(objective: &Objective, probes: &[Probe]) -> Vec<Probe> {
     probes.iter().map(mirror).collect()
 }
 
-impl LinearPicture {
+impl NormalSystem {
     fn new(normal: DMatrix<f64>, mut gradient: DVector<f64>, cost: f64) -> Option<Self> {
         let factors = normal.cholesky()?;
-        // What is left to win at an optimum lies along directions that hardly matter; going there would only blur the view.
+        // Near an optimum the remaining gradient lies along poorly determined directions; a step along it would only
+        // add noise.
         if gradient.dot(&factors.solve(&gradient)) < AT_REST * cost {
             gradient.fill(0.0);
         }
-        Some(LinearPicture { factors, gradient })
+        Some(NormalSystem { factors, gradient })
     }
 }
 
@@ -74,20 +75,20 @@ impl<'a> BasePoint<'a> {
                 held.push(k);
             }
         }
-        let mut pictures = vec![LinearPicture::new(normal.clone(), gradient.clone(), fit.cost)?];
+        let mut systems = vec![NormalSystem::new(normal.clone(), gradient.clone(), fit.cost)?];
         if !held.is_empty() {
             for k in held {
                 normal[(k, k)] += HELD * (1.0 + normal[(k, k)]);
                 gradient[k] = 0.0;
             }
-            pictures.push(LinearPicture::new(normal, gradient, fit.cost)?);
+            systems.push(NormalSystem::new(normal, gradient, fit.cost)?);
         }
-        Some(BasePoint { index, logs, fit, jacobian, pictures })
+        Some(BasePoint { index, logs, fit, jacobian, systems })
     }
 
-    /// What a candidate promises with the shapes of an earlier promise, on the side to which that points: what slips or lifts
-    /// answers differently on the other.
-    pub(super) fn promising(
+    /// The predicted best point of a candidate with the shapes of an earlier prediction, probed on the side of its
+    /// amplitudes: with slipping or lifting feet, the other side responds differently.
+    pub(super) fn predicted(
         &self,
         objective: &Objective,
         start: &StartPoint,
@@ -96,19 +97,19 @@ impl<'a> BasePoint<'a> {
         let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes);
         probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
         let columns = self.columns(objective, &probes);
-        self.promise(objective, &probes, &columns)
+        self.best_point(objective, &probes, &columns)
     }
 
-    /// What candidates promise, each at the best of its starts, where those that are felt in different places are tried in one
-    /// simulation.
-    pub(super) fn promising_together(
+    /// The predicted best points of candidates, each for the best of its starts. Candidates that affect different
+    /// channels share a simulation.
+    pub(super) fn predicted_together(
         &self,
         objective: &Objective,
         offered: &[(usize, Vec<Vec<f64>>)],
         sizes: &ProbeSizes,
     ) -> Vec<StartPoint> {
         let candidates = objective.candidates();
-        let mut promising = Vec::new();
+        let mut predicted = Vec::new();
         for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
             let probes = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
                 let mut probes = self.probes(objective, *candidate, starts, sizes);
@@ -119,22 +120,27 @@ impl<'a> BasePoint<'a> {
             };
             let each: Vec<Vec<Probe>> = kind.iter().map(probes).collect();
             let all: Vec<&Probe> = each.iter().flatten().collect();
-            let mut columns = self.columns_together(objective, &all).into_iter();
+            let mut all_columns = self.columns_together(objective, &all).into_iter();
             for probes in &each {
-                let own: Vec<Option<DVector<f64>>> = columns.by_ref().take(probes.len()).collect();
-                promising.extend(self.promise(objective, probes, &own));
+                let columns: Vec<Option<DVector<f64>>> = all_columns.by_ref().take(probes.len()).collect();
+                predicted.extend(self.best_point(objective, probes, &columns));
             }
         }
-        promising
+        predicted
     }
 
-    /// The best point of a candidate, by its probes.
-    fn promise(&self, objective: &Objective, probes: &[Probe], columns: &[Option<DVector<f64>>]) -> Option<StartPoint> {
+    /// The predicted best point of a candidate from its probes.
+    fn best_point(
+        &self,
+        objective: &Objective,
+        probes: &[Probe],
+        columns: &[Option<DVector<f64>>],
+    ) -> Option<StartPoint> {
         // Probes of one start and one size belong together: one column for each amplitude.
         let amplitudes = objective.candidates()[probes.first()?.candidate].amplitudes.len();
         let groups = probes.chunks(amplitudes).zip(columns.chunks(amplitudes));
         let found = groups.flat_map(|(probes, columns)| {
-            self.pictures.iter().filter_map(move |picture| self.best_of(objective, picture, probes, columns))
+            self.systems.iter().filter_map(move |system| self.best_of(objective, system, probes, columns))
         });
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
@@ -165,7 +171,7 @@ impl<'a> BasePoint<'a> {
         u
     }
 
-    /// Change of the residual by each probe, per unit of its amplitude; `None` where it cannot be simulated: the
+    /// The change of the residual by each probe, per unit of its amplitude; `None` where it cannot be simulated: the
     /// candidate is then not ranked by that probe.
     fn columns(&self, objective: &Objective, probes: &[Probe]) -> Vec<Option<DVector<f64>>> {
         let mut columns = Vec::with_capacity(probes.len());
@@ -180,21 +186,21 @@ impl<'a> BasePoint<'a> {
         columns
     }
 
-    /// The same, several in one simulation: each column as far as its candidate's own channels go.
+    /// The same with several probes in one simulation: each column is restricted to the channels of its candidate.
     fn columns_together(&self, objective: &Objective, probes: &[&Probe]) -> Vec<Option<DVector<f64>>> {
         let near = |probe: &Probe| objective.description.channels_of(probe.candidate);
-        let shots = shared(probes.iter().map(|probe| near(probe)));
+        let groups = shared(probes.iter().map(|probe| near(probe)));
         let mut columns = vec![None; probes.len()];
-        for batch in shots.chunks(BATCH) {
-            let point = |shot: &Vec<usize>| {
-                let probes: Vec<&Probe> = shot.iter().map(|&i| probes[i]).collect();
+        for batch in groups.chunks(BATCH) {
+            let point = |group: &Vec<usize>| {
+                let probes: Vec<&Probe> = group.iter().map(|&i| probes[i]).collect();
                 self.point(objective, &probes)
             };
             let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
             let residuals = objective.residuals_of(&points, &self.logs);
-            for ((shot, point), residual) in batch.iter().zip(&points).zip(residuals) {
+            for ((group, point), residual) in batch.iter().zip(&points).zip(residuals) {
                 let Ok(residual) = residual else { continue };
-                for &i in shot {
+                for &i in group {
                     let column = self.column(residual.clone(), point[probes[i].amplitude]);
                     columns[i] = Some(self.only_near(objective, column, near(probes[i])));
                 }
@@ -203,14 +209,14 @@ impl<'a> BasePoint<'a> {
         columns
     }
 
-    /// The change that a residual is of the base's, per unit of an amplitude of this size.
+    /// The difference of a residual from the base's, per unit of an amplitude of this size.
     fn column(&self, residual: Vec<f64>, size: f64) -> DVector<f64> {
         let after = corrected(residual, &self.fit.step_error);
         let change = after.iter().zip(&self.fit.residual).map(|(a, b)| (a - b) / size);
         DVector::from_iterator(after.len(), change)
     }
 
-    /// A column without what is not of these channels.
+    /// A column with all rows of other channels set to zero.
     fn only_near(&self, objective: &Objective, column: DVector<f64>, near: &[String]) -> DVector<f64> {
         if near.is_empty() {
             return column;
@@ -225,11 +231,11 @@ impl<'a> BasePoint<'a> {
         only
     }
 
-    /// The best amplitudes, and the answer of the base's parameters, in the linear picture that a group of probes gives.
+    /// The best amplitudes, and the response of the base's parameters, in the linear model of a group of probes.
     fn best_of(
         &self,
         objective: &Objective,
-        picture: &LinearPicture,
+        system: &NormalSystem,
         probes: &[Probe],
         columns: &[Option<DVector<f64>>],
     ) -> Option<StartPoint> {
@@ -237,21 +243,21 @@ impl<'a> BasePoint<'a> {
         let columns: Vec<&DVector<f64>> = columns.iter().map(Option::as_ref).collect::<Option<_>>()?;
         let k = columns.len();
         let residual = DVector::from_column_slice(&self.fit.residual);
-        let seen: Vec<DVector<f64>> = columns.iter().map(|column| self.jacobian.tr_mul(column)).collect();
-        let answered: Vec<DVector<f64>> = seen.iter().map(|seen| picture.factors.solve(seen)).collect();
-        let own = DMatrix::from_fn(k, k, |i, j| {
+        let overlap: Vec<DVector<f64>> = columns.iter().map(|column| self.jacobian.tr_mul(column)).collect();
+        let response: Vec<DVector<f64>> = overlap.iter().map(|overlap| system.factors.solve(overlap)).collect();
+        let reduced = DMatrix::from_fn(k, k, |i, j| {
             let prior = if i == j { parameters[probes[i].amplitude].spread.powi(-2) } else { 0.0 };
-            columns[i].dot(columns[j]) - seen[i].dot(&answered[j]) + prior
+            columns[i].dot(columns[j]) - overlap[i].dot(&response[j]) + prior
         });
-        let pull = DVector::from_fn(k, |i, _| answered[i].dot(&picture.gradient) - columns[i].dot(&residual));
-        let wanted = own.cholesky()?.solve(&pull);
+        let downhill = DVector::from_fn(k, |i, _| response[i].dot(&system.gradient) - columns[i].dot(&residual));
+        let optimum = reduced.cholesky()?.solve(&downhill);
         let mut u = self.point(objective, &[&probes[0]]);
         let mut amplitudes = DVector::zeros(k);
         for (i, probe) in probes.iter().enumerate() {
             let parameter = &parameters[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
             let size =
-                if parameter.law == Parametrisation::Inverse { probe.size } else { wanted[i].clamp(-reach, reach) };
+                if parameter.law == Parametrisation::Inverse { probe.size } else { optimum[i].clamp(-reach, reach) };
             u[probe.amplitude] = parameter.clamp(size);
             amplitudes[i] = u[probe.amplitude];
         }
@@ -259,17 +265,17 @@ impl<'a> BasePoint<'a> {
             return None;
         }
         let change: DVector<f64> = columns.iter().zip(amplitudes.iter()).map(|(c, a)| *c * *a).sum();
-        let answer = picture.factors.solve(&(&picture.gradient + self.jacobian.tr_mul(&change)));
+        let adaptation = system.factors.solve(&(&system.gradient + self.jacobian.tr_mul(&change)));
         for (i, &parameter) in self.fit.active.iter().enumerate() {
-            u[parameter] = parameters[parameter].clamp(u[parameter] - answer[i]);
+            u[parameter] = parameters[parameter].clamp(u[parameter] - adaptation[i]);
         }
         let moved = DVector::from_iterator(
-            answer.len(),
+            adaptation.len(),
             self.fit.active.iter().map(|&parameter| u[parameter] - self.fit.u[parameter]),
         );
-        let promised = residual + change + self.jacobian * moved;
+        let predicted = residual + change + self.jacobian * moved;
         let active = with(self.fit, &objective.candidates()[probes[0].candidate]);
-        let cost = crate::fit::cost(parameters, &active, &u, promised.as_slice());
+        let cost = crate::fit::cost(parameters, &active, &u, predicted.as_slice());
         Some(StartPoint { candidate: probes[0].candidate, base: self.index, u, cost })
     }
 }

@@ -1,4 +1,4 @@
-//! Which physical effect is missing.
+//! Diagnosis of missing physical effects.
 //!
 //! Every effect at every site is screened with finite probes while all free parameters may adapt, the leaders are
 //! refitted, and the best is accepted only if it also explains held-out logs. Effects are added one by one and removed
@@ -22,7 +22,7 @@ pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
-use crate::fit::{FitPoint, Objective, RESTARTS, SearchBudget, estimates};
+use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::WorldError;
 use residual_law::residual_law;
 use round::round;
@@ -42,13 +42,13 @@ pub fn diagnose(
     let state = begin(objective, on_step)?;
     Ok(match objective.description.has_contact {
         true => go_on(objective, question, state, on_step),
-        false => go_on_looking(objective, question, state, on_step, RESTARTS),
+        false => go_on_with_new_starts(objective, question, state, on_step, RESTARTS),
     })
 }
 
 /// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, such starts are
 /// accepted if nothing else is left to explain: a model that lacks something prefers starts that compensate for it.
-fn go_on_looking(
+fn go_on_with_new_starts(
     objective: &mut Objective,
     question: DiagnoseOptions,
     mut state: DiagnosisState,
@@ -56,8 +56,9 @@ fn go_on_looking(
     restarts_left: usize,
 ) -> Diagnosis {
     let contact = objective.description.has_contact;
-    let looks_again = state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective));
-    if restarts_left == 0 || !looks_again {
+    let needs_new_starts =
+        state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective));
+    if restarts_left == 0 || !needs_new_starts {
         return go_on(objective, question, state, on_step);
     }
     let seen = objective.with_starts_at(&state.fit.u);
@@ -69,11 +70,11 @@ fn go_on_looking(
         objective.count(&again);
         return go_on(objective, question, state, on_step);
     }
-    state.look_again(&mut again, on_step);
-    go_on_looking(&mut again, question, state, on_step, restarts_left - 1)
+    state.continue_with(&mut again, on_step);
+    go_on_with_new_starts(&mut again, question, state, on_step, restarts_left - 1)
 }
 
-/// Round after round; once something is found, with starts from the model that has it.
+/// Runs round after round; once an effect is found, with starts from the model that includes it.
 fn go_on(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -93,13 +94,13 @@ fn go_on(
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
-            return go_on_looking(objective, question, state, on_step, restarts_left);
+            return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }
 
-/// The model's own parameters at their best.
+/// Fits the model's free parameters without any effect.
 fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<DiagnosisState, WorldError> {
     let free = objective.description.free.clone();
     let origin = vec![0.0; objective.parameters().len()];
@@ -134,12 +135,12 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
         _ => Verdict::Unexplained,
     };
-    let trusted = last <= NOISE;
-    if trusted {
+    let intervals = if last <= NOISE { Intervals::Given } else { Intervals::Withheld };
+    if intervals == Intervals::Given {
         state.settle(objective);
     }
     let inflation = ComparisonMeasure::of(objective, &state.fit).inflation();
-    let all = estimates(objective, &state.fit, inflation, trusted);
+    let all = estimates(objective, &state.fit, inflation, intervals);
     for found in &mut state.chosen {
         let parameters: Vec<usize> = objective.candidates()[found.candidate].parameters().collect();
         found.parameters =

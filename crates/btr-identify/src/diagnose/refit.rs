@@ -78,18 +78,18 @@ pub(super) fn last_chance_of_the_best(
     run(objective, &[base], &starts, Some(leader))
 }
 
-/// A candidate at so many typical sizes.
+/// A candidate at a multiple of its typical size.
 fn of_size(objective: &Objective, base: &FitPoint, candidate: usize, size: f64) -> StartPoint {
-    let own = &objective.candidates()[candidate];
+    let effect = &objective.candidates()[candidate];
     let mut u = base.u.clone();
-    own.amplitudes.iter().for_each(|&parameter| u[parameter] = objective.parameters()[parameter].clamp(size));
-    own.shapes.iter().zip(&own.starts[0]).for_each(|(&parameter, &shape)| u[parameter] = shape);
+    effect.amplitudes.iter().for_each(|&parameter| u[parameter] = objective.parameters()[parameter].clamp(size));
+    effect.shapes.iter().zip(&effect.starts[0]).for_each(|(&parameter, &shape)| u[parameter] = shape);
     StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
 }
 
 fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Option<&FitPoint>) -> Vec<Rival> {
-    let with_initial_state = starts.iter().filter_map(|start| begin(objective, &bases[start.base], start));
-    let mut rivals: Vec<Rival> = with_initial_state.collect();
+    let started = starts.iter().filter_map(|start| begin(objective, &bases[start.base], start));
+    let mut rivals: Vec<Rival> = started.collect();
     for rival in &mut rivals {
         rival.fit.solve(objective, SearchBudget::RACE);
     }
@@ -146,8 +146,8 @@ fn sort(rivals: &mut [Rival]) {
 fn begin(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
     let candidate = &objective.candidates()[start.candidate];
     let mut fit = FitPoint::at(objective, with(base, candidate), start.u.clone(), &base.step_error).ok()?;
-    let own: Vec<usize> = candidate.parameters().collect();
-    let added = columns(objective, &fit.u, &own, &fit.residual, &fit.step_error);
+    let parameters: Vec<usize> = candidate.parameters().collect();
+    let added = columns(objective, &fit.u, &parameters, &fit.residual, &fit.step_error);
     let known = base.jacobian.as_ref()?;
     let mut jacobian = DMatrix::zeros(known.nrows(), known.ncols() + added.len());
     jacobian.columns_mut(0, known.ncols()).copy_from(known);

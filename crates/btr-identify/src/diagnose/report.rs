@@ -1,17 +1,17 @@
-//! The question and the answer of a diagnosis.
+//! Options and result of a diagnosis.
 
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::{Estimate, FitPoint};
 use serde::{Deserialize, Serialize};
 
-/// How much is asked for.
+/// Limits of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiagnoseOptions {
     /// The most effects to add.
     pub max_effects: usize,
-    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is looked
-    /// for beyond it. What a round goes on to (refits, and on the ground a second screening) is not counted in advance.
+    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is searched
+    /// beyond it. The later parts of a round (refits, and with contact a second screening) are not counted in advance.
     pub max_rollouts: usize,
 }
 
@@ -21,15 +21,15 @@ impl Default for DiagnoseOptions {
     }
 }
 
-/// The answer.
+/// The verdict of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The effects named explain the error.
+    /// The named effects explain the error.
     EffectMissing,
     /// The residual is noise.
     NothingMissing,
-    /// There is an error that nothing known explains.
+    /// No known effect explains the error.
     Unexplained,
 }
 
@@ -38,12 +38,12 @@ pub enum Verdict {
 pub struct MissingEffect {
     /// Its name.
     pub effect: String,
-    /// Where it sits.
+    /// Its site.
     pub site: String,
     /// `effect@site` of the effects that these logs cannot distinguish from it.
     pub alike: Vec<String>,
-    /// Its share of belief among everything that was fitted in its round, the model without it included; with that of a
-    /// larger law which it stands for.
+    /// Its posterior probability among everything that was fitted in its round, including the model without it.
+    /// Includes that of a larger law that it replaces.
     pub probability: f64,
     /// By how much it lowered B.
     pub delta_bic: f64,
@@ -72,11 +72,11 @@ pub struct RankedCandidate {
 pub struct Diagnosis {
     /// What was fitted in each round, best first.
     pub rounds: Vec<Vec<RankedCandidate>>,
-    /// The answer.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What is missing, or helps without explaining.
+    /// The missing effects, or those that lower the error without explaining it.
     pub effects: Vec<MissingEffect>,
-    /// How the error fell.
+    /// The error after each step.
     pub ladder: Vec<LadderStep>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
@@ -87,12 +87,12 @@ pub struct Diagnosis {
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
     pub fit: FitPoint,
-    /// What the last found with any in `alike` was compared with, and first itself: candidate and point, for the next
-    /// experiment.
+    /// For the latest effect with any in `alike`: itself first, then its rivals, as candidate and point. Input of the
+    /// next experiment.
     pub rivals: Vec<(usize, Vec<f64>)>,
-    /// With the verdict `Unexplained`: what the error looks like, if it looks like something.
+    /// With the verdict `Unexplained`: a law that fits the error, if there is one.
     pub residual_law: Option<ResidualLaw>,
-    /// Whether the rollouts that were allowed ended it.
+    /// Whether the limit of rollouts ended it.
     pub cut_short: bool,
     /// Simulated logs.
     pub rollouts: usize,

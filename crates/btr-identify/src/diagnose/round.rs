@@ -12,13 +12,13 @@ use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 
-/// Where an effect leaves more than this share of the sum of squares, the base may come as far without it.
+/// If an effect leaves more than this share of the sum of squares, the base may reach the same without it.
 const MODEST: f64 = 0.5;
 
-/// The effects of so many of the best are tried in other places where none of them explains enough.
-const ELSEWHERE: usize = 3;
+/// Number of the best rivals whose effects are tried at other sites if none of them explains enough.
+const OTHER_SITES: usize = 3;
 
-/// Screens, races and judges; the winner if it is to be believed.
+/// Screens, races and judges; the winner if it is accepted.
 pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..objective.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
@@ -33,12 +33,12 @@ pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Op
     if leader.fit.squares() > MODEST * state.fit.squares() {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    let again = worth_another_look(objective, leader, &rivals, &starts, &offered);
+    let again = to_be_tried_again(objective, leader, &rivals, &starts, &offered);
     if let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![drop_effect];
         let starts = screen(objective, &mut bases, &again);
         // The cheap steps of a race may leave a simpler candidate far behind: the best of them is fitted in any case.
-        let simpler = again.iter().any(|&candidate| is_simpler_kin(objective, leader.candidate, candidate));
+        let simpler = again.iter().any(|&candidate| is_simpler(objective, leader.candidate, candidate));
         let others = race(objective, &bases, &starts, (!simpler).then_some(&leader.fit));
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
     }
@@ -73,11 +73,11 @@ fn on_the_ground(
     let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) else { return rivals };
     let same = |candidate: &usize| {
         let named = |rival: &Rival| candidates[rival.candidate].effect == candidates[*candidate].effect;
-        rivals.iter().take(ELSEWHERE).any(named)
+        rivals.iter().take(OTHER_SITES).any(named)
     };
-    let elsewhere: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
+    let other_sites: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
     let base = drop_effect(objective, leader, state).unwrap_or_else(|| state.fit.clone());
-    let late = last_chance(objective, &base, &elsewhere, &leader.fit);
+    let late = last_chance(objective, &base, &other_sites, &leader.fit);
     best_of_each(rivals.into_iter().chain(late).collect())
 }
 
@@ -113,11 +113,11 @@ fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usiz
     (race(objective, &bases, &starts, None), starts)
 }
 
-/// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not
-/// fitted, so that no effect is called certain that a similar one explains as well; similar ones with fewer
-/// parameters, which may only have failed to get there; and all that were screened, if the leader leaves something to
+/// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not fitted,
+/// so that no effect is called certain that a similar one explains as well; similar ones with fewer parameters, whose
+/// search may only have failed to reach that point; and all that were screened, if the leader leaves something to
 /// explain.
-fn worth_another_look(
+fn to_be_tried_again(
     objective: &Objective,
     leader: &Rival,
     rivals: &[Rival],
@@ -126,8 +126,8 @@ fn worth_another_look(
 ) -> Vec<usize> {
     let similar = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
-        let is_kin = objective.candidates()[leader.candidate].similar.contains(candidate);
-        (is_kin && !fitted) || is_simpler_kin(objective, leader.candidate, *candidate)
+        let is_similar = objective.candidates()[leader.candidate].similar.contains(candidate);
+        (is_similar && !fitted) || is_simpler(objective, leader.candidate, *candidate)
     };
     let explains = chi(leader.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
     let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
@@ -135,7 +135,7 @@ fn worth_another_look(
 }
 
 /// Whether a candidate is similar to another one and has fewer parameters.
-fn is_simpler_kin(objective: &Objective, of: usize, candidate: usize) -> bool {
+fn is_simpler(objective: &Objective, of: usize, candidate: usize) -> bool {
     let candidates = objective.candidates();
     candidates[of].similar.contains(&candidate)
         && candidates[candidate].parameters().count() < candidates[of].parameters().count()

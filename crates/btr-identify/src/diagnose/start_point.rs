@@ -1,31 +1,31 @@
-//! Probes of candidates, and the points that they point to.
+//! Probe sizes, and the start points that probes predict.
 
 use crate::fit::{FitPoint, Objective};
 use crate::residual_model::EffectCandidate;
 
-/// How large probes are.
+/// Sizes of probes.
 pub(super) struct ProbeSizes {
     /// Amplitudes, in typical sizes.
     pub amplitudes: &'static [f64],
-    /// Limits act from some threshold on and are probed around it; they are not scaled.
+    /// Coordinates of limits. A limit acts only below some threshold, so these are not extrapolated.
     pub limits: &'static [f64],
 }
 
-/// A candidate at a promising point.
+/// A candidate at its predicted best point.
 #[derive(Clone, Debug)]
 pub(super) struct StartPoint {
     /// Index of the candidate.
     pub candidate: usize,
-    /// Index of the base it goes on from.
+    /// Index of its base.
     pub base: usize,
     /// The point.
     pub u: Vec<f64>,
-    /// The cost there: promised, then simulated.
+    /// The cost there: first predicted, then simulated.
     pub cost: f64,
 }
 
 impl StartPoint {
-    /// Part of the way from a base to here; shapes have nowhere to come from.
+    /// The point at a share of the step from a base to this point; shapes are not interpolated.
     pub(super) fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
         let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
         objective.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
@@ -37,8 +37,8 @@ impl StartPoint {
     }
 }
 
-/// Whether an effect may show on one side of zero and not on the other, and has both: a foot that is pressed down slips
-/// where one that is lifted does not.
+/// Whether an effect's amplitude may have either sign and its response may differ between them: a foot that is pressed
+/// down slips differently from one that is lifted.
 pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
     let parameters = objective.parameters();
     objective.description.has_contact

@@ -1,4 +1,4 @@
-//! What a diagnosis has found so far, and how an effect joins it or leaves it.
+//! The state of a diagnosis: the effects found so far, and how an effect is added or removed.
 
 use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
 use super::report::{MissingEffect, RankedCandidate};
@@ -11,12 +11,12 @@ use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
 /// coordinate...
-const SHAKEN: (f64, f64) = (0.15, 0.5);
+const PERTURBATION: (f64, f64) = (0.15, 0.5);
 /// ... and how often at most, while the cost falls below this share each time.
-const SHAKES: usize = 3;
+const PERTURBATIONS: usize = 3;
 const LOWER: f64 = 0.99;
 
-/// The base of a round and what was found so far.
+/// The base of a round and the effects found so far.
 pub(super) struct DiagnosisState {
     pub(super) fit: FitPoint,
     /// The fit without any effect.
@@ -53,25 +53,30 @@ impl DiagnosisState {
         self.record(objective, step, on_step);
     }
 
-    /// A joint that breaks loose or does not makes the error jump, and a search stops before a jump: restarts the
-    /// search on either side of where each of the latest effect's parameters ended, as long as that lowers the cost.
+    /// The error jumps where a joint switches between sticking and slipping, and a search stops before a jump: restarts
+    /// the search on either side of where each of the latest effect's parameters ended, as long as that lowers the
+    /// cost.
     fn perturb(&mut self, objective: &Objective, candidate: usize) {
-        for _ in 0..SHAKES {
+        for _ in 0..PERTURBATIONS {
             if objective.description.is_chaotic || !self.leaves_something(objective, &self.fit) {
                 return;
             }
-            let own = &objective.candidates()[candidate];
-            let sides = own.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
-            let with_initial_state = sides.filter_map(|(parameter, side)| {
+            let effect = &objective.candidates()[candidate];
+            let sides = effect.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
+            let perturbed = sides.filter_map(|(parameter, side)| {
                 let mut u = self.fit.u.clone();
-                let away = if own.shapes.contains(&parameter) { SHAKEN.1 } else { SHAKEN.0 * u[parameter].abs() };
+                let away = if effect.shapes.contains(&parameter) {
+                    PERTURBATION.1
+                } else {
+                    PERTURBATION.0 * u[parameter].abs()
+                };
                 u[parameter] = objective.parameters()[parameter].clamp(u[parameter] + side * away);
                 // A side that cannot be simulated is skipped.
                 let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error).ok()?;
                 fit.solve(objective, RESHAPED);
                 Some(fit)
             });
-            let best = with_initial_state.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let best = perturbed.min_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
             best.solve(objective, FOLLOWER);
             self.fit = best;
@@ -118,7 +123,8 @@ impl DiagnosisState {
         })
     }
 
-    /// The point without some of the chosen; all else stays. `None` where that cannot be simulated: then they stay chosen.
+    /// The point without some of the chosen; all else stays. `None` where that cannot be simulated: then they stay
+    /// chosen.
     fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
         let parameters =
             |&index: &usize| objective.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>();
@@ -148,41 +154,41 @@ impl DiagnosisState {
     pub(super) fn simplify(&mut self, objective: &Objective) {
         let candidates = objective.candidates();
         for index in 0..self.chosen.len().saturating_sub(1) {
-            let own = &candidates[self.chosen[index].candidate];
+            let effect = &candidates[self.chosen[index].candidate];
             let simpler = |similar: &usize| {
-                candidates[*similar].parameters().count() < own.parameters().count()
+                candidates[*similar].parameters().count() < effect.parameters().count()
                     && self.chosen.iter().all(|found| found.candidate != *similar)
             };
-            let similar: Vec<usize> = own.similar.iter().copied().filter(simpler).collect();
+            let similar: Vec<usize> = effect.similar.iter().copied().filter(simpler).collect();
             if similar.is_empty() {
                 continue;
             }
             let Some(rival) = self.replaced(objective, &[index], &similar) else { continue };
             let measure = ComparisonMeasure::of(objective, &self.fit);
             let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
-            let bears_out = |now: f64| {
+            let confirms = |now: f64| {
                 held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
             };
-            let inside = own.nested.contains(&rival.candidate);
-            let will_do = costs <= TIE || inside && !earns_its_numbers(objective, &self.fit, &rival.fit);
-            if will_do && self.held_out.is_none_or(bears_out) {
+            let inside = effect.nested.contains(&rival.candidate);
+            let will_do = costs <= TIE || inside && !earns_its_parameters(objective, &self.fit, &rival.fit);
+            if will_do && self.held_out.is_none_or(confirms) {
                 self.rename(objective, index, rival, costs);
             }
         }
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
-        let (own, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
+        let (effect, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
         let before = format!("{}@{}", found.effect, found.site);
-        found.alike.retain(|alike| *alike != own.name());
+        found.alike.retain(|alike| *alike != effect.name());
         found.alike.push(before.clone());
         found.delta_bic -= costs;
-        (found.effect, found.site, found.candidate) = (own.effect.clone(), own.site.clone(), rival.candidate);
+        (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
         self.fit = rival.fit;
         self.fit.jacobian = None;
         self.fit.solve(objective, SearchBudget::FULL);
         self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
-        self.ladder.push(self.step(objective, format!("{} for {before}", own.name())));
+        self.ladder.push(self.step(objective, format!("{} for {before}", effect.name())));
     }
 
     /// Takes another point without any further effect as the base, if its cost is lower: what the base reaches by
@@ -198,7 +204,7 @@ impl DiagnosisState {
         }
     }
 
-    /// The fit without any effect, with the time step as it is now; `None` where that step diverges.
+    /// The fit without any effect, with the current time step; `None` where that diverges.
     pub(super) fn bare_now(&self, objective: &mut Objective) -> Option<FitPoint> {
         let mut bare = FitPoint::at(objective, self.bare.active.clone(), self.bare.u.clone(), &[]).ok()?;
         bare.renew_step_error(objective);
@@ -210,7 +216,7 @@ impl DiagnosisState {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 
-    /// Whether nothing is left to explain with another objective, such as one with starts from the fitted model.
+    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model.
     pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Ok(mut fit) = again else { return false };
@@ -221,7 +227,7 @@ impl DiagnosisState {
     }
 
     /// Continues with another objective.
-    pub(super) fn look_again(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
+    pub(super) fn continue_with(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
         for fit in [&mut self.bare, &mut self.fit] {
             // A point that cannot be simulated from the new starts stays as it was.
             if let Ok(again) = FitPoint::at(objective, fit.active.clone(), fit.u.clone(), &[]) {
@@ -237,7 +243,7 @@ impl DiagnosisState {
     /// nothing to gain.
     pub(super) fn leaves_something(&self, objective: &Objective, fit: &FitPoint) -> bool {
         let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
-        // Where motion is chaotic the noise floors have the integrator's error in them, and are themselves known roughly.
+        // Where motion is chaotic, the noise floors include the integrator's error and are only roughly known.
         if objective.description.is_chaotic {
             return squares > NOISE.powi(2);
         }
@@ -278,7 +284,7 @@ impl DiagnosisState {
 
 /// Whether the parameters that a law has beyond those of a law nested in it lower the error as much as any effect
 /// must: a certain difference with next to no effect is more likely one between simulators than a law.
-pub(super) fn earns_its_numbers(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
+pub(super) fn earns_its_parameters(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
     if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
         return true;
     }

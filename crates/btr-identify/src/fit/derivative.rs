@@ -1,5 +1,5 @@
-//! Derivatives of the residual by the free parameters: finite differences, cheap ones for a search and careful ones
-//! for intervals.
+//! Derivatives of the residual with respect to the free parameters: finite differences, of first order for a search and
+//! of second order with adapted steps for intervals.
 
 use super::estimate::information;
 use super::objective::{LogSet, Objective};
@@ -9,53 +9,55 @@ use crate::residual_model::FitParameter;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 
-/// How much finer than the usual ones fine differences are.
+/// Step of fine differences, as a share of the usual step.
 const FINE: f64 = 0.1;
-/// Over steps this short, a residual that bends by more than this share of its change has a jump in it...
+/// A residual that deviates from a straight line by more than this share of its change has a jump within the step...
 const BENT: f64 = 0.1;
-/// ... and is looked at with steps this much shorter, as long as that shows fewer of them.
+/// ... and is differentiated again with steps shortened by these factors, as long as that lowers the deviation.
 const SHORTER: [f64; 2] = [0.1, 0.01];
 /// Steps of fine differences, in standard deviations of the prior: about the shortest ones among them.
 const SHORT: f64 = 0.005;
-/// Directions are looked at again with steps as long as the deviation that is left of them, as long as that grows by this
-/// factor...
+/// Directions are differentiated again with a step of their posterior deviation, as long as that exceeds the previous
+/// step by this factor...
 const GROWTH: f64 = 1.5;
-/// ... but no more often than this: each look sees less of the errors of short steps.
+/// ... but at most this often: each repetition contains less of the errors of short steps.
 const RESTARTS: usize = 4;
-/// The step along the common factor of all that is measured in units of mass, in standard deviations of the prior, ...
+/// The step along the common factor of all parameters whose unit contains mass, in standard deviations of the prior,
+/// ...
 const COMMON: f64 = 0.3;
-/// ... and the share of what finer differences say of it below which it is believed.
+/// ... and the largest share of the change by finer differences for its result to replace theirs.
 const LESS: f64 = 0.5;
-/// A step shortened by bounds to less than this share of it says too little.
+/// Smallest share to which bounds may shorten a step.
 const CRAMPED: f64 = 0.2;
 
-/// A direction to look along.
+/// A direction to differentiate along.
 struct ProbeDirection {
-    /// What a step is multiplied with to get how far it goes along the direction, ...
+    /// The row vector that maps a step of the parameters to its length along `scaled`.
     along: DVector<f64>,
-    /// ... which is this one.
+    /// The direction in coordinates of the parameters.
     scaled: DVector<f64>,
-    /// Two steps and the weights of what changes there.
+    /// Two steps and the weights of the changes at them.
     stencil: [(f64, f64); 2],
 }
 
-/// What was seen along a direction.
+/// The derivative along a direction.
 struct ProbeResponse {
     /// As in [`ProbeDirection`].
     along: DVector<f64>,
     /// As in [`ProbeDirection`].
     scaled: DVector<f64>,
-    /// How the residual changes along it.
+    /// Derivative of the residual along it.
     change: DVector<f64>,
 }
 
-/// Has a Jacobian say along a direction what was seen.
+/// Replaces a Jacobian's derivative along a direction.
 fn replace(jacobian: &mut DMatrix<f64>, along: &DVector<f64>, scaled: &DVector<f64>, change: &DVector<f64>) {
-    let surprise = change - &*jacobian * scaled;
-    jacobian.ger(1.0, &surprise, along, 1.0);
+    let difference = change - &*jacobian * scaled;
+    jacobian.ger(1.0, &difference, along, 1.0);
 }
 
-/// Derivative of the residual by a parameter, and its deviation from a straight line as a share of the change.
+/// Derivative of the residual with respect to a parameter, and its deviation from a straight line as a share of the
+/// change.
 struct Slope {
     column: ResidualVector,
     bend: f64,
@@ -88,9 +90,9 @@ impl FitPoint {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
-    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones beside a bound. Where a
-    /// joint breaks loose or does not, the residual jumps; differences across a jump show a bend and are taken again
-    /// with shorter steps.
+    /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones next to a bound. The
+    /// residual jumps where a joint switches between sticking and slipping. Differences across a jump deviate from a
+    /// straight line and are taken again with shorter steps.
     pub fn differentiate_finely(&mut self, objective: &Objective) {
         let mut slopes = self.slopes(objective, &self.active, FINE);
         for finer in SHORTER {
@@ -110,7 +112,7 @@ impl FitPoint {
         (self.jacobian, self.fresh) = (Some(jacobian), true);
     }
 
-    /// Differences of second order for some parameters, of a share of their reach. Zero where they cannot be
+    /// Differences of second order for some parameters, with steps of a share of their reach. Zero where they cannot be
     /// simulated.
     fn slopes(&self, objective: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
         let parameters = objective.parameters();
@@ -124,29 +126,30 @@ impl FitPoint {
             })
         };
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
-        let there = objective.residuals(&points, LogSet::Learn);
+        let residuals = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let slope = |(stencil, there): (&[(f64, f64); 2], &[Result<ResidualVector, WorldError>])| match there {
+        let slope = |(stencil, pair): (&[(f64, f64); 2], &[Result<ResidualVector, WorldError>])| match pair {
             [Ok(near), Ok(far)] => Slope::new(*stencil, &here, near, far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
-        stencils.iter().zip(there.chunks(2)).map(slope).collect()
+        stencils.iter().zip(residuals.chunks(2)).map(slope).collect()
     }
 
     /// Takes the Jacobian with steps as wide as the uncertainty that the logs leave: fine differences first, then once
     /// more along each poorly determined direction, in steps of its remaining deviation. The errors of short steps (a
-    /// servo that sticks a sample earlier, a solver's tolerance) would otherwise pass for information of the logs, and
-    /// intervals would be too narrow just where they matter.
+    /// servo that sticks a sample earlier, a solver's tolerance) would otherwise count as information of the logs, and
+    /// the widest intervals would be too narrow.
     pub fn differentiate_widely(&mut self, objective: &Objective) {
         self.differentiate_finely(objective);
-        self.look_along_the_common_factor(objective);
+        self.differentiate_along_common_factor(objective);
         let mut steps = vec![SHORT; self.active.len()];
         for _ in 0..RESTARTS {
             let information = information(objective.parameters(), self);
             let Some(information) = information.filter(|information| !information.is_empty()) else { return };
             let eigen = information.symmetric_eigen();
             let deviation = |i: usize| (1.0 + eigen.eigenvalues[i].max(0.0)).powf(-0.5);
-            // From the best told direction to the worst told one, so that each meets its likes of the look before.
+            // From the best determined direction to the worst, so that each keeps its step from one repetition to the
+            // next.
             let mut order: Vec<usize> = (0..self.active.len()).collect();
             order.sort_by(|&a, &b| deviation(a).total_cmp(&deviation(b)));
             let mut wider = Vec::new();
@@ -157,17 +160,19 @@ impl FitPoint {
             if wider.is_empty() {
                 return;
             }
-            self.look_along(objective, wider);
+            self.differentiate_along(objective, wider);
         }
     }
 
-    /// A change of the unit of mass moves nothing. Where nothing that is measured or fixed has to do with mass, logs do
-    /// not tell such a factor, and fine differences of many numbers, each with its error, add up to something that they
-    /// seem to tell. So it is looked along by itself, and believed where that shows less.
-    fn look_along_the_common_factor(&mut self, objective: &Objective) {
+    /// Replaces the derivative along the common factor of all parameters whose unit contains mass. Where no measured or
+    /// fixed quantity depends on the unit of mass, logs do not determine this factor, but the errors of the fine
+    /// differences of many parameters add up to apparent information. So the derivative is also taken along the factor
+    /// itself, and replaces theirs where it is smaller.
+    fn differentiate_along_common_factor(&mut self, objective: &Objective) {
         let parameters = objective.parameters();
         let Some(along) = self.common_factor(parameters) else { return };
-        let Some(ProbeResponse { along, scaled, change }) = self.look(objective, vec![(along, COMMON)]).pop() else {
+        let Some(ProbeResponse { along, scaled, change }) = self.responses(objective, vec![(along, COMMON)]).pop()
+        else {
             return;
         };
         let Some(jacobian) = self.jacobian.as_mut() else { return };
@@ -176,7 +181,7 @@ impl FitPoint {
         }
     }
 
-    /// The direction, in units of the priors, in which all that is measured in units of mass grows alike.
+    /// The direction, in units of the priors, in which all parameters whose unit contains mass grow by the same factor.
     fn common_factor(&self, parameters: &[FitParameter]) -> Option<DVector<f64>> {
         let part = |&k: &usize| {
             let growth = parameters[k].growth(self.u[k]);
@@ -186,17 +191,17 @@ impl FitPoint {
         DVector::from_iterator(self.active.len(), self.active.iter().map(part)).try_normalize(0.0)
     }
 
-    /// Replaces what the Jacobian says along directions (in units of the priors) by what is seen along them in steps as
-    /// given.
-    fn look_along(&mut self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) {
-        let seen = self.look(objective, directions);
+    /// Replaces the Jacobian's derivatives along directions (in units of the priors) by differences with the given
+    /// steps.
+    fn differentiate_along(&mut self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) {
+        let responses = self.responses(objective, directions);
         let Some(jacobian) = self.jacobian.as_mut() else { return };
-        seen.iter().for_each(|ProbeResponse { along, scaled, change }| replace(jacobian, along, scaled, change));
+        responses.iter().for_each(|ProbeResponse { along, scaled, change }| replace(jacobian, along, scaled, change));
     }
 
-    /// What changes along directions (in units of the priors): differences of second order with steps as given, or as far
-    /// as the bounds allow. Directions that blow up or have no room on either side are left out.
-    fn look(&self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
+    /// Derivatives along directions (in units of the priors): differences of second order with the given steps, or as
+    /// far as the bounds allow. Directions that diverge or have no room on either side are left out.
+    fn responses(&self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
         let parameters = objective.parameters();
         let spreads = DVector::from_fn(self.active.len(), |k, _| parameters[self.active[k]].spread);
         let placed = |(along, step): (DVector<f64>, f64)| {
@@ -204,24 +209,25 @@ impl FitPoint {
             let stencil = self.stencil_along(parameters, &scaled, step)?;
             Some(ProbeDirection { along: along.component_div(&spreads), scaled, stencil })
         };
-        let looks: Vec<ProbeDirection> = directions.into_iter().filter_map(placed).collect();
-        let moved =
-            |look: &ProbeDirection| look.stencil.map(|(step, _)| self.point_along(parameters, &(&look.scaled * step)));
-        let points: Vec<Vec<f64>> = looks.iter().flat_map(moved).collect();
-        let there = objective.residuals(&points, LogSet::Learn);
+        let directions: Vec<ProbeDirection> = directions.into_iter().filter_map(placed).collect();
+        let moved = |direction: &ProbeDirection| {
+            direction.stencil.map(|(step, _)| self.point_along(parameters, &(&direction.scaled * step)))
+        };
+        let points: Vec<Vec<f64>> = directions.iter().flat_map(moved).collect();
+        let residuals = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let seen = |(look, there): (ProbeDirection, &[Result<ResidualVector, WorldError>])| {
-            let ([Ok(near), Ok(far)], [(_, near_weight), (_, far_weight)]) = (there, look.stencil) else {
+        let response = |(direction, pair): (ProbeDirection, &[Result<ResidualVector, WorldError>])| {
+            let ([Ok(near), Ok(far)], [(_, near_weight), (_, far_weight)]) = (pair, direction.stencil) else {
                 return None;
             };
             let at = |row: usize| near_weight * (near[row] - here[row]) + far_weight * (far[row] - here[row]);
             let change = DVector::from_fn(here.len(), |row, _| at(row));
-            Some(ProbeResponse { along: look.along, scaled: look.scaled, change })
+            Some(ProbeResponse { along: direction.along, scaled: direction.scaled, change })
         };
-        looks.into_iter().zip(there.chunks(2)).filter_map(seen).collect()
+        directions.into_iter().zip(residuals.chunks(2)).filter_map(response).collect()
     }
 
-    /// The point that a step of the free parameters leads to, in proportion.
+    /// The point after a step of the free parameters; see [`FitParameter::in_proportion`].
     pub(super) fn point_along(&self, parameters: &[FitParameter], step: &DVector<f64>) -> Vec<f64> {
         let mut point = self.u.clone();
         let moves = self.active.iter().zip(step.iter());
@@ -229,7 +235,7 @@ impl FitPoint {
         point
     }
 
-    /// Two steps along a direction and the weights of what changes there; none where the bounds leave no room.
+    /// Two steps along a direction and the weights of the changes at them; `None` where the bounds leave no room.
     fn stencil_along(&self, parameters: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
         let room = |side: f64| {
             let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
@@ -248,7 +254,7 @@ impl FitPoint {
     }
 }
 
-/// Two offsets and the weights of what changes there, for a derivative of second order with steps of `h`.
+/// Two offsets and the weights of the changes at them, for a derivative of second order with steps of `h`.
 fn stencil(parameter: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
     let (least, most) = parameter.bounds;
     let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
@@ -278,14 +284,14 @@ pub fn columns(
         point
     };
     let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let there = objective.residuals(&points, LogSet::Learn);
-    let column = |(&parameter, there): (&usize, Result<ResidualVector, WorldError>)| match there {
-        Ok(there) => {
+    let residuals = objective.residuals(&points, LogSet::Learn);
+    let column = |(&parameter, moved): (&usize, Result<ResidualVector, WorldError>)| match moved {
+        Ok(moved) => {
             let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
-            there.iter().zip(bare).map(|(a, b)| (a - b) / reach(parameter)).collect()
+            moved.iter().zip(bare).map(|(a, b)| (a - b) / reach(parameter)).collect()
         }
-        // A parameter that cannot be moved is not searched along.
+        // A parameter whose step cannot be simulated is not searched.
         Err(_) => vec![0.0; residual.len()],
     };
-    active.iter().zip(there).map(column).collect()
+    active.iter().zip(residuals).map(column).collect()
 }

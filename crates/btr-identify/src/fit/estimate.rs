@@ -9,20 +9,20 @@ use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a 95 % interval.
 const NINETY_FIVE: f64 = 1.96;
-/// With priors this much looser than they are...
+/// If priors that are wider by this factor...
 const LOOSE: f64 = 3.0;
-/// ... an interval that is wider by this factor was given by the bounds.
+/// ... widen an interval by this factor, the interval is due to the bounds.
 const BY_BOUNDS: f64 = 1.5;
-/// With so many channels for each number, channels bear out how sure it is.
+/// Fewest channels per parameter for a covariance estimated from the differences between channels.
 const CHANNELS: usize = 2;
-/// A direction in which the logs tell less than this share of what the priors alone say is a null direction.
+/// Largest information of the logs along a null direction, as a share of the prior's.
 const NULL: f64 = 0.2;
-/// Parts of a null direction smaller than this are not named.
+/// Smallest share of a parameter that is named in a null direction.
 const NAMED: f64 = 0.3;
-/// Growths of which the least is this share of the largest are about the same.
+/// Smallest ratio of two growths that count as the same.
 const SAME: f64 = 0.7;
 
-/// A fitted number.
+/// A fitted parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Its name.
@@ -35,24 +35,39 @@ pub struct Estimate {
     pub ci95: Option<[f64; 2]>,
     /// Whether it stands at a bound.
     pub at_bound: bool,
-    /// Whether the interval is what its bounds and those of others leave rather than what the logs tell.
+    /// Whether the interval is due to bounds of this and other parameters rather than to the logs.
     pub by_bounds: bool,
 }
 
-/// Values and intervals of the free parameters of a fit, with their indices. `inflation` is by how much the residual's variance and
-/// memory widen the intervals; `trusted` whether there are to be any. What the time step does to a number widens its interval,
-/// too; with contact they are at least as wide as channels differ in what they say.
-pub fn estimates(objective: &Objective, fit: &FitPoint, inflation: f64, trusted: bool) -> Vec<(usize, Estimate)> {
+/// Whether estimates have intervals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Intervals {
+    /// The residual is noise: every estimate has an interval.
+    Given,
+    /// The residual still has structure, and any interval would be wrong.
+    Withheld,
+}
+
+/// Values and intervals of the free parameters of a fit, with their indices. `inflation` is the factor of the
+/// covariance that accounts for the residual's variance and memory. The effect of the time step on a parameter widens
+/// its interval as well. With contact, intervals are at least as wide as the differences between channels suggest.
+pub fn estimates(
+    objective: &Objective,
+    fit: &FitPoint,
+    inflation: f64,
+    intervals: Intervals,
+) -> Vec<(usize, Estimate)> {
+    let given = intervals == Intervals::Given;
     let (description, parameters) = (&objective.description, objective.parameters());
     let deviations_within = deviations(parameters, fit, inflation, 1.0);
     let by_logs = deviations(parameters, fit, inflation, LOOSE);
     let by_channels = if description.has_contact { by_channels(description, fit) } else { None };
-    let by_step = if trusted { by_step(objective, fit) } else { None };
+    let by_step = if given { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (parameter, u) = (&parameters[index], fit.u[index]);
         let near = 1e-6 * (parameter.bounds.1 - parameter.bounds.0);
         let at_bound = u <= parameter.bounds.0 + near || u >= parameter.bounds.1 - near;
-        let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| trusted && !at_bound);
+        let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| given && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
         let deviation = deviation.map(|d| by_channels.as_ref().map_or(d, |by_channels| d.max(by_channels[k])));
@@ -73,8 +88,8 @@ pub(super) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option
     Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
 }
 
-/// Precision of the free coordinates, with the residual's variance `inflation` times the noise's and priors `looser`
-/// times as wide as they are.
+/// Precision of the free coordinates, with the residual's variance `inflation` times the noise's and priors widened by
+/// the factor `looser`.
 fn posterior_precision(
     parameters: &[FitParameter],
     fit: &FitPoint,
@@ -98,44 +113,44 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
-/// The same as the channels of the logs by themselves bear it out: what a foot that landed elsewhere leaves in a
-/// channel is small and lasts, so that no memory of the residual shows it. The covariance is H⁻¹·M·H⁻¹, with M the sum
-/// of the squares of what each channel's residual says. None where channels are too few to tell.
+/// The same from the differences between channels: the offset that a foot leaves in a channel when it lands at another
+/// place is small but persistent, so that the residual's memory does not include it. The covariance is H⁻¹·M·H⁻¹, with
+/// M the sum of the outer products of each channel's gradient. `None` with too few channels.
 fn by_channels(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let channels = channels(description.logs.iter().filter(|log| !log.held_out));
-    let numbers = fit.active.len();
-    if channels.len() < CHANNELS * numbers {
+    let parameters = fit.active.len();
+    if channels.len() < CHANNELS * parameters {
         return None;
     }
-    let mut said = DMatrix::zeros(numbers, numbers);
+    let mut scatter = DMatrix::zeros(parameters, parameters);
     for rows in &channels {
         let residual = DVector::from_column_slice(&fit.residual[rows.clone()]);
-        let says = jacobian.rows_range(rows.clone()).tr_mul(&residual);
-        said.ger(1.0, &says, &says, 1.0);
+        let gradient = jacobian.rows_range(rows.clone()).tr_mul(&residual);
+        scatter.ger(1.0, &gradient, &gradient, 1.0);
     }
-    // A fit bends what channels say towards nothing.
-    said *= channels.len() as f64 / (channels.len() - numbers) as f64;
+    // The fit makes the gradients smaller than they would be at the true parameters.
+    scatter *= channels.len() as f64 / (channels.len() - parameters) as f64;
     let inverse = posterior_precision(&description.parameters, fit, 1.0, 1.0)?.try_inverse()?;
-    Some(roots(&(&inverse * said * &inverse)))
+    Some(roots(&(&inverse * scatter * &inverse)))
 }
 
-/// By how much the integrator's error moves each free coordinate; nothing is known of it where motion is chaotic.
+/// By how much the integrator's error moves each free coordinate; `None` where motion is chaotic and the error unknown.
 fn by_step(objective: &Objective, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref().filter(|_| !objective.description.is_chaotic)?;
     let error = objective.step_error(&fit.u, &fit.bare(), LogSet::Learn);
-    let says = jacobian.tr_mul(&DVector::from_vec(error));
-    let moved = posterior_precision(objective.parameters(), fit, 1.0, 1.0)?.cholesky()?.solve(&says);
+    let gradient = jacobian.tr_mul(&DVector::from_vec(error));
+    let moved = posterior_precision(objective.parameters(), fit, 1.0, 1.0)?.cholesky()?.solve(&gradient);
     Some(moved.iter().map(|by| by.abs()).collect())
 }
 
 /// A combination of parameters that the logs do not determine: its parts with their shares, largest first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NullDirection {
-    /// Names and shares (the largest is 1); values that move along these shares, in typical deviations, change nothing that the
-    /// noise would not hide.
+    /// Names and shares (the largest is 1): moving the values by these shares, in typical deviations, changes less than
+    /// the noise hides.
     pub parts: Vec<(String, f64)>,
-    /// A sentence.
+    /// The same as a sentence, with a remedy.
     pub sentence: String,
 }
 
@@ -150,24 +165,24 @@ pub fn null_directions(parameters: &[FitParameter], fit: &FitPoint) -> Vec<NullD
     alone.chain(together).map(|direction: Vec<(usize, f64)>| named(parameters, fit, &direction)).collect()
 }
 
-/// Directions of which next to nothing is told.
-fn null_space(told: &DMatrix<f64>) -> Vec<DVector<f64>> {
-    // There are no eigenvectors of nothing.
-    if told.is_empty() {
+/// Directions with next to no information.
+fn null_space(information: &DMatrix<f64>) -> Vec<DVector<f64>> {
+    // An empty matrix has no eigenvectors.
+    if information.is_empty() {
         return Vec::new();
     }
-    let eigen = told.clone().symmetric_eigen();
-    let null = (0..told.nrows()).filter(|&k| is_dead(eigen.eigenvalues[k]));
+    let eigen = information.clone().symmetric_eigen();
+    let null = (0..information.nrows()).filter(|&k| is_dead(eigen.eigenvalues[k]));
     simplified(null.map(|k| eigen.eigenvectors.column(k).into_owned()).collect())
 }
 
-/// Whether so much information, in units of the prior, is next to none.
-pub(super) fn is_dead(told: f64) -> bool {
-    told < NULL
+/// Whether an amount of information, in units of the prior's, is next to none.
+pub(super) fn is_dead(information: f64) -> bool {
+    information < NULL
 }
 
-/// Another basis of the same directions with many zeros (Gauss and Jordan's elimination with the largest pivots): two pairs
-/// that cannot be told apart are two directions of two, not two mixtures of four.
+/// Another basis of the same directions with many zeros (Gauss-Jordan elimination with the largest pivots): two pairs
+/// of indistinguishable parameters are two directions of two parameters, not two mixtures of four.
 fn simplified(mut basis: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
     for done in 0..basis.len() {
         let (mut row, mut column) = (done, 0);
@@ -205,7 +220,7 @@ struct DirectionPart<'a> {
     parameter: &'a FitParameter,
     /// How far it moves, in typical deviations; the largest is 1.
     share: f64,
-    /// By which share of itself its value grows.
+    /// Relative growth of its value.
     growth: f64,
 }
 
@@ -219,18 +234,18 @@ impl<'a> DirectionPart<'a> {
     }
 }
 
-/// What a direction, in the model's order, means.
+/// A null direction as a sentence; `parts` are in the model's order.
 fn in_words(parts: &[DirectionPart]) -> String {
     let named: Vec<&DirectionPart> = parts.iter().filter(|part| part.is_named()).collect();
     let has_mass = named.iter().any(|part| part.parameter.unit == "kg");
     if let Some(growth) = factor(&named) {
-        // What may be of any size moves by a small share of what it may be, though it grows like the others.
+        // A parameter with a wide prior has a small share although it grows by the same factor as the others.
         let scaled: Vec<&DirectionPart> =
             parts.iter().filter(|part| SAME <= part.growth / growth && part.growth / growth <= 1.0 / SAME).collect();
         let remedy = if has_mass { "weigh one link, say, or add a payload of known mass" } else { "fix one of them" };
         let all = list(&scaled);
         return format!(
-            "a common factor of {all} changes nothing in these logs, so only their ratios can be told; {remedy}"
+            "a common factor of {all} changes nothing in these logs, so only their ratios can be determined; {remedy}"
         );
     }
     match named.as_slice() {
@@ -238,7 +253,7 @@ fn in_words(parts: &[DirectionPart]) -> String {
         [one] => format!("{} is dead: these logs say next to nothing about it", one.parameter.name),
         several => {
             let remedy = if has_mass { "add a payload of known mass" } else { "fix one of them" };
-            format!("only {} together can be told; {remedy} or add a log that separates them", list(several))
+            format!("only {} together can be determined; {remedy} or add a log that separates them", list(several))
         }
     }
 }
@@ -252,7 +267,7 @@ fn list(parts: &[&DirectionPart]) -> String {
     }
 }
 
-/// By which share of themselves the values of several parts grow, where that is about the same for all.
+/// The relative growth of the values of several parts, where that is about the same for all.
 fn factor(parts: &[&DirectionPart]) -> Option<f64> {
     let growth = parts.iter().map(|part| part.growth).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
     (parts.len() > 1 && parts.iter().all(|part| part.growth / growth >= SAME)).then_some(growth)
@@ -263,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_pairs_that_were_mixed_are_two_pairs_again() {
+    fn two_mixed_pairs_are_separated_into_pairs() {
         let (a, b) = (DVector::from_vec(vec![1.0, 1.0, 0.0, 0.0]), DVector::from_vec(vec![0.0, 0.0, 1.0, -0.5]));
         let basis = simplified(vec![&a * 0.6 + &b * 0.8, &a * -0.8 + &b * 0.6]);
         assert_eq!(basis.len(), 2);

@@ -1,6 +1,6 @@
 //! The complete fit: from a model at its current values to estimates with intervals.
 
-use super::estimate::{Estimate, NullDirection, estimates, null_directions};
+use super::estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
 use super::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use super::objective::{LogSet, Objective};
 use super::residual_vector::chi;
@@ -9,23 +9,23 @@ use crate::LadderStep;
 use crate::residual_model::TimeStep;
 use btr_core::world::WorldError;
 
-/// Start values of amplitudes that are off: at off, where some effects have no slope, and next to it.
+/// Start values of amplitudes that are off: off, where some effects have no slope, and two sizes next to it.
 const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
-/// Parameters of unknown magnitude are also multiplied with these while something is left to explain: a limit that is
-/// far too low or too high has a minimum of its own.
+/// Factors of further start values of parameters of unknown magnitude, tried while something is left to explain: the
+/// cost may have a separate local minimum where a limit is far too low or too high.
 const MAGNITUDES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
-/// What each start may spend before the best goes on.
+/// Budget of each start; only the best one continues.
 const TRIAL: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
-/// A search is at its end where settling lowers the cost by no more than this share.
+/// A search has converged if settling lowers the cost by at most this share.
 const CONVERGED: f64 = 1e-3;
 
 /// A finished fit.
 #[derive(Clone, Debug)]
 pub struct FitResult {
-    /// The point and what is known around it.
+    /// The point, with residual and Jacobian.
     pub fit: FitPoint,
-    /// Every free number.
+    /// Every free parameter.
     pub parameters: Vec<Estimate>,
     /// Error on the training logs, in multiples of the noise floor.
     pub train: f64,
@@ -33,16 +33,16 @@ pub struct FitResult {
     pub held_out: Option<f64>,
     /// Combinations that these logs do not determine.
     pub null_directions: Vec<NullDirection>,
-    /// What was done, and the two errors after it.
+    /// The steps of the fit, with the two errors after each.
     pub ladder: Vec<LadderStep>,
-    /// Why it ended.
+    /// Why the search ended.
     pub ended: FitStop,
-    /// Why there are no intervals, where there are none.
+    /// Why intervals are withheld; `None` where they are given.
     pub withheld: Option<String>,
     /// The integrator's error in multiples of the noise floor, on the training or on the held-out logs, whichever is
     /// larger.
     pub integrator_error: f64,
-    /// The time step that it holds for.
+    /// The time step of its simulations.
     pub step: TimeStep,
     /// Simulated logs.
     pub rollouts: usize,
@@ -89,12 +89,12 @@ pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Resul
     let fit = begin(objective, &mut ladder)?;
     let done = finish(objective, fit, &mut ladder, "fitted");
     let restarts_left = if objective.description.has_contact { 1 } else { RESTARTS };
-    looked(objective, done, ladder, restarts_left)
+    refine_starts(objective, done, ladder, restarts_left)
 }
 
-/// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, that is tried in
-/// any case, and kept if it leaves less.
-fn looked(
+/// Continues with start states from the fitted model, at most `restarts_left` times. Without contact, that is always
+/// tried, and accepted if it lowers the error enough.
+fn refine_starts(
     objective: &Objective,
     done: FinishedSearch,
     mut ladder: LadderRecorder,
@@ -119,7 +119,7 @@ fn looked(
         }
     }
     let done = finish(&mut again, fit, &mut ladder, "starts as it sees them");
-    looked(&again, done, ladder, restarts_left - 1)
+    refine_starts(&again, done, ladder, restarts_left - 1)
 }
 
 /// Whether new starts are accepted: nothing is left to explain, and less than before; or the old ones were so wrong
@@ -160,18 +160,18 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
         let starts = factors.iter().flat_map(|factor| sizes.iter().map(move |size| (*size, *factor)));
         starts.filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
-    let (at_off, beside_it) = STARTS.split_at(1);
-    // The first start is where the fit is, so that there is a best one.
+    let (at_off, next_to_off) = STARTS.split_at(1);
+    // The first start is the current fit, which can be simulated: a best one exists.
     let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0]).unwrap_or_else(|| fit.clone());
     if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > NOISE {
-        let other = best_of(if off.is_empty() { at_off } else { beside_it }, &MAGNITUDES);
+        let other = best_of(if off.is_empty() { at_off } else { next_to_off }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
     ladder.record(objective, "best of several starts", &best);
     Ok(best)
 }
 
-/// Downhill with all effort, and to the middle of what is left open; with why it ended and the integrator's error.
+/// Searches with the full budget, then settles; with the reason of its end and the integrator's error.
 fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
     fit.solve(objective, SearchBudget::FULL);
@@ -179,7 +179,7 @@ fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecor
     let ended = fit.solve(objective, SearchBudget { jacobians: 2, steps: 8 });
     let solved = fit.cost;
     fit.settle(objective);
-    // Steps along slopes as wide as what is left in doubt lead nowhere either.
+    // Steps along differences as wide as the remaining uncertainty do not lower the cost any further either.
     let ended = if solved - fit.cost <= CONVERGED * solved { FitStop::Converged } else { ended };
     ladder.record(objective, step, &fit);
     (fit, ended, integrator_error)
@@ -196,10 +196,11 @@ fn conclude(
             "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
         )
     });
+    let intervals = if withheld.is_none() { Intervals::Given } else { Intervals::Withheld };
     let inflation = ComparisonMeasure::of(objective, &fit).inflation();
     let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
     FitResult {
-        parameters: estimates(objective, &fit, inflation, withheld.is_none()).into_iter().map(|(_, e)| e).collect(),
+        parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
         integrator_error: integrator_error.max(fit.step_error_to_judge_on(objective)),
         fit,
@@ -217,22 +218,22 @@ fn conclude(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::fixture::{Made, parameter};
+    use crate::fixture::{SyntheticModel, parameter};
     use crate::residual_model::{FitParameter, Parametrisation};
 
     #[test]
-    fn what_may_be_of_any_magnitude_is_looked_for_at_several() {
-        // A swing whose rate is known to an order of magnitude has a valley of its own at many rates.
+    fn a_parameter_of_unknown_magnitude_is_started_at_several() {
+        // The cost of a sine whose rate is only known to an order of magnitude has a local minimum at many rates.
         let rate = FitParameter {
             spread: 3.0,
             reach: 0.01,
             ..parameter(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
         };
-        let made = Made::new(vec![rate], 120, |values| {
+        let model = SyntheticModel::new(vec![rate], 120, |values| {
             let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
             (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
         });
-        let found = fitted(&mut Objective::new(&made), &|_| {}).unwrap();
+        let found = fitted(&mut Objective::new(&model), &|_| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 }

@@ -17,12 +17,13 @@ pub struct Sensitivity {
     pub unit: String,
     /// Its current value.
     pub value: f64,
-    /// Root mean square change of the measured channels when it moves by one standard deviation of its prior, in noise floors.
+    /// Root mean square change of the measured channels when it moves by one standard deviation of its prior, in noise
+    /// floors.
     pub sensitivity: f64,
-    /// The share of the prior's standard deviation that these logs would leave, with all other parameters free as
-    /// well: 1 means that nothing is learnt. Holds for white noise and a complete model.
+    /// Posterior over prior standard deviation, with all other parameters free as well: 1 means that the logs contain
+    /// no information. Holds for white noise and a complete model.
     pub uncertainty_left: f64,
-    /// Whether moving it changes nothing that the noise would not hide.
+    /// Whether its effect on the measured channels is below the noise.
     pub dead: bool,
 }
 
@@ -68,12 +69,12 @@ pub fn identifiable(objective: &Objective) -> Result<Option<Identifiable>, World
     let parameters = fit.active.iter().enumerate().map(sensitivity).collect();
     let squares = information.symmetric_eigenvalues();
     let (most, least) = (squares.max(), squares.min());
-    // Below this the smallest is rounding.
-    let is_told = least > f64::EPSILON * squares.len() as f64 * most;
+    // Below this the smallest is rounding error.
+    let is_determined = least > f64::EPSILON * squares.len() as f64 * most;
     Ok(Some(Identifiable {
         parameters,
         rank: fit.active.len() - null_directions.len(),
-        condition_number: is_told.then(|| (most / least).sqrt()),
+        condition_number: is_determined.then(|| (most / least).sqrt()),
         null_directions,
     }))
 }

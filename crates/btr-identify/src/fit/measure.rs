@@ -1,40 +1,40 @@
-//! Which of several fits to believe: Schwarz's information criterion with the number of samples that the residual's memory
-//! leaves.
+//! Comparison of fits: Schwarz's information criterion, with the number of independent samples that the residual's
+//! autocorrelation leaves.
 
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 
-/// Up to this error, in multiples of the noise floor, a residual passes for noise; above it, it has structure, and an interval
-/// would be wrong with confidence.
+/// Largest error, in multiples of the noise floor, of a residual that counts as noise. Above it the residual has
+/// structure, and intervals would be too narrow.
 pub const NOISE: f64 = 1.15;
 
-/// The measure of a comparison: taken from the best fit at hand, the same for all rivals.
+/// The residual statistics of a comparison: taken from the best fit, and the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparisonMeasure {
     /// Variance of the residual, in multiples of the noise's; at least 1.
     variance: f64,
-    /// Samples that carry one independent piece of information.
+    /// Samples per independent sample: the integrated autocorrelation time.
     memory: f64,
     /// Number of samples.
     samples: f64,
 }
 
 impl ComparisonMeasure {
-    /// Taken from the best fit, or the last.
+    /// Takes the statistics from the best fit, or the last.
     pub fn of(objective: &Objective, best: &FitPoint) -> Self {
         let samples = objective.samples(LogSet::Learn) as f64;
         ComparisonMeasure { variance: (best.squares() / samples).max(1.0), memory: memory(objective, best), samples }
     }
 
-    /// B: the smaller, the better. Differences above ten are decisive.
+    /// The criterion B: lower is better. Differences above ten are decisive.
     pub fn criterion(&self, fit: &FitPoint) -> f64 {
         let scale = self.variance * self.memory;
         fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
     }
 
-    /// What the covariance of estimates is to be multiplied with.
+    /// The factor of the covariance of estimates.
     pub(crate) fn inflation(&self) -> f64 {
         self.variance * self.memory
     }

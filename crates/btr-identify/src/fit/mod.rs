@@ -14,7 +14,7 @@ mod solve;
 mod start;
 
 pub use derivative::columns;
-pub use estimate::{Estimate, NullDirection, estimates, null_directions};
+pub use estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
 pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};

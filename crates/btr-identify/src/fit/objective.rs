@@ -1,4 +1,4 @@
-//! Evaluating a residual model: many points and logs at once, counted.
+//! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::each;
@@ -10,12 +10,12 @@ use btr_core::world::WorldError;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How far the integrator's error is believed at a sample, in multiples of the noise.
+/// Bound of the integrator's estimated error at a sample, in multiples of the noise.
 const WORST_STEP_ERROR: f64 = 5.0;
 
-/// The integrator's own error, root mean square in noise floors, that needs no finer step...
+/// Largest integrator error, root mean square in noise floors, that needs no finer step...
 pub const FINE_ENOUGH: f64 = 0.2;
-/// ... and the finest step there is, as a part of the model's own.
+/// ... and the largest divisor of the model's time step.
 pub const FINEST: u32 = 4;
 
 /// A residual model with its logs split, the time step that it is simulated with, and a counter of rollouts.
@@ -31,7 +31,7 @@ pub struct Objective<'a> {
     rollouts: AtomicUsize,
 }
 
-/// Which logs.
+/// The training or the held-out logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LogSet {
     /// The training logs.
@@ -137,8 +137,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// Residuals at several points, in parallel; for each point, the residuals of all its logs or the reason of the first
-    /// failing rollout.
+    /// Residuals at several points, in parallel; for each point, the residuals of all its logs or the reason of the
+    /// first failing rollout.
     pub fn residuals(&self, points: &[Vec<f64>], logs: LogSet) -> Vec<Result<ResidualVector, WorldError>> {
         self.residuals_of(points, self.logs(logs))
     }
@@ -155,10 +155,10 @@ impl<'a> Objective<'a> {
         step: TimeStep,
     ) -> Vec<Result<ResidualVector, WorldError>> {
         let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
-        let rollouts: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
-        self.rollouts.fetch_add(rollouts.len(), Ordering::Relaxed);
+        let requests: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
+        self.rollouts.fetch_add(requests.len(), Ordering::Relaxed);
         let parts =
-            each(self.model, self.description.batch_size, &rollouts, step, &|log, residual| self.known(log, residual));
+            each(self.model, self.description.batch_size, &requests, step, &|log, residual| self.known(log, residual));
         let mut residuals: Vec<Result<ResidualVector, WorldError>> = points.iter().map(|_| Ok(Vec::new())).collect();
         for (k, part) in parts.into_iter().enumerate() {
             let of_point = &mut residuals[k % points.len()];
@@ -171,7 +171,7 @@ impl<'a> Objective<'a> {
         residuals
     }
 
-    /// The residual of a log without what its start state could do; a missing sample is none.
+    /// The residual of a log with the response to its start state projected out; missing samples are zero.
     fn known(&self, log: usize, residual: Result<Vec<f64>, WorldError>) -> Result<ResidualVector, WorldError> {
         let mut residual = residual?;
         residual.iter_mut().filter(|r| !r.is_finite()).for_each(|r| *r = 0.0);
@@ -179,7 +179,7 @@ impl<'a> Objective<'a> {
         Ok(residual)
     }
 
-    /// Measured samples of the logs of a kind, without those that their start states take.
+    /// Measured samples of a set of logs, minus the degrees of freedom of their start states.
     pub fn samples(&self, logs: LogSet) -> usize {
         let count = |log: &usize| self.description.logs[*log].present.saturating_sub(self.starts.rank(*log));
         self.logs(logs).iter().map(count).sum()
@@ -212,8 +212,8 @@ impl<'a> Objective<'a> {
         residuals.pop().unwrap_or_else(|| Ok(Vec::new()))
     }
 
-    /// What the integrator's error adds to the residual at a point. Zero where the simulation diverges with half the step:
-    /// then nothing is known of the error.
+    /// What the integrator's error adds to the residual at a point. Zero where the simulation diverges with half the
+    /// step, so that the error is unknown.
     pub fn step_error(&self, point: &[f64], usual: &[f64], logs: LogSet) -> ResidualVector {
         match self.halved(point, logs) {
             Ok(halved) => self.beyond(usual, &halved),
@@ -221,7 +221,7 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// The change that half the step makes, extrapolated to no step at all (Richardson).
+    /// The change by halving the step, extrapolated to a step of zero (Richardson).
     pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
         let beyond = 1.0 + 1.0 / (2.0f64.powi(self.description.order) - 1.0);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()

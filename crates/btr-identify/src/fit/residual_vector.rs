@@ -3,7 +3,7 @@
 use crate::residual_model::RecordedLog;
 use std::ops::Range;
 
-/// Residuals of all logs of a kind, one after the other. A missing sample counts as no error.
+/// Residuals of all logs of a set, one after the other. A missing sample counts as no error.
 pub type ResidualVector = Vec<f64>;
 
 /// Adds a step error to a residual.

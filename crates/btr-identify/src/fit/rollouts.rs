@@ -1,4 +1,4 @@
-//! Rollouts: many at once, and several small changes in one where each is felt in channels of its own.
+//! Rollouts: many at once, and several small changes in one rollout where they affect disjoint channels.
 
 use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use btr_core::parallel::side_by_side;
@@ -6,42 +6,42 @@ use btr_core::world::WorldError;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What is made of each of some rollouts' residuals, given its log; as many as are best are simulated side by side.
+/// Applies `convert` to the log and residual of each request. Requests are simulated in batches of the best size.
 pub(super) fn each<T: Send>(
     model: &dyn ResidualModel,
     batch_size: usize,
-    rollouts: &[ResidualRequest],
+    requests: &[ResidualRequest],
     step: TimeStep,
-    made: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
+    convert: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
 ) -> Vec<T> {
-    let at_once = side_by_side(batch_size, rollouts.len());
-    let run = |few: &[ResidualRequest]| {
-        let residuals = model.residuals(few, step);
-        few.iter().zip(residuals).map(|(rollout, residual)| made(rollout.log, residual)).collect::<Vec<T>>()
+    let size = side_by_side(batch_size, requests.len());
+    let run = |batch: &[ResidualRequest]| {
+        let residuals = model.residuals(batch, step);
+        batch.iter().zip(residuals).map(|(request, residual)| convert(request.log, residual)).collect::<Vec<T>>()
     };
-    rollouts.par_chunks(at_once).with_max_len(1).flat_map_iter(run).collect()
+    requests.par_chunks(size).with_max_len(1).flat_map_iter(run).collect()
 }
 
-/// Changes that share a simulation, by the channels in which each is felt: first come, first served. What is felt everywhere
-/// (no channels) is alone.
+/// Groups changes that can share a simulation, given the channels that each affects: each change joins the first group
+/// without common channels. A change that affects all channels (an empty list) is alone.
 pub fn shared<'a>(near: impl Iterator<Item = &'a [String]>) -> Vec<Vec<usize>> {
-    let mut shots: Vec<(Vec<usize>, Vec<&str>)> = Vec::new();
+    let mut groups: Vec<(Vec<usize>, Vec<&str>)> = Vec::new();
     for (index, near) in near.enumerate() {
         let free = |taken: &[&str]| !taken.is_empty() && near.iter().all(|name| !taken.contains(&name.as_str()));
-        let found = if near.is_empty() { None } else { shots.iter_mut().find(|(_, taken)| free(taken)) };
+        let found = if near.is_empty() { None } else { groups.iter_mut().find(|(_, taken)| free(taken)) };
         let names = near.iter().map(String::as_str);
         match found {
             Some((members, taken)) => {
                 members.push(index);
                 taken.extend(names);
             }
-            None => shots.push((vec![index], names.collect())),
+            None => groups.push((vec![index], names.collect())),
         }
     }
-    shots.into_iter().map(|(members, _)| members).collect()
+    groups.into_iter().map(|(members, _)| members).collect()
 }
 
-/// The rows of a log's residual in which a change is felt that is near these channels.
+/// The rows of a log's residual that belong to these channels; all rows without any.
 pub fn rows_near(log: &RecordedLog, near: &[String]) -> Vec<Range<usize>> {
     if near.is_empty() {
         return std::iter::once(0..log.rows()).collect();
@@ -54,10 +54,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_shares_a_simulation_with_what_is_felt_where_it_is() {
+    fn changes_that_affect_a_common_channel_never_share_a_simulation() {
         let names = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
         let near = ["a b", "a b", "c", "", "d", "b", ""].map(names);
-        let shots = shared(near.iter().map(Vec::as_slice));
-        assert_eq!(shots, [vec![0, 2, 4], vec![1], vec![3], vec![5], vec![6]]);
+        let groups = shared(near.iter().map(Vec::as_slice));
+        assert_eq!(groups, [vec![0, 2, 4], vec![1], vec![3], vec![5], vec![6]]);
     }
 }

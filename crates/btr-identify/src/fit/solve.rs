@@ -1,5 +1,5 @@
-//! Bounded least squares with priors: K. Levenberg and D. Marquardt's method on finite differences, with C. G. Broyden's
-//! updates between Jacobians, because a Jacobian costs a rollout per parameter and log.
+//! Bounded least squares with priors: the Levenberg-Marquardt method on finite differences, with Broyden updates
+//! between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
@@ -14,14 +14,14 @@ use std::ops::Range;
 pub struct SearchBudget {
     /// Jacobians by finite differences.
     pub jacobians: usize,
-    /// Steps that are tried.
+    /// Attempted steps.
     pub steps: usize,
 }
 
 impl SearchBudget {
-    /// Until nothing moves.
+    /// Until convergence.
     pub const FULL: SearchBudget = SearchBudget { jacobians: 5, steps: 20 };
-    /// What a race allows: no differences, a few steps.
+    /// Budget in a race: no Jacobians, a few steps.
     pub const RACE: SearchBudget = SearchBudget { jacobians: 0, steps: 6 };
 }
 
@@ -29,22 +29,22 @@ impl SearchBudget {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FitStop {
-    /// Nothing moves any more.
+    /// The search converged.
     Converged,
-    /// The effort is spent.
+    /// The budget is spent.
     Effort,
-    /// No direction can be found, or nothing can be simulated around here.
+    /// No direction lowers the cost, or no nearby point can be simulated.
     Stuck,
 }
 
-/// A Jacobian is renewed when the cost has fallen below this share of what it was there.
+/// A Jacobian is renewed when the cost has fallen below this share of its value where the Jacobian was taken.
 const WORN: f64 = 0.3;
 /// A fall of the cost by a smaller share, or by a smaller amount, is a stall.
 const STALL: (f64, f64) = (1e-4, 0.02);
-/// The damping, relative to the diagonal: at the start, its factors on success and failure, where it gives up.
+/// The damping, relative to the diagonal: its start value, its factors on success and failure, and its limit.
 const DAMPING: (f64, f64, f64, f64) = (1e-3, 0.2, 8.0, 1e4);
 
-/// A point with what is known around it.
+/// A point with its residual and Jacobian.
 #[derive(Clone, Debug)]
 pub struct FitPoint {
     /// The free parameters, as indices; all others keep their values.
@@ -55,7 +55,7 @@ pub struct FitPoint {
     pub residual: ResidualVector,
     /// Sum of squares of the residual and of the priors.
     pub cost: f64,
-    /// What the integrator's error adds to every residual; fixed while fitting.
+    /// The integrator's error of each residual; constant during a search.
     pub step_error: ResidualVector,
     /// d residual / d coordinate of each active parameter, where it is known.
     pub jacobian: Option<DMatrix<f64>>,
@@ -86,7 +86,7 @@ impl FitPoint {
         squares(&self.residual)
     }
 
-    /// The same fit as some rows of the residual show it.
+    /// The same fit restricted to some rows of the residual.
     pub(crate) fn in_rows(&self, rows: Range<usize>) -> FitPoint {
         let jacobian = self.jacobian.as_ref().map(|jacobian| jacobian.rows(rows.start, rows.len()).into_owned());
         let (residual, step_error) = (self.residual[rows.clone()].to_vec(), self.step_error[rows].to_vec());
@@ -104,12 +104,12 @@ impl FitPoint {
 
     /// Takes the integrator's error at this point into account, with a finer time step where it is large on the
     /// training or held-out logs; not where the error has no order (chaos, or a rotor that meets its flank a step
-    /// earlier), so that extrapolation from half the step makes things worse. Returns the root mean square of the
+    /// earlier), so that extrapolation from half the step increases the error. Returns the root mean square of the
     /// error on the training logs, in multiples of the noise floor.
     pub fn renew_step_error(&mut self, objective: &mut Objective) -> f64 {
         let mut bare = self.bare();
         let (error, size) = loop {
-            // Where half the step diverges, nothing is known of the error.
+            // Where half the step diverges, the error is unknown.
             let halved = objective.halved(&self.u, LogSet::Learn).unwrap_or_else(|_| bare.clone());
             let error = objective.beyond(&bare, &halved);
             let size = chi(squares(&error), objective.samples(LogSet::Learn));
@@ -141,19 +141,19 @@ impl FitPoint {
     }
 
     /// Lowers the cost as far as the budget allows.
-    pub fn solve(&mut self, objective: &Objective, effort: SearchBudget) -> FitStop {
+    pub fn solve(&mut self, objective: &Objective, budget: SearchBudget) -> FitStop {
         let (start, better, worse, hopeless) = DAMPING;
         let (mut damping, mut spent) = (start, 0);
-        let mut cost_there = self.cost;
+        let mut cost_at_jacobian = self.cost;
         let mut renewal = self.jacobian.is_none();
-        for _ in 0..effort.steps {
-            renewal |= !self.fresh && self.cost < WORN * cost_there && spent < effort.jacobians;
+        for _ in 0..budget.steps {
+            renewal |= !self.fresh && self.cost < WORN * cost_at_jacobian && spent < budget.jacobians;
             if renewal {
-                if spent == effort.jacobians {
+                if spent == budget.jacobians {
                     return FitStop::Effort;
                 }
                 self.differentiate(objective);
-                (spent, cost_there, damping) = (spent + 1, self.cost, start);
+                (spent, cost_at_jacobian, damping) = (spent + 1, self.cost, start);
             }
             let Some(next) = self.step(objective, damping) else {
                 return if self.fresh { FitStop::Converged } else { FitStop::Stuck };
@@ -166,25 +166,25 @@ impl FitPoint {
             } else {
                 damping *= worse;
             }
-            // A stall right where the Jacobian was taken is the end; elsewhere the Jacobian may be to blame.
+            // A stall at the point of the Jacobian ends the search; at other points the Jacobian may be outdated.
             let exhausted = fall > 0.0 || damping > hopeless;
-            if stalled && exhausted && (self.fresh || spent == effort.jacobians) {
-                return if spent == effort.jacobians && !self.fresh { FitStop::Effort } else { FitStop::Converged };
+            if stalled && exhausted && (self.fresh || spent == budget.jacobians) {
+                return if spent == budget.jacobians && !self.fresh { FitStop::Effort } else { FitStop::Converged };
             }
-            renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < effort.jacobians);
+            renewal = (stalled && exhausted) || (fall <= 0.0 && !self.fresh && spent < budget.jacobians);
         }
         FitStop::Effort
     }
 
-    /// The last part of a search, where short differences lead no further: with slopes as wide as the remaining
+    /// The last part of a search, where short differences lead no further: uses differences as wide as the remaining
     /// uncertainty.
     pub fn polish(&mut self, objective: &Objective) {
         self.differentiate_widely(objective);
         self.solve(objective, SearchBudget { jacobians: 0, steps: 8 });
     }
 
-    /// The point that the local model prefers, with the Jacobian carried over; `None` where nothing can move or nothing can be
-    /// simulated.
+    /// The point after a damped step, with the Jacobian updated; `None` where the step is zero. A point that cannot be
+    /// simulated has an infinite cost.
     fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
         let parameters = objective.parameters();
         let jacobian = self.jacobian.as_ref()?;
@@ -201,7 +201,7 @@ impl FitPoint {
             return None;
         }
         let Ok(residual) = objective.residual(&u, LogSet::Learn) else {
-            // A simulation that diverges costs infinitely much: the caller damps.
+            // A simulation that diverges has an infinite cost, so that the caller increases the damping.
             return Some(FitPoint { cost: f64::INFINITY, ..self.clone() });
         };
         let residual = corrected(residual, &self.step_error);
@@ -209,14 +209,14 @@ impl FitPoint {
         let mut next = FitPoint { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
         let change =
             DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
-        let surprise = change - jacobian * &moved;
-        let mut carried = jacobian.clone();
-        carried.ger(1.0 / moved.norm_squared(), &surprise, &moved, 1.0);
-        next.jacobian = Some(carried);
+        let difference = change - jacobian * &moved;
+        let mut updated = jacobian.clone();
+        updated.ger(1.0 / moved.norm_squared(), &difference, &moved, 1.0);
+        next.jacobian = Some(updated);
         Some(next)
     }
 
-    /// Gauss and Newton's step, damped, in the parameters that are not held at a bound. A parameter is held where the
+    /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
         let gradient = self.gradient(parameters, jacobian);
@@ -244,8 +244,7 @@ impl FitPoint {
         gradient
     }
 
-    /// What takes such a gradient away, where the residual changes as the Jacobian says; those that are held move by so
-    /// much.
+    /// The step that cancels a gradient in the local linear model; parameters in `held` move by the given amounts.
     pub(super) fn solved(
         &self,
         parameters: &[FitParameter],
@@ -286,14 +285,14 @@ mod tests {
     use crate::residual_model::Parametrisation;
 
     #[test]
-    fn a_bound_holds_back_only_whom_the_step_would_carry_over_it() {
+    fn a_bound_holds_only_the_parameter_that_the_step_would_carry_over_it() {
         let parameter = |most: f64| FitParameter {
             bounds: (-9.0, most),
             spread: 1e6,
             reach: 0.1,
             ..parameter(Parametrisation::Linear, 0.0, 1.0)
         };
-        // Both would lower the error by growing, but together only as the first makes room for the second.
+        // Each alone would grow to lower the error, but the joint step decreases the first so that the second can grow.
         let jacobian = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.0, 0.14]);
         let residual = vec![-0.1, -6.4];
         assert!(jacobian.tr_mul(&DVector::from_column_slice(&residual)).max() < 0.0);

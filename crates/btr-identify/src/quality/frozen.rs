@@ -52,8 +52,8 @@ pub(super) fn frozen(log: &Log, joint: &str, command: &Channel, position: &Chann
         .filter(|(_, moved_by)| *moved_by > COMMANDED.0 * commanded)?;
     let (from_s, to_s) = (log.clock_s()[run.start], log.clock_s()[run.end - 1]);
     let sentence = format!(
-        "{name} stands still in every bit from {from_s:.2} to {to_s:.2} s, while its command changes by {moved_by:.2} {}: did \
-         its readings freeze?",
+        "{name} stands still in every bit from {from_s:.2} to {to_s:.2} s, while its command \
+         changes by {moved_by:.2} {}: did its readings freeze?",
         command.unit
     );
     let sure = is_noisy || moved_by > COMMANDED.1 * commanded;

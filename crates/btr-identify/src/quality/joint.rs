@@ -29,7 +29,7 @@ const PUSHED: (f64, f64) = (0.7, 6.0);
 const MAY_PULL: f64 = 2.0;
 /// Correlations that differ by less than this are about equal.
 const ABOUT: f64 = 0.1;
-/// Smallest correlation of an inverted joint with its inverted command, ...
+/// An inverted joint's correlation with its command is at most minus this, ...
 const INVERTED: f64 = 0.9;
 /// ... and the range of its slope.
 const INVERTED_SLOPE: std::ops::RangeInclusive<f64> = 0.5..=2.0;
@@ -120,7 +120,8 @@ fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, strai
     }
     let say = |correlation: f64| {
         let sentence = format!(
-            "{joint} moves opposite to its command (correlation {correlation:.2}): is its encoder or its command reversed?"
+            "{joint} moves opposite to its command (correlation {correlation:.2}): is its encoder or its command \
+             reversed?"
         );
         Some(Finding::new(Topic::Sign, Severity::Bad, joint, sentence))
     };

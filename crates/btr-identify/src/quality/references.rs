@@ -114,8 +114,8 @@ fn shifted(shift_s: f64, step_s: f64) -> Finding {
     let severity = if by_a_row { Severity::Doubtful } else { Severity::Bad };
     let sentence = if shift_s < 0.0 {
         format!(
-            "its commands come {ms:.0} ms before they were requested: did it lose rows at its beginning? It is compared \
-             as if it had not"
+            "its commands come {ms:.0} ms before they were requested: did it lose rows at its beginning? It \
+             is compared as if it had not"
         )
     } else {
         format!("its commands come {ms:.0} ms after they were requested: does its clock begin before the test?")

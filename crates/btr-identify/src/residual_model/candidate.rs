@@ -9,13 +9,13 @@ pub struct EffectCandidate {
     pub site: String,
     /// Its amplitudes: off at 0.
     pub amplitudes: Vec<usize>,
-    /// Knobs that only shape it.
+    /// Its other parameters.
     pub shapes: Vec<usize>,
-    /// Coordinates of the shapes from which it is worth trying, for each start one per shape. At least one, perhaps empty.
+    /// Start coordinates of the shapes: for each start, one per shape. At least one start, perhaps empty.
     pub starts: Vec<Vec<f64>>,
-    /// Candidates at the same place that look alike, as indices.
+    /// Similar candidates at the same site, as indices.
     pub similar: Vec<usize>,
-    /// Those of them that it becomes for some values of its numbers.
+    /// Those of them that it equals at some values of its parameters.
     pub nested: Vec<usize>,
 }
 
@@ -34,11 +34,11 @@ impl EffectCandidate {
 /// A term that laws are made of: tried where no effect explains the error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LawTerm {
-    /// What it acts on at its site; the terms of a law act on the same.
+    /// The quantity that it acts on at its site; all terms of a law act on the same one.
     pub on: String,
     /// Its parameters and site, as those of an effect.
     pub term: EffectCandidate,
-    /// For a term that swings with time: the index of the same term without it. Its only shape is the rate, and has no
-    /// starts: the error tells.
+    /// For a term that oscillates in time: the index of the same term without oscillation. Its only shape is the rate,
+    /// without starts: these come from the error's spectrum.
     pub swings: Option<usize>,
 }

@@ -6,20 +6,20 @@ use super::parameter::FitParameter;
 
 /// The parameters, candidates and logs of a residual model, and how to simulate it.
 ///
-/// [`new`](Self::new) describes a smooth model without effect candidates whose logs begin in a known state; set the other
-/// fields where that is not so.
+/// [`new`](Self::new) describes a smooth model without effect candidates whose logs begin in a known state; set the
+/// other fields where that is not so.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelDescription {
-    /// Everything that may be varied. A point of the model has one coordinate per parameter.
+    /// All parameters. A point of the model has one coordinate per parameter.
     pub parameters: Vec<FitParameter>,
     /// Indices of the parameters that are fitted from the beginning.
     pub free: Vec<usize>,
     /// Effects that may be missing.
     pub candidates: Vec<EffectCandidate>,
-    /// For each candidate, names of the channels in which it is felt before all others; empty where it is felt in all.
-    /// The first screening tries candidates that are felt in different channels in one rollout.
+    /// For each candidate, names of the channels that it mainly affects; empty where it affects all. The first
+    /// screening tries candidates that affect different channels in one rollout.
     pub candidate_channels: Vec<Vec<String>>,
-    /// Terms of laws. Those of one place (a site, and what they act on) follow one another.
+    /// Terms of laws. Those with the same site and the same quantity are adjacent.
     pub law_terms: Vec<LawTerm>,
     /// The logs; training logs first.
     pub logs: Vec<RecordedLog>,
@@ -27,8 +27,8 @@ pub struct ModelDescription {
     pub clocks_s: Vec<Vec<f64>>,
     /// For each log, how it begins.
     pub starts: Vec<LogStart>,
-    /// Standard deviation of what is known of the numbers of all starts, in units of
-    /// [`ResidualRequest::moved`](super::ResidualRequest::moved); infinite where nothing is known.
+    /// Standard deviation of the prior of the numbers of all starts, in units of
+    /// [`ResidualRequest::moved`](super::ResidualRequest::moved); infinite without a prior.
     pub start_spread: f64,
     /// Best number of requests per call of [`residuals`](super::ResidualModel::residuals).
     pub batch_size: usize,
@@ -36,8 +36,8 @@ pub struct ModelDescription {
     pub order: i32,
     /// Whether the robot touches the world, so that effects may show on one side of zero and not on the other.
     pub has_contact: bool,
-    /// Whether small errors grow, as with contact. Then half the time step does not show what no step at all would do, and
-    /// the noise floors must include the integrator's error.
+    /// Whether small errors grow, as with contact. Then results with half the time step cannot be extrapolated to a
+    /// step of zero, and the noise floors must include the integrator's error.
     pub is_chaotic: bool,
 }
 
@@ -62,7 +62,7 @@ impl ModelDescription {
         }
     }
 
-    /// Names of the channels in which a candidate is felt; empty where it is felt in all.
+    /// Names of the channels that a candidate mainly affects; empty where it affects all.
     pub fn channels_of(&self, candidate: usize) -> &[String] {
         self.candidate_channels.get(candidate).map_or(&[], Vec::as_slice)
     }

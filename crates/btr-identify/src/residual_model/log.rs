@@ -18,13 +18,13 @@ pub struct MeasuredChannel {
 /// A training or held-out log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedLog {
-    /// What it is called in reports.
+    /// Its name in reports.
     pub name: String,
-    /// Whether nothing may be fitted to it.
+    /// Whether it is held out: nothing is fitted to it.
     pub held_out: bool,
-    /// What was measured.
+    /// The measured channels.
     pub channels: Vec<MeasuredChannel>,
-    /// How many samples of all channels are there and count.
+    /// Number of present samples of all channels that count.
     pub present: usize,
 }
 
@@ -38,10 +38,10 @@ impl RecordedLog {
 /// One number of the state in which a log begins that is not known for certain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartNumber {
-    /// Names of the channels in which it is felt; empty where it is felt in all.
+    /// Names of the channels that it affects; empty where it affects all.
     pub channels: Vec<String>,
-    /// Standard deviation within which the number is searched, in units of [`ResidualRequest::moved`]; `None` where it is
-    /// not searched.
+    /// Standard deviation within which the number is searched, in units of [`ResidualRequest::moved`]; `None` where it
+    /// is not searched.
     ///
     /// [`ResidualRequest::moved`]: super::ResidualRequest::moved
     pub search_sd: Option<f64>,

@@ -1,7 +1,7 @@
 //! The interface between identification and simulation: a model's residuals as a function of its parameters.
 //!
-//! A simulator is a family of worlds indexed by numbers. Some of them are free from the beginning (masses, gains); others
-//! belong to effects that may be missing and are *off* by default. Both are [`FitParameter`]s of one vector in normalised
+//! A simulator depends on parameters. Some of them are free from the beginning (masses, gains); others belong to
+//! effects that may be missing and are *off* by default. Both are [`FitParameter`]s of one vector in normalised
 //! coordinates: 0 is the model at its current values, 1 is a typical deviation.
 //!
 //! A [`ResidualModel`] is data ([`ModelDescription`]) plus one function that simulates
@@ -18,7 +18,7 @@ pub use candidate::{EffectCandidate, LawTerm};
 pub use description::ModelDescription;
 pub use log::{LogStart, MeasuredChannel, RecordedLog, StartNumber};
 pub use parameter::{FitParameter, Parametrisation};
-pub use request::{Derivation, ResidualRequest};
+pub use request::{Derivation, MovedStart, ResidualRequest};
 
 use btr_core::world::WorldError;
 
@@ -27,8 +27,8 @@ pub trait ResidualModel: Send + Sync {
     /// Everything about the model that does not have to be simulated.
     fn description(&self) -> ModelDescription;
 
-    /// For each request, (measured − simulated)/sigma of its log, all channels one after the other; NaN where nothing was
-    /// measured. The same request gives the same bits, whatever it is asked together with.
+    /// For each request, (measured − simulated)/sigma of its log, all channels one after the other; NaN where nothing
+    /// was measured. The same request gives the same bits, whichever requests it is batched with.
     ///
     /// A simulation that diverges, or that cannot be set up, gives an error in its place.
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>>;

@@ -1,6 +1,6 @@
 //! Free parameters and their normalised coordinates.
 
-/// The most by which a number is multiplied (as a logarithm) rather than added to.
+/// Largest logarithm of a factor by which a linear parameter is multiplied rather than added to.
 const MULTIPLIED: f64 = 0.5;
 
 /// How a parameter's coordinate becomes its value.
@@ -14,10 +14,10 @@ pub enum Parametrisation {
     Inverse,
 }
 
-/// A number that may be varied.
+/// A parameter that may be varied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitParameter {
-    /// Unique in its family: `mass@thigh`, `coulomb_friction.torque@knee`.
+    /// Unique in its residual model: `mass@thigh`, `coulomb_friction.torque@knee`.
     pub name: String,
     /// SI unit as text.
     pub unit: String,
@@ -65,7 +65,7 @@ impl FitParameter {
         }
     }
 
-    /// Whether a factor of e more or less is to be expected of it.
+    /// Whether its prior allows deviations by more than a factor of e.
     pub fn is_of_any_magnitude(&self) -> bool {
         self.law == Parametrisation::Exponential && self.size * self.spread > 1.0
     }
@@ -75,20 +75,19 @@ impl FitParameter {
         self.slope(u) / self.value(u)
     }
 
-    /// Whether it is measured in units of mass, as forces, stiffnesses and inertias are.
+    /// Whether its unit contains mass, as those of forces, stiffnesses and inertias are.
     pub fn scales_with_mass(&self) -> bool {
         self.unit.contains("kg") || self.unit.starts_with('N')
     }
 
-    /// The coordinate so far along a direction, within the bounds. A limit that is on is multiplied, as what moves
-    /// exponentially is.
+    /// The coordinate after a step, within the bounds. A limit that is on is multiplied, like an exponential parameter.
     pub fn along(&self, u: f64, by: f64) -> f64 {
         let on = self.law == Parametrisation::Inverse && u > 0.0;
         self.clamp(if on { u * (by / u).exp() } else { u + by })
     }
 
-    /// The same where what moves linearly is multiplied as well, if that is a small part of it: so a common factor of
-    /// masses, gains, limits and friction is a straight line.
+    /// The same, but linear parameters are multiplied as well if the step is small relative to the value: thus a common
+    /// factor of masses, gains, limits and friction is a straight line.
     pub fn in_proportion(&self, u: f64, by: f64) -> f64 {
         let growth = self.growth(u);
         let multiplied = self.law == Parametrisation::Linear && (by * growth).abs() <= MULTIPLIED;
@@ -130,7 +129,7 @@ mod tests {
             let along = |by: f64| friction.in_proportion(1.4, by * mass.growth(0.0) / friction.growth(1.4));
             let proportion = |by: f64| mass.value(mass.in_proportion(0.0, by)) / friction.value(along(by));
             assert!((proportion(4.0) / proportion(0.0) - 1.0).abs() < 1e-12);
-            // What is hardly there, or not at all, is not multiplied.
+            // A value near zero, or zero, is not multiplied.
             assert!((friction.in_proportion(1.4, -1.6) - (1.4 - 1.6)).abs() < 1e-12);
         }
         assert!((parameter(Parametrisation::Linear, 0.0, 0.3).in_proportion(0.0, 0.5) - 0.5).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! What a residual model is asked for.
+//! Requests to a residual model, and derived models.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,16 +9,25 @@ pub struct ResidualRequest<'a> {
     pub u: &'a [f64],
     /// Which log.
     pub log: usize,
-    /// By how much each number of the log's start is moved, in all windows at once, in units of what noise could hide. Empty
-    /// where it begins as it seems to.
+    /// By how much each number of the log's start is moved, in all windows at once, in units of what noise could hide.
+    /// Empty for the recorded start.
     pub moved: &'a [f64],
 }
 
 impl<'a> ResidualRequest<'a> {
-    /// From where the log seems to begin.
+    /// A rollout from the log's recorded start.
     pub fn of(u: &'a [f64], log: usize) -> Self {
         ResidualRequest { u, log, moved: &[] }
     }
+}
+
+/// A log whose start is moved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MovedStart {
+    /// The log, as an index.
+    pub log: usize,
+    /// By how much each number of its start is moved, as in [`ResidualRequest::moved`].
+    pub by: Vec<f64>,
 }
 
 /// A change of a residual model that gives another one. Serialised; the order of the variants is part of the format.
@@ -28,11 +37,10 @@ pub enum Derivation {
     /// predicts, but why it tips shows before it does. Not available where the whole of a log follows smoothly from its
     /// beginning.
     Beginnings,
-    /// What only a model can say of the logs' starts, and its noise floors, are taken from the model at these
-    /// coordinates. Not available where they do not depend on the model, or where starts are searched number by number
-    /// ([`StartNumber::search_sd`](super::StartNumber::search_sd)).
+    /// The parts of the logs' starts that only a model determines, and its noise floors, are taken from the model at
+    /// these coordinates. Not available where they do not depend on the model, or where starts are searched number by
+    /// number ([`StartNumber::search_sd`](super::StartNumber::search_sd)).
     WithStartsAt(Vec<f64>),
-    /// The starts of some logs, and of those that begin with them, are moved: pairs of a log and the amount by which each
-    /// number of its start is moved, as in [`ResidualRequest::moved`].
-    WithInitialState(Vec<(usize, Vec<f64>)>),
+    /// The starts of some logs, and of those that begin with them, are moved.
+    WithInitialState(Vec<MovedStart>),
 }

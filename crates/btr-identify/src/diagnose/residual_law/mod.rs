@@ -5,8 +5,8 @@
 //! Krishnaprasad, "Orthogonal matching pursuit", 1993), in what the base's own parameters cannot do. The best places
 //! are then fitted in earnest and judged on logs that nothing was fitted to.
 //!
-//! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of three
-//! joints and four logs. There are at most two searches.
+//! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of
+//! three joints and four logs. There are at most two searches.
 
 mod draft;
 mod law;
@@ -23,7 +23,8 @@ use std::ops::Range;
 const FINALISTS: usize = 2;
 /// What a fit may spend.
 const EFFORT: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
-/// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are not.
+/// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are
+/// not.
 const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
 /// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo
 /// makes one of.
@@ -66,7 +67,8 @@ fn preferred(
     better.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
 }
 
-/// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from another fit.
+/// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from
+/// another fit.
 fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
     let (terms, fit) = search(objective, base)?;
     let (before, left) = (judged(objective, from)?, judged(objective, &fit)?.max(0.0));

@@ -1,4 +1,4 @@
-//! Where a log begins: the start states that a model prefers, and what another start state would do to the residual.
+//! Start states of logs: a search for the best ones, and the residual's response to other ones.
 
 mod search;
 mod states;

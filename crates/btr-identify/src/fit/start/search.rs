@@ -1,39 +1,38 @@
-//! Searching the start state of logs. First readings give a rough one, above all for velocities: where they change
-//! within a few samples, no curve through the samples is good enough. A model that predicts the motion gives a better
-//! one.
+//! Search for the start states of logs. The first readings give only a rough estimate, above all of velocities: where
+//! these change within a few samples, no curve fitted to the samples is accurate. A model that predicts the motion
+//! gives a better estimate.
 
 use crate::fit::residual_vector::squares;
 use crate::fit::rollouts::each;
-use crate::residual_model::{ModelDescription, ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{ModelDescription, MovedStart, ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::cell::Cell;
 
-/// Slopes are taken anew so often at most, ...
+/// Most Gauss-Newton steps, ...
 const ROUNDS: usize = 4;
-/// ... until no number moves by more than this.
+/// ... which end when no number moves by more than this.
 const SETTLED: f64 = 0.1;
-/// A step that leads nowhere is halved so often.
+/// Most halvings of a step that does not lower the cost.
 const HALVINGS: u32 = 3;
-/// Starts that moved by less are as good as where they were: slopes at the old ones tell the rest.
+/// Starts that move by less stay where they are: the linear response to the start covers the rest.
 pub(in crate::fit) const MOVED: f64 = 3.0;
 
-/// Where the model at `u` leads nearest to each log, by Gauss and Newton from where the log seems to begin: the logs whose start
-/// that moves by more than `least`, with what it moves each number by, in units of a [`ResidualRequest`]. And how many logs were
-/// simulated for it.
+/// The starts from which the model at `u` is nearest to each log, by Gauss-Newton steps from the recorded starts: those
+/// that move by more than `least`, and the number of simulated logs.
 ///
-/// A model that lacks something sees starts that make up for a little of it: whether they are to be believed is to be asked of
-/// what they explain.
+/// A model that lacks an effect prefers starts that compensate for a part of it: accept them only by how much error
+/// they explain.
 pub fn nearest_starts(
     model: &dyn ResidualModel,
     description: &ModelDescription,
     u: &[f64],
     least: f64,
-) -> (Vec<(usize, Vec<f64>)>, usize) {
+) -> (Vec<MovedStart>, usize) {
     let starts = &description.starts;
     let logs: Vec<usize> = (0..starts.len()).filter(|&log| starts[log].begins_with == log).collect();
-    let look = |log: usize| {
-        let start = StartSearch {
+    let search_log = |log: usize| {
+        let search = StartSearch {
             model,
             batch_size: description.batch_size,
             u,
@@ -41,15 +40,15 @@ pub fn nearest_starts(
             open: starts[log].search_sds(),
             rollouts: Cell::new(0),
         };
-        let moved = start.nearest().filter(|at| at.amax() > least).map(|at| (log, at.as_slice().to_vec()));
-        (moved, start.rollouts.get())
+        let moved = search.nearest().filter(|by| by.amax() > least);
+        (moved.map(|by| MovedStart { log, by: by.as_slice().to_vec() }), search.rollouts.get())
     };
-    let looked: Vec<_> = logs.into_par_iter().with_max_len(1).map(look).collect();
-    let rollouts = looked.iter().map(|(_, rollouts)| rollouts).sum();
-    (looked.into_iter().filter_map(|(moved, _)| moved).collect(), rollouts)
+    let searched: Vec<_> = logs.into_par_iter().with_max_len(1).map(search_log).collect();
+    let rollouts = searched.iter().map(|(_, rollouts)| rollouts).sum();
+    (searched.into_iter().filter_map(|(moved, _)| moved).collect(), rollouts)
 }
 
-/// The start of a log as it is now, to be moved.
+/// The search for the start of one log.
 struct StartSearch<'a> {
     model: &'a dyn ResidualModel,
     batch_size: usize,
@@ -68,9 +67,9 @@ impl StartSearch<'_> {
         }
         let mut residual = self.residual(&at)?;
         for _ in 0..ROUNDS {
-            let Some((next, there)) = self.lower(&at, &residual, &self.step(&at, &residual)?) else { break };
+            let Some((next, lowered)) = self.lower(&at, &residual, &self.step(&at, &residual)?) else { break };
             let far = (&next - &at).amax();
-            (at, residual) = (next, there);
+            (at, residual) = (next, lowered);
             if far < SETTLED {
                 break;
             }
@@ -81,43 +80,43 @@ impl StartSearch<'_> {
     fn residuals(&self, moved: &[DVector<f64>]) -> Vec<Option<DVector<f64>>> {
         self.rollouts.update(|rollouts| rollouts + moved.len());
         let (u, log) = (self.u, self.log);
-        let rollouts: Vec<ResidualRequest> =
+        let requests: Vec<ResidualRequest> =
             moved.iter().map(|by| ResidualRequest { u, log, moved: by.as_slice() }).collect();
-        let there = |r: &f64| if r.is_finite() { *r } else { 0.0 };
-        let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(there));
-        each(self.model, self.batch_size, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
+        let or_zero = |r: &f64| if r.is_finite() { *r } else { 0.0 };
+        let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(or_zero));
+        each(self.model, self.batch_size, &requests, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
     }
 
     fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {
         self.residuals(std::slice::from_ref(by)).pop().flatten()
     }
 
-    /// What is known of each number beforehand: the inverse of its variance.
-    fn known(&self) -> DVector<f64> {
+    /// Prior precision of each number: the inverse of its variance.
+    fn precision(&self) -> DVector<f64> {
         DVector::from_iterator(self.open.len(), self.open.iter().map(|open| open.powi(-2)))
     }
 
     fn cost(&self, by: &DVector<f64>, residual: &DVector<f64>) -> f64 {
-        squares(residual.as_slice()) + self.known().dot(&by.component_mul(by))
+        squares(residual.as_slice()) + self.precision().dot(&by.component_mul(by))
     }
 
-    /// Where slopes say that the cost is lowest.
+    /// The Gauss-Newton step; zero where the normal matrix is singular.
     fn step(&self, at: &DVector<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
         let nudged = |k: usize| {
-            let mut there = at.clone();
-            there[k] += 1.0;
-            there
+            let mut moved = at.clone();
+            moved[k] += 1.0;
+            moved
         };
-        let there = self.residuals(&(0..at.len()).map(nudged).collect::<Vec<_>>());
+        let nudged = self.residuals(&(0..at.len()).map(nudged).collect::<Vec<_>>());
         let slopes: Vec<DVector<f64>> =
-            there.into_iter().map(|there| Some(there? - residual)).collect::<Option<_>>()?;
-        let (slopes, known) = (DMatrix::from_columns(&slopes), self.known());
-        let normal = slopes.tr_mul(&slopes) + DMatrix::from_diagonal(&known);
-        let downhill = -(slopes.tr_mul(residual) + known.component_mul(at));
+            nudged.into_iter().map(|nudged| Some(nudged? - residual)).collect::<Option<_>>()?;
+        let (slopes, precision) = (DMatrix::from_columns(&slopes), self.precision());
+        let normal = slopes.tr_mul(&slopes) + DMatrix::from_diagonal(&precision);
+        let downhill = -(slopes.tr_mul(residual) + precision.component_mul(at));
         Some(normal.cholesky().map_or_else(|| DVector::zeros(at.len()), |normal| normal.solve(&downhill)))
     }
 
-    /// The first point along a step, or half of it, and so on, that is lower.
+    /// The first point with a lower cost after the step, half of it, and so on; with its residual.
     fn lower(
         &self,
         at: &DVector<f64>,
@@ -126,8 +125,8 @@ impl StartSearch<'_> {
     ) -> Option<(DVector<f64>, DVector<f64>)> {
         let cost = self.cost(at, residual);
         let halved = (0..=HALVINGS).map(|k| at + step * 0.5f64.powi(k as i32));
-        let mut tried = halved.filter_map(|next| self.residual(&next).map(|there| (next, there)));
-        tried.find(|(next, there)| self.cost(next, there) < cost)
+        let mut tried = halved.filter_map(|next| self.residual(&next).map(|lowered| (next, lowered)));
+        tried.find(|(next, lowered)| self.cost(next, lowered) < cost)
     }
 }
 
@@ -139,7 +138,8 @@ mod tests {
     use proptest::prelude::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// Throws of a ball, measured without noise, that began other than they seem to; nothing looks for where the last did.
+    /// Throws of a ball, measured without noise, whose true start differs from the recorded one; the last one's start
+    /// is not searched.
     struct Throws {
         logs: Vec<RecordedLog>,
         began: Vec<[f64; 2]>,
@@ -164,7 +164,7 @@ mod tests {
             description
         }
 
-        /// What drag does to a ball is not linear in its velocity.
+        /// Drag makes the height nonlinear in the velocity.
         fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
             let residual = |&ResidualRequest { log, moved, .. }: &ResidualRequest| {
                 self.simulated.fetch_add(1, Ordering::Relaxed);
@@ -180,12 +180,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn logs_are_found_to_begin_where_they_did(q in -5.0f64..5.0, dq in -2.0f64..20.0) {
+        fn the_true_starts_of_logs_are_found(q in -5.0f64..5.0, dq in -2.0f64..20.0) {
             let throws = Throws::that_began(&[[q, dq], [0.0, 0.0], [q, dq]]);
             let (moved, rollouts) = nearest_starts(&throws, &throws.description(), &[], 0.2);
             prop_assert_eq!(rollouts, throws.simulated.into_inner());
             prop_assert_eq!(moved.len(), usize::from(q.abs().max(dq.abs()) > 0.2), "{:?}", &moved);
-            for (log, by) in moved {
+            for MovedStart { log, by } in moved {
                 prop_assert!(log == 0 && (by[0] - q).abs() < SETTLED && (by[1] - dq).abs() < SETTLED, "{by:?}");
             }
         }

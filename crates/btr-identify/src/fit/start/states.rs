@@ -1,21 +1,22 @@
-//! Where a log begins is measured with noise, and not at all as far as velocities go. What another start state would do to the
-//! residual is therefore projected out of it: neither a parameter nor an effect is praised or blamed for it. Where something is
-//! known of the start, B being the answers to a standard deviation of each of its numbers, r becomes (1 + B·Bᵀ)^(-1/2)·r: white
-//! again, as if B's share of it were noise.
+//! Marginalisation of start states. The start of a log is measured with noise, and its velocities not at all. The
+//! response of the residual to another start state is therefore projected out, so that it is attributed to no parameter
+//! and no effect. Where the start has a prior, with B the responses to one standard deviation of each of its numbers, r
+//! becomes (1 + B·Bᵀ)^(-1/2)·r: white again, as if B's part of it were noise.
 
 use crate::fit::rollouts::{each, rows_near, shared};
 use crate::residual_model::{ModelDescription, ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 
-/// A direction shorter than this share of the longest one of its log is none.
+/// Smallest norm of a direction, relative to the longest one of its log.
 const NEGLIGIBLE: f64 = 1e-3;
-/// An answer of fewer noise floors changes nothing.
+/// Smallest response, in noise floors, that is projected out.
 const UNSEEN: f64 = 0.03;
 
-/// For each log, what its start states can do.
+/// For each log, the responses of its windows to their start states.
 pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 
-/// The answers of some rows of a residual to their start state: orthonormal columns, and the share of each that is taken away.
+/// The responses of some rows of a residual to their start state: orthonormal columns, and the share of each that is
+/// projected out.
 struct StartWindow {
     rows: Vec<usize>,
     basis: DMatrix<f64>,
@@ -38,31 +39,31 @@ impl NudgedRollout {
 }
 
 impl StartStates {
-    /// As the model answers that stands at `u`, and how many logs were simulated for it.
+    /// The responses of the model at `u`, and the number of simulated logs.
     pub(in crate::fit) fn at(
         model: &dyn ResidualModel,
         description: &ModelDescription,
         u: &[f64],
     ) -> (StartStates, usize) {
-        // The first of each log is moved nowhere.
+        // The first rollout of each log has its recorded start.
         let nudged =
             |log: usize| shared(description.starts[log].numbers.iter().map(|number| number.channels.as_slice()));
-        let shots = |log: usize| {
+        let rollouts = |log: usize| {
             std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(description, log, n))
         };
         let logs = (0..description.logs.len()).filter(|&log| !description.starts[log].numbers.is_empty());
-        let shots: Vec<NudgedRollout> = logs.flat_map(shots).collect();
-        let rollouts: Vec<ResidualRequest> =
-            shots.iter().map(|shot| ResidualRequest { u, log: shot.log, moved: &shot.moved }).collect();
-        let answers = each(model, description.batch_size, &rollouts, TimeStep::USUAL, &|_, residual| residual.ok());
+        let rollouts: Vec<NudgedRollout> = logs.flat_map(rollouts).collect();
+        let requests: Vec<ResidualRequest> =
+            rollouts.iter().map(|rollout| ResidualRequest { u, log: rollout.log, moved: &rollout.moved }).collect();
+        let residuals = each(model, description.batch_size, &requests, TimeStep::USUAL, &|_, residual| residual.ok());
         let windows = |log: usize| {
-            let own = || shots.iter().zip(&answers).filter(move |(shot, _)| shot.log == log);
-            let Some(usual) = own().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
+            let of_log = || rollouts.iter().zip(&residuals).filter(move |(rollout, _)| rollout.log == log);
+            let Some(usual) = of_log().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };
             let mut changes: Vec<(usize, Vec<f64>)> = Vec::new();
-            for (shot, there) in own().skip(1) {
-                let Some(there) = there else { continue };
-                let change = |&number: &usize| (number, change(description, log, number, usual, there));
-                changes.extend(shot.nudged.iter().map(change));
+            for (rollout, nudged) in of_log().skip(1) {
+                let Some(nudged) = nudged else { continue };
+                let change = |&number: &usize| (number, change(description, log, number, usual, nudged));
+                changes.extend(rollout.nudged.iter().map(change));
             }
             changes.sort_by_key(|(number, _)| *number);
             let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
@@ -72,15 +73,16 @@ impl StartStates {
                 .collect()
         };
         let starts = (0..description.logs.len()).map(windows).collect();
-        (StartStates(starts), shots.len())
+        (StartStates(starts), rollouts.len())
     }
 
-    /// How many numbers the start of a log takes. What is known of a start takes none: the rest stays white.
+    /// Degrees of freedom that the start of a log takes from its residual. A start with a prior takes none: the
+    /// residual stays white.
     pub(in crate::fit) fn rank(&self, log: usize) -> usize {
         self.0[log].iter().flat_map(|window| &window.shares).filter(|share| **share >= 1.0).count()
     }
 
-    /// What no start state can do.
+    /// Projects the response to the start state out of a residual.
     pub(in crate::fit) fn project(&self, log: usize, residual: &mut [f64]) {
         for window in &self.0[log] {
             window.project(residual);
@@ -88,13 +90,13 @@ impl StartStates {
     }
 }
 
-/// What one number of a start changes, where it is felt.
-fn change(description: &ModelDescription, log: usize, number: usize, usual: &[f64], there: &[f64]) -> Vec<f64> {
+/// The change of the residual by one number of a start, in the channels that it affects.
+fn change(description: &ModelDescription, log: usize, number: usize, usual: &[f64], nudged: &[f64]) -> Vec<f64> {
     let mut change = vec![0.0; usual.len()];
     for row in
         rows_near(&description.logs[log], &description.starts[log].numbers[number].channels).into_iter().flatten()
     {
-        let moved = there[row] - usual[row];
+        let moved = nudged[row] - usual[row];
         change[row] = if moved.is_finite() { moved } else { 0.0 };
     }
     change
@@ -113,8 +115,8 @@ fn rows(description: &ModelDescription, log: usize) -> Vec<Vec<usize>> {
 
 impl StartWindow {
     fn new(rows: Vec<usize>, changes: &[Vec<f64>], spread: f64) -> Self {
-        let own = |change: &Vec<f64>| DVector::from_iterator(rows.len(), rows.iter().map(|&row| change[row]));
-        let columns: Vec<DVector<f64>> = changes.iter().map(own).collect();
+        let in_window = |change: &Vec<f64>| DVector::from_iterator(rows.len(), rows.iter().map(|&row| change[row]));
+        let columns: Vec<DVector<f64>> = changes.iter().map(in_window).collect();
         let (basis, shares) = if spread.is_finite() {
             whitening(rows.len(), &columns, spread)
         } else {
@@ -133,21 +135,22 @@ impl StartWindow {
     }
 }
 
-/// Directions of B, and what the whitening takes of each.
+/// Directions of B, and the share that the whitening removes of each.
 fn whitening(rows: usize, columns: &[DVector<f64>], spread: f64) -> (DMatrix<f64>, Vec<f64>) {
     if columns.is_empty() || rows == 0 {
         return (DMatrix::zeros(rows, 0), Vec::new());
     }
-    let answers = DMatrix::from_columns(columns) * spread;
-    let eigen = answers.tr_mul(&answers).symmetric_eigen();
+    let responses = DMatrix::from_columns(columns) * spread;
+    let eigen = responses.tr_mul(&responses).symmetric_eigen();
     let lengths = eigen.eigenvalues.map(|square| square.max(0.0).sqrt());
     let seen: Vec<usize> = (0..columns.len()).filter(|&k| lengths[k] > UNSEEN).collect();
-    let basis: Vec<DVector<f64>> = seen.iter().map(|&k| &answers * eigen.eigenvectors.column(k) / lengths[k]).collect();
+    let basis: Vec<DVector<f64>> =
+        seen.iter().map(|&k| &responses * eigen.eigenvectors.column(k) / lengths[k]).collect();
     let shares = seen.iter().map(|&k| 1.0 - (1.0 + lengths[k].powi(2)).powf(-0.5)).collect();
     (if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }, shares)
 }
 
-/// A basis of the same space (Gram and Schmidt, twice for the rounding).
+/// A basis of the same space (Gram-Schmidt, twice because of rounding).
 fn orthonormal(rows: usize, columns: Vec<DVector<f64>>) -> DMatrix<f64> {
     let longest = columns.iter().map(|c| c.norm()).fold(0.0, f64::max);
     let mut basis: Vec<DVector<f64>> = Vec::new();
@@ -178,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_start_can_do_is_gone_and_the_rest_stays() {
+    fn the_response_to_the_start_is_removed_and_the_rest_stays() {
         let starts = starts(f64::INFINITY);
         assert_eq!(starts.rank(0), 2);
         let mut gone: Vec<f64> = (decay(0.1) * 7.0 - decay(0.5) * 2.0).iter().copied().collect();
@@ -190,10 +193,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_of_a_start_stays_white() {
+    fn a_start_with_a_prior_leaves_the_residual_white() {
         // W·(1 + B·Bᵀ)·Wᵀ must be the identity.
         let (starts, spread) = (starts(4.0), 4.0);
-        let answers = DMatrix::from_columns(&[decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)]) * spread;
+        let responses = DMatrix::from_columns(&[decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)]) * spread;
         let whitened = |column: DVector<f64>| {
             let mut column: Vec<f64> = column.iter().copied().collect();
             starts.project(0, &mut column);
@@ -202,7 +205,7 @@ mod tests {
         let by_rows = |m: DMatrix<f64>| {
             DMatrix::from_columns(&m.column_iter().map(|c| whitened(c.into_owned())).collect::<Vec<_>>())
         };
-        let covariance = DMatrix::identity(50, 50) + &answers * answers.transpose();
+        let covariance = DMatrix::identity(50, 50) + &responses * responses.transpose();
         let white = by_rows(by_rows(covariance).transpose());
         assert_eq!(starts.rank(0), 0);
         assert!((white - DMatrix::identity(50, 50)).amax() < 1e-3);

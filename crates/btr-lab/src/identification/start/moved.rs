@@ -5,7 +5,7 @@ use crate::identification::log_parts::whole;
 use crate::identification::problem::IdentificationProblem;
 use btr_core::log::Log;
 use btr_identify::fit::{NOISE, nearest_starts, squares};
-use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
+use btr_identify::residual_model::{MovedStart, ResidualModel, ResidualRequest, TimeStep};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
@@ -30,15 +30,15 @@ pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenari
     problem.measure().ok()?;
     let origin = vec![0.0; problem.parameters.len()];
     let (mut moved, _) = nearest_starts(&problem, &problem.description(), &origin, 0.0);
-    moved.retain(|(log, by)| problem.is_explained_from(&origin, *log, by));
+    moved.retain(|start| problem.is_explained_from(&origin, start.log, &start.by));
     (!moved.is_empty()).then(|| problem.begun_elsewhere(&moved).situations)
 }
 
 impl IdentificationProblem {
     /// The same where the recordings of some logs begin elsewhere.
-    pub fn begun_elsewhere(&self, moved: &[(usize, Vec<f64>)]) -> IdentificationProblem {
+    pub fn begun_elsewhere(&self, moved: &[MovedStart]) -> IdentificationProblem {
         let mut other = self.clone();
-        for (log, by) in moved {
+        for MovedStart { log, by } in moved {
             other.situations[self.parts[*log].scenario] = self.begun_from(*log, by).into_owned();
         }
         other
