@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use btr_core::log::{Log, Role};
-use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, RivalPoint, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_lab::experiment::{Source, model};
 use btr_lab::identification::IdentificationProblem;
@@ -119,7 +119,7 @@ fn frictions(rivals: &[(&str, &[(&str, f64)])]) -> Option<NextExperiment> {
             let k = problem.parameters().iter().position(|parameter| parameter.name == name).unwrap();
             u[k] = problem.parameters()[k].coordinate(*value);
         }
-        (candidate, u)
+        RivalPoint { candidate, u }
     };
     let all = [&[("coulomb_friction", &[("torque", 0.28)][..])], rivals].concat();
     next_experiment(&problem, &all.into_iter().map(|(effect, values)| rival(effect, values)).collect::<Vec<_>>())
@@ -162,5 +162,6 @@ fn an_experiment_claims_no_more_than_it_tells() {
 #[test]
 fn there_is_no_experiment_where_nothing_is_to_be_told_apart() {
     let problem = problem(&[], &[]);
-    assert_eq!(next_experiment(&problem, &[(0, vec![0.0; problem.parameters().len()])]).unwrap(), None);
+    let only = RivalPoint { candidate: 0, u: vec![0.0; problem.parameters().len()] };
+    assert_eq!(next_experiment(&problem, &[only]).unwrap(), None);
 }

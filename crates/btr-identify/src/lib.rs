@@ -1,4 +1,4 @@
-//! System identification on top of [`btr_core`]: what a log is worth ([`quality`]), where a model differs from it
+//! System identification on top of [`btr_core`]: the quality of a log ([`quality`]), where a model differs from it
 //! ([`compare`]), the parameter values that fit ([`fit`]), and which physical effect is missing ([`diagnose`]).
 //!
 //! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in,

@@ -118,9 +118,9 @@ fn common_lag<'a>(channels: impl Iterator<Item = (&'a LogPair<'a>, &'a ChannelRe
 fn independent(residual: &ChannelResidual, real: &Log) -> bool {
     const LAGS: usize = 20;
     let joint = residual.channel.split_once('_').map_or("", |(_, joint)| joint);
-    let own = real.channel(&format!("cmd_{joint}"));
+    let of_joint = real.channel(&format!("cmd_{joint}"));
     let all = real.channels().filter(|(_, channel)| channel.role == Role::Command).map(|(_, channel)| channel);
-    let inputs: Vec<_> = own.map_or_else(|| all.collect(), |own| vec![own]);
+    let inputs: Vec<_> = of_joint.map_or_else(|| all.collect(), |command| vec![command]);
     inputs.iter().all(|input| dependence(&residual.error, &input.values, LAGS) < DEPENDENT)
 }
 

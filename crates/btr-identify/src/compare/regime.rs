@@ -1,4 +1,4 @@
-//! Regimes: what a joint is doing while it errs. A sample may be in several.
+//! Regimes: what a joint is doing at a sample. A sample may be in several.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Regime {
-    /// Anything.
+    /// All samples.
     Throughout,
     /// Moving in its positive direction.
     Forward,
@@ -20,9 +20,9 @@ pub enum Regime {
     Slow,
     /// Moving at more than six tenths of it.
     Fast,
-    /// The motor pulls at more than six tenths of its usual most.
+    /// The load is more than six tenths of its usual maximum.
     HighLoad,
-    /// The motor pulls at its most for a while.
+    /// The load stays at its maximum for several samples.
     Saturated,
     /// A third of a second after the command jumped.
     AfterStep,
@@ -32,7 +32,7 @@ pub enum Regime {
     Early,
     /// The last third of the log.
     Late,
-    /// The lowest third of the positions that were visited.
+    /// The lowest third of the range of positions.
     Low,
     /// The middle third.
     Middle,
@@ -64,12 +64,12 @@ impl Regime {
         Regime::TorqueOff,
     ];
 
-    /// For documents: `after_reversal`.
+    /// Its name in documents: `after_reversal`.
     pub fn name(self) -> &'static str {
         self.names().0
     }
 
-    /// For people: "after reversals".
+    /// Its name in sentences: "after reversals".
     pub fn words(self) -> &'static str {
         self.names().1
     }

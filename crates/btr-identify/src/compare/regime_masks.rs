@@ -56,20 +56,20 @@ fn mask(regime: Regime, track: &JointTrack, driven: &[bool]) -> Vec<bool> {
 
 /// The samples at which the command jumps: by a tenth of its range, and far more than it usually changes.
 fn steps(command: &[f64]) -> Vec<usize> {
-    let there = || command.iter().copied().filter(|x| x.is_finite());
-    let range = there().fold(f64::MIN, f64::max) - there().fold(f64::MAX, f64::min);
+    let present = || command.iter().copied().filter(|x| x.is_finite());
+    let range = present().fold(f64::MIN, f64::max) - present().fold(f64::MAX, f64::min);
     let change = |i: usize| (command[i] - command[i - 1]).abs();
     let usual = quantile((1..command.len()).map(change).filter(|c| *c > 0.0), 0.5).unwrap_or(0.0);
     let jump = |i: &usize| change(*i) > 0.1 * range && (change(*i) > 6.0 * usual || change(*i) > 0.9 * range);
     (1..command.len()).filter(jump).collect()
 }
 
-/// The samples up to so long after one of the events.
-fn after(track: &JointTrack, events: &[usize], long_s: f64) -> Vec<bool> {
+/// The samples up to `duration_s` after one of the events.
+fn after(track: &JointTrack, events: &[usize], duration_s: f64) -> Vec<bool> {
     let clock = &track.clock_s;
     let mut mask = vec![false; clock.len()];
     for &event in events {
-        let end = clock.partition_point(|t| *t <= clock[event] + long_s);
+        let end = clock.partition_point(|t| *t <= clock[event] + duration_s);
         mask[event..end].fill(true);
     }
     mask
@@ -80,7 +80,7 @@ fn high_load(load: &[f64]) -> Vec<bool> {
     load.iter().map(|x| most > 0.0 && x.abs() > 0.6 * most).collect()
 }
 
-/// Where the load stays at its very most for several samples: a limit, not a peak.
+/// Where the load stays at its maximum for several samples: a limit, not a peak.
 fn saturated(load: &[f64]) -> Vec<bool> {
     const LASTING: usize = 5;
     const NEAR: f64 = 0.995;

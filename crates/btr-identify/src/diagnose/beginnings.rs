@@ -30,15 +30,15 @@ pub(super) fn from_beginnings(
     let leaders = race(&short, &bases, &starts, None);
     objective.count(&short);
     // A leader that cannot be simulated over whole logs is skipped.
-    let lengthened = |rival: Rival| {
+    let on_whole_logs = |rival: Rival| {
         let mut fit = FitPoint::at(objective, rival.fit.active.clone(), rival.fit.u, &state.fit.step_error).ok()?;
         fit.solve(objective, FOLLOWER);
         if chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
-            // Only now is the motion known whose step error is to be taken off.
+            // The step error is only known once the fit follows the whole motion.
             fit.renew_step_error(objective);
             fit.solve(objective, FOLLOWER);
         }
         Some(Rival { fit, ..rival })
     };
-    (leaders.into_iter().filter_map(lengthened).collect(), starts)
+    (leaders.into_iter().filter_map(on_whole_logs).collect(), starts)
 }

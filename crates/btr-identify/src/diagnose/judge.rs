@@ -1,7 +1,7 @@
 //! Accepting one of the fitted candidates.
 
 use super::refit::Rival;
-use super::report::{MissingEffect, RankedCandidate};
+use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
@@ -55,7 +55,8 @@ pub(super) fn judge_rivals(
         .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
         .collect();
     if !alike.is_empty() {
-        state.rivals = [&winner].iter().chain(&alike).map(|r| (r.candidate, r.fit.u.clone())).collect();
+        let point = |r: &&Rival| RivalPoint { candidate: r.candidate, u: r.fit.u.clone() };
+        state.rivals = [&winner].iter().chain(&alike).map(point).collect();
     }
     let found = MissingEffect {
         effect: candidates[winner.candidate].effect.clone(),

@@ -17,7 +17,7 @@ mod start_point;
 mod state;
 pub mod thresholds;
 
-pub use report::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
+pub use report::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, RivalPoint, Verdict};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;

@@ -67,6 +67,15 @@ pub struct RankedCandidate {
     pub delta_bic: f64,
 }
 
+/// A fitted candidate that the logs do not distinguish from others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RivalPoint {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// One coordinate per parameter of the model.
+    pub u: Vec<f64>,
+}
+
 /// The whole diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
@@ -87,9 +96,8 @@ pub struct Diagnosis {
     pub at_bound: Vec<String>,
     /// The last fit, with everything that was accepted.
     pub fit: FitPoint,
-    /// For the latest effect with any in `alike`: itself first, then its rivals, as candidate and point. Input of the
-    /// next experiment.
-    pub rivals: Vec<(usize, Vec<f64>)>,
+    /// For the latest effect with any in `alike`: itself first, then its rivals. Input of the next experiment.
+    pub rivals: Vec<RivalPoint>,
     /// With the verdict `Unexplained`: a law that fits the error, if there is one.
     pub residual_law: Option<ResidualLaw>,
     /// Whether the limit of rollouts ended it.

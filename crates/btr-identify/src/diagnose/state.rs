@@ -1,7 +1,7 @@
 //! The state of a diagnosis: the effects found so far, and how an effect is added or removed.
 
 use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
-use super::report::{MissingEffect, RankedCandidate};
+use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::LadderStep;
@@ -25,7 +25,7 @@ pub(super) struct DiagnosisState {
     pub(super) held_out: Option<f64>,
     pub(super) chosen: Vec<MissingEffect>,
     pub(super) ladder: Vec<LadderStep>,
-    pub(super) rivals: Vec<(usize, Vec<f64>)>,
+    pub(super) rivals: Vec<RivalPoint>,
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// The integrator's error, in multiples of the noise floor.
     pub(super) integrator: f64,

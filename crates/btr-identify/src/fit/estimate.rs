@@ -242,7 +242,8 @@ fn in_words(parts: &[DirectionPart]) -> String {
         // A parameter with a wide prior has a small share although it grows by the same factor as the others.
         let scaled: Vec<&DirectionPart> =
             parts.iter().filter(|part| SAME <= part.growth / growth && part.growth / growth <= 1.0 / SAME).collect();
-        let remedy = if has_mass { "weigh one link, say, or add a payload of known mass" } else { "fix one of them" };
+        let remedy =
+            if has_mass { "weigh one link, for example, or add a payload of known mass" } else { "fix one of them" };
         let all = list(&scaled);
         return format!(
             "a common factor of {all} changes nothing in these logs, so only their ratios can be determined; {remedy}"

@@ -4,6 +4,7 @@ use super::excitation::{Excitation, excitations};
 use crate::identification::{IdentificationProblem, VerbInput};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
+use btr_identify::diagnose::RivalPoint;
 use btr_identify::residual_model::TimeStep;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
@@ -52,16 +53,16 @@ pub struct RivalExplanation {
     pub separation: f64,
 }
 
-/// The drive that best distinguishes the first of `rivals` (candidates with their points) from the others. `None` if
+/// The drive that best distinguishes the first of `rivals` from the others. `None` if
 /// there are no rivals, or if no drive distinguishes them, or none does so better than the logs.
 ///
 /// # Errors
 /// A model that diverges on the logs.
 pub fn next_experiment(
     problem: &IdentificationProblem,
-    rivals: &[(usize, Vec<f64>)],
+    rivals: &[RivalPoint],
 ) -> Result<Option<NextExperiment>, WorldError> {
-    let points: Vec<&Vec<f64>> = rivals.iter().take(1 + MOST_RIVALS).map(|(_, u)| u).collect();
+    let points: Vec<&Vec<f64>> = rivals.iter().take(1 + MOST_RIVALS).map(|rival| &rival.u).collect();
     if points.len() < 2 {
         return Ok(None);
     }
@@ -83,7 +84,7 @@ pub fn next_experiment(
     if worth(&apart) <= worth(&so_far.1) || apart.iter().all(|x| *x < APART) {
         return Ok(None);
     }
-    let name = |k: usize| problem.candidates()[rivals[k].0].name();
+    let name = |k: usize| problem.candidates()[rivals[k].candidate].name();
     let rivals =
         apart.iter().enumerate().map(|(k, x)| RivalExplanation { effect: name(k + 1), separation: *x }).collect();
     Ok(Some(proposal(&drives[chosen], &name(0), rivals, &so_far.1)))
@@ -175,7 +176,7 @@ fn best(all: impl IntoIterator<Item = Vec<f64>>) -> (usize, Vec<f64>) {
 
 impl VerbInput {
     /// The next experiment for the explanations that a diagnosis could not distinguish.
-    pub(super) fn next_experiment(&self, rivals: &[(usize, Vec<f64>)]) -> Option<NextExperiment> {
+    pub(super) fn next_experiment(&self, rivals: &[RivalPoint]) -> Option<NextExperiment> {
         // The logs were simulated at these points before, so these simulations do not diverge.
         next_experiment(&self.problem, rivals).ok().flatten()
     }

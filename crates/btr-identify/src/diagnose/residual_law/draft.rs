@@ -1,4 +1,4 @@
-//! Drafts of laws: orthogonal matching pursuit in the linear picture that probes of the terms give.
+//! Drafts of laws: orthogonal matching pursuit in the linear model from probes of the terms.
 
 use crate::fit::{FitPoint, Objective};
 use btr_core::signal::fft::peak_rate;
@@ -8,36 +8,42 @@ use std::ops::Range;
 
 /// The most terms of a law.
 const MOST_TERMS: usize = 3;
-/// How many logs the terms are probed on: those with the largest errors.
+/// Number of logs on which terms are probed: those with the largest errors.
 const PROBED_LOGS: usize = 2;
 /// The size of a probe, in typical sizes.
 const PROBE: f64 = 0.3;
-/// A further term must lower what is left to this share of it.
+/// Share to which a further term must lower the cost.
 const WORTH: f64 = 0.9;
 
-/// A law in the linear picture that the probes give.
+/// A law in the linear model of the probes, with its predicted cost.
 pub(super) struct Draft {
-    pub(super) terms: Vec<Drafted>,
+    pub(super) terms: Vec<DraftTerm>,
     pub(super) cost: f64,
 }
 
-/// A term of it: its shapes and amplitudes as coordinates.
+/// A term of a draft: its shapes and amplitudes as coordinates.
 #[derive(Clone)]
-pub(super) struct Drafted {
+pub(super) struct DraftTerm {
     pub(super) feature: usize,
     pub(super) shapes: Vec<f64>,
     pub(super) amplitudes: Vec<f64>,
 }
 
-/// A feature with its shapes, and its columns among those of its place.
+/// A term at some shapes, given as coordinates.
+struct ShapedTerm {
+    feature: usize,
+    shapes: Vec<f64>,
+}
+
+/// A term with its shapes, and its columns among those of its place.
 struct TermTrial {
     feature: usize,
     shapes: Vec<f64>,
     columns: Range<usize>,
 }
 
-/// The logs with the largest errors, and what the base's own parameters can do about them.
-pub(super) struct LawPicture<'a> {
+/// The linear model of a base on the logs with the largest errors.
+pub(super) struct LinearLawModel<'a> {
     objective: &'a Objective<'a>,
     base: &'a FitPoint,
     logs: Vec<(usize, Range<usize>)>,
@@ -46,7 +52,7 @@ pub(super) struct LawPicture<'a> {
     factors: Cholesky<f64, Dyn>,
 }
 
-impl<'a> LawPicture<'a> {
+impl<'a> LinearLawModel<'a> {
     pub(super) fn new(objective: &'a Objective<'a>, base: &'a FitPoint) -> Option<Self> {
         let logs = objective.worst_logs(&base.residual, PROBED_LOGS);
         let rows: Vec<usize> = logs.iter().flat_map(|(_, rows)| rows.clone()).collect();
@@ -56,11 +62,11 @@ impl<'a> LawPicture<'a> {
         for (k, &parameter) in base.active.iter().enumerate() {
             normal[(k, k)] += objective.parameters()[parameter].spread.powi(-2);
         }
-        Some(LawPicture { objective, base, logs, residual, jacobian, factors: normal.cholesky()? })
+        Some(LinearLawModel { objective, base, logs, residual, jacobian, factors: normal.cholesky()? })
     }
 
-    /// What is left of columns when the base's parameters answer them.
-    fn own(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    /// Columns with the response of the base's parameters projected out.
+    fn projected(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
         columns - &self.jacobian * self.factors.solve(&self.jacobian.tr_mul(columns))
     }
 
@@ -68,19 +74,23 @@ impl<'a> LawPicture<'a> {
     pub(super) fn draft(&self, place: Range<usize>) -> Option<Draft> {
         let features = self.objective.law_terms();
         let (mut trials, mut columns) = (Vec::new(), Vec::new());
-        let steady: Vec<(usize, Vec<f64>)> = place
+        let steady: Vec<ShapedTerm> = place
             .clone()
             .filter(|&i| features[i].swings.is_none())
-            .flat_map(|i| features[i].term.starts.iter().map(move |shapes| (i, shapes.clone())))
+            .flat_map(|i| {
+                let starts = features[i].term.starts.iter();
+                starts.map(move |shapes| ShapedTerm { feature: i, shapes: shapes.clone() })
+            })
             .collect();
         self.probe(&steady, &mut trials, &mut columns);
         let rate = |i: usize| {
             let plain = trials.iter().find(|trial| Some(trial.feature) == features[i].swings)?;
             let parameter = &self.objective.parameters()[*features[i].term.shapes.first()?];
-            Some((i, vec![parameter.clamp(parameter.coordinate(self.rate(&columns[plain.columns.start])?))]))
+            let rate = self.rate(&columns[plain.columns.start])?;
+            Some(ShapedTerm { feature: i, shapes: vec![parameter.clamp(parameter.coordinate(rate))] })
         };
-        let swinging: Vec<(usize, Vec<f64>)> = place.filter_map(rate).collect();
-        self.probe(&swinging, &mut trials, &mut columns);
+        let oscillating: Vec<ShapedTerm> = place.filter_map(rate).collect();
+        self.probe(&oscillating, &mut trials, &mut columns);
         if columns.is_empty() {
             return None;
         }
@@ -89,11 +99,11 @@ impl<'a> LawPicture<'a> {
     }
 
     /// Simulates terms of given shapes, and keeps the columns of those that can be simulated.
-    fn probe(&self, wanted: &[(usize, Vec<f64>)], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
+    fn probe(&self, starts: &[ShapedTerm], trials: &mut Vec<TermTrial>, columns: &mut Vec<DVector<f64>>) {
         let (features, parameters) = (self.objective.law_terms(), self.objective.parameters());
         let mut points = Vec::new();
-        for (i, shapes) in wanted {
-            let term = &features[*i].term;
+        for ShapedTerm { feature, shapes } in starts {
+            let term = &features[*feature].term;
             for &amplitude in &term.amplitudes {
                 let mut u = self.base.u.clone();
                 term.shapes.iter().zip(shapes).for_each(|(&k, &x)| u[k] = parameters[k].clamp(x));
@@ -102,18 +112,18 @@ impl<'a> LawPicture<'a> {
             }
         }
         let mut responses = self.respond(&points).into_iter();
-        for (feature, shapes) in wanted {
-            let own: Vec<Option<DVector<f64>>> =
+        for ShapedTerm { feature, shapes } in starts {
+            let term_columns: Vec<Option<DVector<f64>>> =
                 responses.by_ref().take(features[*feature].term.amplitudes.len()).collect();
-            if let Some(own) = own.into_iter().collect::<Option<Vec<_>>>() {
+            if let Some(term_columns) = term_columns.into_iter().collect::<Option<Vec<_>>>() {
                 let start = columns.len();
-                columns.extend(own);
+                columns.extend(term_columns);
                 trials.push(TermTrial { feature: *feature, shapes: shapes.clone(), columns: start..columns.len() });
             }
         }
     }
 
-    /// By how much points move the residual, per unit of the probe.
+    /// The change of the residual at each point, per unit of the probe.
     fn respond(&self, points: &[Vec<f64>]) -> Vec<Option<DVector<f64>>> {
         let mut changes: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points.len()];
         for (log, rows) in &self.logs {
@@ -129,8 +139,8 @@ impl<'a> LawPicture<'a> {
         changes.into_iter().map(|change| change.map(DVector::from_vec)).collect()
     }
 
-    /// At which rate, in rad/s, a term would have to swing: the peak of the spectrum of what it leaves, times its
-    /// response. A slow swing of a term swings its response alike.
+    /// The rate, in rad/s, at which a term should oscillate: the peak of the spectrum of its response times the
+    /// residual that it leaves. A slow oscillation of a term modulates its response alike.
     fn rate(&self, response: &DVector<f64>) -> Option<f64> {
         let norm = response.norm_squared();
         let share = if norm > 0.0 { response.dot(&self.residual) / norm } else { return None };
@@ -148,13 +158,13 @@ impl<'a> LawPicture<'a> {
         peak_rate(&samples, step_s)
     }
 
-    /// Orthogonal matching pursuit; as many terms as the criterion allows.
+    /// Orthogonal matching pursuit; the criterion determines the number of terms.
     fn pursue(&self, trials: &[TermTrial], columns: &DMatrix<f64>) -> Option<Draft> {
-        let own = self.own(columns);
-        let residual = self.own(&DMatrix::from_column_slice(self.residual.len(), 1, self.residual.as_slice()));
+        let projected = self.projected(columns);
+        let residual = self.projected(&DMatrix::from_column_slice(self.residual.len(), 1, self.residual.as_slice()));
         let normal = NormalEquations {
-            gram: columns.tr_mul(&own) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-3,
-            pull: own.tr_mul(&self.residual),
+            gram: columns.tr_mul(&projected) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-3,
+            gradient: projected.tr_mul(&self.residual),
             squares: self.residual.dot(&residual.column(0)),
         };
         let mut drafts: Vec<(Vec<&TermTrial>, Solved)> = Vec::new();
@@ -171,7 +181,7 @@ impl<'a> LawPicture<'a> {
         }
         let (_, last) = drafts.last()?;
         let left = residual.column(0)
-            + last.columns.iter().zip(&last.amplitudes).map(|(&c, a)| own.column(c) * *a).sum::<DVector<f64>>();
+            + last.columns.iter().zip(&last.amplitudes).map(|(&c, a)| projected.column(c) * *a).sum::<DVector<f64>>();
         let samples: usize = self.logs.iter().map(|(log, _)| self.objective.description.logs[*log].present).sum();
         let memory = autocorrelation_time(left.as_slice());
         let scale = memory * (last.cost / samples.max(1) as f64).max(1.0);
@@ -183,7 +193,7 @@ impl<'a> LawPicture<'a> {
         let (chosen, solved) =
             drafts.into_iter().min_by(|a, b| criterion(&a.0, &a.1).total_cmp(&criterion(&b.0, &b.1)))?;
         let mut amplitudes = solved.amplitudes.into_iter();
-        let term = |trial: &TermTrial| Drafted {
+        let term = |trial: &TermTrial| DraftTerm {
             feature: trial.feature,
             shapes: trial.shapes.clone(),
             amplitudes: amplitudes.by_ref().take(trial.columns.len()).collect(),
@@ -195,11 +205,11 @@ impl<'a> LawPicture<'a> {
 /// Normal equations of all columns of a place.
 struct NormalEquations {
     gram: DMatrix<f64>,
-    pull: DVector<f64>,
+    gradient: DVector<f64>,
     squares: f64,
 }
 
-/// The best amplitudes of some columns, and what is left.
+/// The best amplitudes of some columns, and the remaining cost.
 struct Solved {
     columns: Vec<usize>,
     amplitudes: Vec<f64>,
@@ -209,10 +219,10 @@ struct Solved {
 impl NormalEquations {
     fn solve(&self, chosen: &[&TermTrial]) -> Option<Solved> {
         let columns: Vec<usize> = chosen.iter().flat_map(|trial| trial.columns.clone()).collect();
-        let pull = self.pull.select_rows(&columns);
+        let gradient = self.gradient.select_rows(&columns);
         let gram = self.gram.select_rows(&columns).select_columns(&columns);
-        let amplitudes = -gram.cholesky()?.solve(&pull);
-        let cost = self.squares + pull.dot(&amplitudes);
+        let amplitudes = -gram.cholesky()?.solve(&gradient);
+        let cost = self.squares + gradient.dot(&amplitudes);
         cost.is_finite().then(|| Solved { columns, amplitudes: amplitudes.as_slice().to_vec(), cost })
     }
 }

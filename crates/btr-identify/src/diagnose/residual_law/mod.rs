@@ -1,9 +1,9 @@
-//! What an error looks like that no effect explains: a law of at most three terms at one place.
+//! Laws for an error that no effect explains: at most three terms at one place.
 //!
-//! Terms answer to the same probes as effects do. For each place (a joint's torque, its command, its reading) the terms
+//! Terms are probed like effects. For each place (a joint's torque, its command, its reading) the terms
 //! are picked greedily, all amplitudes being refitted after each pick (Y. C. Pati, R. Rezaiifar and P. S.
-//! Krishnaprasad, "Orthogonal matching pursuit", 1993), in what the base's own parameters cannot do. The best places
-//! are then fitted in earnest and judged on logs that nothing was fitted to.
+//! Krishnaprasad, "Orthogonal matching pursuit", 1993), with the response of the base's parameters projected out. The
+//! best places are then fitted in full and judged on held-out logs.
 //!
 //! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of
 //! three joints and four logs. There are at most two searches.
@@ -16,20 +16,20 @@ pub use law::ResidualLaw;
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::LawTerm;
-use draft::{Draft, LawPicture};
+use draft::{Draft, LinearLawModel};
 use std::ops::Range;
 
-/// How many places are fitted in earnest.
+/// Number of places that are fitted in full.
 const FINALISTS: usize = 2;
-/// What a fit may spend.
-const EFFORT: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
-/// A fit begins at the best of these multiples of the amplitudes that the probes promise: probes are small, laws are
-/// not.
+/// Budget of a fit.
+const BUDGET: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
+/// A fit begins at the best of these multiples of the amplitudes that the probes predict: probes are small, laws need
+/// not be.
 const SHARES: [f64; 3] = [1.0, 0.3, 3.0];
-/// Of places whose criteria are this close, the one that is listed first is preferred: a torque before what a servo
-/// makes one of.
+/// Of places whose criteria are this close, the first one listed is preferred: a torque before a command or reading
+/// that a servo turns into one.
 const CLOSE: f64 = 10.0;
-/// A term stays if the sum of squares without it were larger than this many times.
+/// A term is needed if the sum of squares without it is larger by more than this factor.
 const NEEDED: f64 = 1.05;
 /// A law that explains this share of the excess error replaces all effects...
 const ENOUGH: f64 = 0.8;
@@ -55,8 +55,8 @@ pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option
     preferred(first, second, found.and_then(|found| judged(objective, found)))
 }
 
-/// The law that leaves least, of those that explain enough. One that leaves more than the effects alone cannot take
-/// their place.
+/// Of the laws that explain enough, the one with the lowest error. A law that leaves more than the effects alone does
+/// not replace them.
 fn preferred(
     first: Option<(f64, ResidualLaw)>,
     second: Option<(f64, ResidualLaw)>,
@@ -67,8 +67,8 @@ fn preferred(
     better.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, law)| law)
 }
 
-/// The best law on top of a base, with what it leaves of the squares above the noise; what it explains counts from
-/// another fit.
+/// The best law on top of a base, with the squares above the noise that it leaves. The share that it explains is
+/// relative to the fit `from`.
 fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
     let (terms, fit) = search(objective, base)?;
     let (before, left) = (judged(objective, from)?, judged(objective, &fit)?.max(0.0));
@@ -90,9 +90,9 @@ fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoin
     if !base.fresh {
         base.differentiate(objective);
     }
-    let picture = LawPicture::new(objective, &base)?;
+    let linear = LinearLawModel::new(objective, &base)?;
     let places = places(objective.law_terms());
-    let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| picture.draft(place)).collect();
+    let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| linear.draft(place)).collect();
     drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     drafts.truncate(FINALISTS);
     let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(objective, &base, draft)).collect();
@@ -103,7 +103,7 @@ fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoin
     close.min_by(|(a, _), (b, _)| a.cmp(b))
 }
 
-/// The features of each place; those of one place follow one another.
+/// The law terms of each place; those of one place are adjacent.
 fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
     let mut places: Vec<Range<usize>> = Vec::new();
     for (i, feature) in features.iter().enumerate() {
@@ -116,7 +116,7 @@ fn places(features: &[LawTerm]) -> Vec<Range<usize>> {
     places
 }
 
-/// The fit of a draft with all free parameters, starting from where the probes point.
+/// The fit of a draft with all free parameters, starting from the amplitudes that the probes predict.
 fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<usize>, FitPoint)> {
     let (features, parameters) = (objective.law_terms(), objective.parameters());
     let mut active = base.active.clone();
@@ -135,12 +135,12 @@ fn finish(objective: &Objective, base: &FitPoint, draft: &Draft) -> Option<(Vec<
         FitPoint::at(objective, active.clone(), u, &base.step_error).ok()
     };
     let mut fit = SHARES.iter().filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    fit.solve(objective, EFFORT);
+    fit.solve(objective, BUDGET);
     let terms = draft.terms.iter().map(|term| term.feature).collect();
     Some(needed(objective, terms, fit))
 }
 
-/// Drops the terms that the fit can do without: far from where they were probed, some turn out to do nothing.
+/// Drops the terms that the fit does not need: at larger amplitudes than probed, some have no effect.
 fn needed(objective: &Objective, mut terms: Vec<usize>, mut fit: FitPoint) -> (Vec<usize>, FitPoint) {
     for term in terms.clone().into_iter().rev() {
         if terms.len() == 1 {
