@@ -1,4 +1,4 @@
-"""btr beside MuJoCo: the same robots, servos, commands and time steps, one core, in alternation.
+"""btr compared with MuJoCo: the same robots, servos, commands and time steps, one core, in alternation.
 
     python3 -m venv venv && venv/bin/pip install mujoco
     venv/bin/python benches/beside_mujoco.py [--rounds 20]
@@ -6,16 +6,15 @@
 btr writes the robot as MJCF (masses, inertias, joints, rotor inertia, servos with their limits, shapes, floor) together
 with the log of its own run; MuJoCo starts where that log starts and gets the log's commands, step by step, inside
 `mujoco.rollout`, so no Python runs between its steps. Its integrator is `implicitfast`, all other settings are its
-defaults. btr's figure holds whole rollouts: worlds, controllers, sensors, logs; of a single candidate, and of a population
-with other masses, which is simulated side by side. MuJoCo steps the candidates of a population one by one, so that one
-rollout tells its figure. Processor time is counted, and both take turns, so other work on the machine falls on both; trust
-the ratio of medians rather than either figure alone. Every scene is shown with btr's own engine (auto) and with its
-reference (rapier).
+defaults. btr's figure includes whole rollouts (worlds, controllers, sensors, logs), of a single candidate and of a
+population with other masses, which is simulated with SIMD. MuJoCo steps the candidates of a population one by one, so
+its figure is that of one rollout. Processor time is counted, and the two alternate, so that other load on the machine
+affects both; the ratio of medians is more reliable than either figure. Every scene is shown with btr's own engine
+(auto) and with its reference (rapier).
 
-Before any timing, the table's last columns say whether both did the same: how far the base moved along x, and its height at
-the end over that at the start; for a bolted robot, how far the joints' angles are apart at the end. Contacts are of
-different stiffness in all engines, so only roughly.
-"""
+The table's last columns, computed before any timing, show whether both did the same: the distance moved along x, and
+the base's height at the end relative to the start; for a fixed robot, the difference of joint angles at the end.
+Contact stiffness differs between all engines, so the agreement is only rough. """
 
 import argparse
 import csv
@@ -47,14 +46,14 @@ SCENES = [
     ("arm", 0.001, 1, "rapier"),
 ]
 ROLLOUTS_PER_ROUND = 2
-# Bases may end this far apart (m); a base below this share of its height has fallen.
+# Maximum distance of the bases at the end (m); a base below this fraction of its height has fallen.
 APART_M, FALLEN = 0.1, 0.7
-# ... and joints of a bolted robot this far (rad).
+# Maximum difference of joint angles of a fixed robot (rad).
 APART_RAD = 0.01
 
 
 def example(name, *arguments):
-    """Runs one of btr's examples, built beforehand, and gives back what it printed."""
+    """Runs one of btr's examples, built beforehand, and returns its output."""
     command = [ROOT / "target/release/examples" / name, *map(str, arguments)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
@@ -112,7 +111,7 @@ class Scene:
             self.us["MuJoCo"].append((time.thread_time() - begin) * 1e6 / len(self.commands))
 
     def agreement(self):
-        """How both moved, and whether that is the same."""
+        """The motion of both, and whether they agree."""
         last = self.mujoco_rollout()[-1]
         if not self.floats():
             apart = max(abs(self.log[f"q_{joint}"][-1] - q) for joint, q in zip(self.joints(), last[1:], strict=False))

@@ -1,5 +1,5 @@
-"""How long `btr.load_log` takes for one log as CSV, as MCAP, as another robot's MCAP and as a LeRobot episode: medians over
-rounds.
+"""Duration of `btr.load_log` for one log as CSV, as MCAP, as another robot's MCAP and as a LeRobot episode: medians
+over rounds.
 
     pip install . pyarrow rosbags
     python benches/python_load.py
@@ -24,7 +24,7 @@ ROWS, JOINTS, STEP_S, ROUNDS = 4024, 11, 0.002, 50
 
 
 def made() -> btr.Log:
-    """A log of 44 channels with noise, so that no digit comes for nothing."""
+    """A log of 44 channels with noise, so that all digits are significant."""
     random, phase = np.random.default_rng(1), 0.01 * np.arange(ROWS)
     names = [f"{prefix}_joint{k}" for prefix in ("cmd", "q", "dq", "tau") for k in range(JOINTS)]
     return btr.Log(STEP_S * np.arange(ROWS), {n: np.sin(phase + len(n)) + 1e-3 * random.standard_normal(ROWS) for n in names})

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What Python adds to a population of rollouts: the same ones from Rust and from Python, side by side.
+"""Overhead of Python on a population of rollouts: the same rollouts from Rust and from Python, in alternation.
 
     cargo build --release -p btr-lab --example rollouts && pip install .
     python benches/python_overhead.py [--candidates 64] [--rounds 12]
@@ -33,7 +33,7 @@ def from_python(model: btr.Model, candidates: int) -> float:
         logs = model.simulate_all(nominal)
         seconds.append(time.perf_counter() - began)
         assert None not in logs
-        # As in Rust, what becomes of the logs is not counted.
+        # As in Rust, the time to free the logs is not counted.
         del logs
     return statistics.median(seconds)
 

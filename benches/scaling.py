@@ -2,12 +2,12 @@
 """Cost and limits of remote workers.
 
     pip install '.[ray]'
-    python benches/scaling.py ray [--rounds 5]     # one worker and two of Ray on this machine, beside threads
-    python benches/scaling.py extrapolate          # up to 1000 workers that only take their time
+    python benches/scaling.py ray [--rounds 5]     # one and two Ray workers on this machine, compared with threads
+    python benches/scaling.py extrapolate          # up to 1000 simulated workers
 
-`extrapolate` runs two generations of a population once, and keeps the answer to every batch. Then it runs them again with
-workers that give the same answers after the time that their simulations would take on a core of their own: everything is
-measured but the simulations and the network, so this is the limit of the dispatching machine.
+`extrapolate` runs two generations of a population once and records the result of every batch. Then it runs them again
+with workers that return the recorded results after the time that the simulations would take on a core of their own.
+Everything except simulations and network is measured, so this is the limit of the dispatching machine.
 """
 
 import argparse
@@ -25,7 +25,7 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 class Counted:
-    """An executor that counts its messages; threads of this process do the work."""
+    """An executor that counts its messages; its workers are threads of this process."""
 
     def __init__(self, workers: int) -> None:
         self.workers, self.lock = workers, threading.Lock()
@@ -44,7 +44,7 @@ class Counted:
 
 
 class Recorded(Counted):
-    """Keeps answers."""
+    """Records results."""
 
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
@@ -56,7 +56,7 @@ class Recorded(Counted):
 
 
 class Replayed(Counted):
-    """Gives kept answers, after the time they take."""
+    """Returns recorded results after the time that they would take."""
 
     def __init__(self, recorded: Recorded, candidates: int, seconds: float) -> None:
         super().__init__(recorded.workers)

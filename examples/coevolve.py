@@ -1,13 +1,14 @@
 # %% [markdown]
-# # The loop with a robot that is a function
+# # The loop with a Python function as the robot
 #
-# Controllers are found in simulation, a few are tried in reality, and what they really did finds a better simulation. Reality
-# is any function that plays a controller's references and gives back what the sensors said. Here it is a pendulum whose hinge
-# rubs, and the simulations know nothing of friction: the loop notices, stops, says what it lacks, and goes on with it.
+# Controllers are searched in simulation, a few are tested in reality, and the measured behaviour improves the
+# simulation. Reality is any function that executes a controller's references and returns the sensor readings. Here it
+# is a pendulum with friction in its hinge, which the simulations lack: the loop detects this, stops, names the missing
+# effect, and continues with it.
 #
 #     python examples/coevolve.py
 #
-# A quarter of a minute. The cells run as a script, and as a notebook in VS Code or with jupytext.
+# Takes a quarter of a minute. The cells run as a script, and as a notebook in VS Code or with jupytext.
 
 # %%
 import tempfile
@@ -18,13 +19,14 @@ import numpy as np
 
 import btr
 
-# A notebook has no `__file__`; it begins in its own folder.
+# A notebook has no `__file__`; its working directory is its own folder.
 HERE = Path(__file__).parent if "__file__" in globals() else Path.cwd()
 OUT = Path(tempfile.mkdtemp(prefix="btr_"))
 
 # %% [markdown]
 # ## The experiment
-# One of those that ship. Any value of the file can be changed by its dotted key; the `[reality]` in it is not used here.
+# One of the bundled experiments. Any value of the file can be changed by its dotted key; its `[reality]` is not used
+# here.
 
 # %%
 experiment = btr.load_model(HERE.parent / "robots" / "disengage.toml", {"coevolve.simulators.generations": 10})
@@ -32,9 +34,10 @@ print(repr(experiment))
 
 # %% [markdown]
 # ## The robot
-# It is told what to do by `controller.references`, commands on a clock that each hold until the next, from rest at
-# `controller.start`. `controller.parameters` are the controller's own numbers. What the robot could not do ends in
-# `btr.TestFailed`: the test is spent, and the run goes on. Any other exception ends the run, to be resumed with the same test.
+# It receives `controller.references`, commands on a clock that are each held until the next, starting at rest at
+# `controller.start`. `controller.parameters` are the controller's parameters. If the robot cannot execute a test, it
+# raises `btr.TestFailed`: the test counts, and the run continues. Any other exception ends the run, which can be
+# resumed with the same test.
 
 # %%
 TRUTH = {"mass_kg = 1.0": "mass_kg = 1.2", "kp = 10.0": "kp = 9.0"}
@@ -43,33 +46,34 @@ FRICTION_NM = 0.4
 
 
 class Robot:
-    """A pendulum of other numbers in finer steps, with friction; in its third test somebody trips over its cable."""
+    """A pendulum with other parameters, smaller time steps and friction; its third test fails."""
 
     def __init__(self) -> None:
         text = experiment.text
-        for believed, true in {**TRUTH, **FINER}.items():
-            text = text.replace(believed, true)
-        rubbing = f'\n[[effects]]\neffect = "coulomb_friction"\nsite = "hinge"\ntorque = {FRICTION_NM}\n'
-        self.model = btr.Model(text + rubbing, experiment.path)
+        for nominal, true in {**TRUTH, **FINER}.items():
+            text = text.replace(nominal, true)
+        friction = f'\n[[effects]]\neffect = "coulomb_friction"\nsite = "hinge"\ntorque = {FRICTION_NM}\n'
+        self.model = btr.Model(text + friction, experiment.path)
 
     def __call__(self, controller: btr.Controller) -> btr.Log:
         print(f"  test {controller.number}: amplitude {controller.parameters['amplitude@hinge']:.2f} rad")
         if controller.number == 2:
             raise btr.TestFailed("the cable came off")
-        told = controller.references
-        begins = np.full(len(told), controller.start["hinge"])
-        return self.model.simulate(btr.Log(told.clock_s, {**told.to_dict(), "q_hinge": begins}), seed=controller.number)
+        commands = controller.references
+        start = np.full(len(commands), controller.start["hinge"])
+        log = btr.Log(commands.clock_s, {**commands.to_dict(), "q_hinge": start})
+        return self.model.simulate(log, seed=controller.number)
 
 
 # %% [markdown]
-# ## Interrupted
-# `tell` hears every closed iteration. Whatever it raises ends the run, as Ctrl-C or a lost machine would; every real test is on
-# disk by then.
+# ## Interrupt
+# `tell` is called with every completed iteration. An exception in it ends the run, as Ctrl-C or a lost machine would;
+# by then every real test is on disk.
 
 
 # %%
 class LunchBreak(Exception):
-    """Somebody has had enough for now."""
+    """Interrupts the run."""
 
 
 def tell(iteration: btr.coevolution.Iteration) -> None:
@@ -89,17 +93,17 @@ except LunchBreak:
     print("interrupted")
 
 # %% [markdown]
-# ## Resumed
-# No real test is asked for twice. In the end fresh tests are still mispredicted, whatever mass and gain are: the run stops as
-# disengaged, and asks its real tests what the simulations lack.
+# ## Resume
+# No real test is requested twice. In the end fresh tests are still mispredicted for all masses and gains: the run stops
+# as disengaged, and diagnoses from its real tests what the simulations lack.
 
 # %%
 run = btr.coevolve(experiment, robot, out=OUT / "run", resume=True, tell=tell)
 print(f"\n{run!r}\n")
 
 # %% [markdown]
-# ## In a larger space
-# With the effect in it the experiment goes on in the same folder, with every real test there is.
+# ## Continue in a larger space
+# With the effect added, the experiment continues in the same folder and uses all its real tests.
 
 # %%
 run = btr.coevolve(experiment.add(*run.missing), robot, out=OUT / "run", resume=True, tell=tell)
@@ -108,12 +112,12 @@ for name, value in run.iterations[-1]["parameters"].items():
     print(f"{name} = {value:.3f}")
 
 # %% [markdown]
-# ## What it leaves
-# A notebook shows the run with its figures. The adapted model is one to simulate and to compare with.
+# ## Results
+# A notebook shows the run with its figures. The adapted model can be simulated and compared with logs.
 
 # %%
 if find_spec("matplotlib"):
     run.plot()[0].figure.savefig(OUT / "run.png")
 adapted = btr.load_model(run.adapted)
-print(f"\nthe model with them: {adapted!r}")
+print(f"\nadapted model: {adapted!r}")
 run

@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
-"""Another simulator for a robot: an arm in MuJoCo has something in a joint that btr's model of it lacks.
+"""Another simulator as the robot: an arm in MuJoCo has an effect in a joint that btr's model lacks.
 
     pip install . mujoco
     python examples/mujoco_reality.py [--plant coulomb_friction|armature|command_delay]
 
-The two know nothing of each other: MuJoCo reads the same URDF, with masses and gains that are somewhat off, takes steps of
-its own, and has noisy encoders. The loop asks it for the motions on which simulations that explain the past disagree, and
-finds masses and gains that explain them as well as such a model can; that is not well. The real tests are then asked what the
-model lacks; it is added, fitted, and judged on motions that nothing was fitted to. Half a minute.
-"""
+The two simulators are independent: MuJoCo reads the same URDF, with other masses and gains, uses its own time steps,
+and has noisy encoders. The loop requests the motions on which simulations that explain the previous tests disagree, and
+fits masses and gains to them; a large error remains. What the model lacks is then diagnosed from the real tests, added
+and fitted, and evaluated on held-out motions. Takes half a minute. """
 
 import argparse
 import math
@@ -22,12 +21,12 @@ import btr
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 STEP_S, NOISE_RAD, QUANTUM_RAD = 0.0001, 0.0005, 0.0017453
-# Masses and gains of the robot, as a share of what the model file says.
+# Masses and gains of the robot, relative to the model file.
 MASS, KP, KD = {"turret": 1.1, "upper": 0.9, "forearm": 1.15}, 1.06, 0.95
 PLANTED = {"coulomb_friction": 0.25, "armature": 0.03, "command_delay": 0.02}  # N·m, kg·m², s
 JOINT = "shoulder"
 
-# What the model file of the arm needs to become an experiment.
+# Tables that turn the model file of the arm into an experiment.
 LOOP = """
 [drive]
 kind = "sine"
@@ -55,7 +54,7 @@ refine = 5
 
 
 class Robot:
-    """The arm in MuJoCo. Called with a controller it plays the references and gives back what the encoders said."""
+    """The arm in MuJoCo. Called with a controller, it executes the references and returns the encoders' readings."""
 
     def __init__(self, planted: str, model: btr.Model) -> None:
         self.joints, self.noise = model.joints, np.random.default_rng(1)
@@ -71,7 +70,7 @@ class Robot:
         if planted == "armature":
             spec.joint(JOINT).armature = PLANTED["armature"]
         if planted == "coulomb_friction":
-            # As hard as a constraint can be: with MuJoCo's defaults a joint that sticks creeps.
+            # The stiffest possible constraint: with MuJoCo's defaults a sticking joint creeps.
             joint = spec.joint(JOINT)
             joint.frictionloss = PLANTED["coulomb_friction"]
             joint.solref_friction, joint.solimp_friction = [2 * STEP_S, 1], [0.999, 0.9999, 0.0001, 0.5, 2]
@@ -85,10 +84,10 @@ class Robot:
     def __call__(self, controller: btr.Controller) -> btr.Log:
         return self.play(controller.references, controller.start)
 
-    def play(self, told: btr.Log, start: dict[str, float]) -> btr.Log:
-        """What the encoders say at every tick while the arm is told this, from rest at `start`."""
-        data, clock_s = mujoco.MjData(self.model), told.clock_s
-        commands = np.array([told[f"cmd_{joint}"] for joint in self.joints])
+    def play(self, references: btr.Log, start: dict[str, float]) -> btr.Log:
+        """The encoders' readings at every tick for these commands, from rest at `start`."""
+        data, clock_s = mujoco.MjData(self.model), references.clock_s
+        commands = np.array([references[f"cmd_{joint}"] for joint in self.joints])
         data.qpos[:] = [start[joint] for joint in self.joints]
         positions, velocities, torques = (np.zeros_like(commands) for _ in range(3))
         for tick in range(len(clock_s)):
@@ -105,12 +104,15 @@ class Robot:
 
 
 def fresh(joints: list[str], seed: int) -> btr.Log:
-    """Commands that the loop has never asked for: sums of sines that swell."""
+    """Commands that the loop has not used: sums of sines of growing amplitude."""
     rng, clock_s = np.random.default_rng(seed), np.arange(0, 4.005, 0.01)
     swell = np.minimum(clock_s / 0.5, 1)
     waves = {joint: (rng.uniform(0.1, 0.25, 4), rng.uniform(1, 9, 4), rng.uniform(0, math.tau, 4)) for joint in joints}
-    command = {joint: swell * sum(a * np.sin(w * clock_s + p) for a, w, p in zip(*wave)) for joint, wave in waves.items()}
-    return btr.Log(clock_s, {f"cmd_{joint}": values for joint, values in command.items()})
+    commands = {
+        f"cmd_{joint}": swell * sum(a * np.sin(w * clock_s + p) for a, w, p in zip(*wave))
+        for joint, wave in waves.items()
+    }
+    return btr.Log(clock_s, commands)
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
-"""A physical effect of your own: a law as an expression, then one as a function, fitted to the logs of the bundled desk arm.
+"""A user-defined physical effect: a law as an expression, then as a function, fitted to the logs of the bundled desk
+arm.
 
     python examples/own_effect.py
 
-The arm's model believes that nothing rubs; its logs say otherwise. Takes about a quarter of a minute.
+The arm's model has no friction; its logs show some. Takes about a quarter of a minute.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ LEARN = sorted((ROBOTS / "arm").glob("learn_*.csv"))[:2]
 HELD_OUT = sorted((ROBOTS / "arm").glob("held_out_*.csv"))[:1]
 
 
-def friction(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float, forward: float, backward: float) -> float:
-    """Dry friction in N·m that need not be the same in both directions; its jump is spread over 0.01 rad/s."""
+def friction(
+    q: float, dq: float, ddq: float, cmd: float, tau: float, t: float, forward: float, backward: float
+) -> float:
+    """Dry friction in N·m that may differ by direction; its jump is smoothed over 0.01 rad/s."""
     return -(forward if dq > 0 else backward) * math.tanh(dq / 0.01)
 
 
 def tell(what: str, fitted: btr.FitResult) -> None:
-    """The error in multiples of the sensors' noise, and the law's numbers with their intervals."""
+    """Prints the errors in multiples of the sensors' noise, and the law's parameters with their intervals."""
     print(f"{what}: error {fitted.train:.2f}, held out {fitted.held_out:.2f}")
     for number in fitted.parameters:
         if number["name"].startswith("formula."):
@@ -33,13 +36,13 @@ def tell(what: str, fitted: btr.FitResult) -> None:
 
 def main() -> None:
     arm = btr.load_model(ROBOTS / "arm.toml")
-    tell("as its maker thinks it is", btr.fit(arm, LEARN, held_out=HELD_OUT))
+    tell("nominal model", btr.fit(arm, LEARN, held_out=HELD_OUT))
 
-    # `a` is a free parameter between 0 and 2 N·m, `b` (in rad/s) is known. The saved file is one that the command line understands.
+    # `a` is a free parameter between 0 and 2 N·m, `b` (in rad/s) is known. The command line can read the saved file.
     rubbing = arm.add_law("-a*tanh(dq/b)", site="yaw", a=(0.0, 2.0), b=0.01)
     tell("with an expression", btr.fit(rubbing, LEARN, held_out=HELD_OUT))
 
-    # What an expression cannot say, a function can; it is slower, so one log has to do.
+    # A function can compute anything. It is slower, so it is fitted to one log.
     either_way = arm.add_law(friction, site="yaw", forward=(0.0, 2.0), backward=(0.0, 2.0))
     tell("with a function", btr.fit(either_way, LEARN[:1], held_out=HELD_OUT))
 

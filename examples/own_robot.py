@@ -1,13 +1,13 @@
 # %% [markdown]
 # # A robot of your own
 #
-# What btr needs to know of a robot: a URDF, a short text around it, and logs. Here all three are made up on the spot, a leg of
-# two servos that hangs from a bench, so that it is known what should be found: the shank is heavier than its maker believes,
-# and the knee's gears have play. Put your own files in their place, step by step.
+# btr needs a URDF of the robot, a short model file, and logs. Here all three are generated for a leg with two servos
+# that hangs from a bench, so that the correct result is known: the shank is heavier than its nominal mass, and the
+# knee's gears have backlash. Replace them with your own files, step by step.
 #
 #     python examples/own_robot.py
 #
-# Half a minute. The cells run as a script, and as a notebook in VS Code or with jupytext.
+# Takes half a minute. The cells run as a script, and as a notebook in VS Code or with jupytext.
 
 # %%
 import tempfile
@@ -21,12 +21,12 @@ OUT = Path(tempfile.mkdtemp(prefix="btr_"))
 
 # %% [markdown]
 # ## 1. The robot
-# Any URDF: links with masses and inertias, joints with axes and limits. Meshes are not looked at.
+# Any URDF: links with masses and inertias, joints with axes and limits. Meshes are ignored.
 
 
 # %%
 def urdf(thigh_kg: float, shank_kg: float) -> str:
-    """The leg. In reality it has other masses than on paper."""
+    """URDF of the leg. The real leg has other masses than the nominal one."""
 
     def link(name: str, mass_kg: float, length_m: float) -> str:
         inertia = mass_kg * length_m**2 / 12
@@ -45,15 +45,17 @@ def urdf(thigh_kg: float, shank_kg: float) -> str:
   </joint>"""
 
     links = link("bench", 5.0, 0.1) + link("thigh", thigh_kg, 0.2) + link("shank", shank_kg, 0.18)
-    return f'<robot name="leg">{links}{hinge("hip", "bench", "thigh", 0.0)}{hinge("knee", "thigh", "shank", 0.2)}\n</robot>'
+    joints = hinge("hip", "bench", "thigh", 0.0) + hinge("knee", "thigh", "shank", 0.2)
+    return f'<robot name="leg">{links}{joints}\n</robot>'
 
 
 (OUT / "leg.urdf").write_text(urdf(thigh_kg=0.5, shank_kg=0.3))
 
 # %% [markdown]
-# ## 2. What is known of it
-# Servos, sensors, and the free parameters with their bounds. The robot takes a command every `control_s`, in so many steps of the
-# simulation. This recorder has names of its own, a clock in ms and angles in degrees; `[channels]` translates them.
+# ## 2. The model file
+# Servos, sensors, and the free parameters with their bounds. The robot receives a command every `control_s`, which is
+# `steps_per_control` simulation steps. This recorder uses its own names, a clock in ms and angles in degrees;
+# `[channels]` maps them.
 
 # %%
 MODEL = """
@@ -93,21 +95,25 @@ print(repr(leg))
 
 # %% [markdown]
 # ## 3. Its logs
-# A few seconds each, with motions that differ: slow and fast, with reversals, both joints at once. This is the cell to leave
-# out with a robot at hand. Here another leg is simulated in finer steps, and recorded by what writes CSV files in its own way.
+# A few seconds each, with different motions: slow and fast, with reversals, both joints at once. Skip this cell if you
+# have a robot. Here another leg is simulated with smaller time steps, and recorded in the CSV format of the recorder.
 
 # %%
 (OUT / "real.urdf").write_text(urdf(thigh_kg=0.5, shank_kg=0.36))
-PLAY = '[[effects]]\neffect = "backlash"\nsite = "knee"\ngap = 0.03\n'
-FINER = {"leg.urdf": "real.urdf", "steps_per_control = 10": "steps_per_control = 40", "sample_every = 10": "sample_every = 40"}
-text = MODEL + PLAY
-for believed, true in FINER.items():
-    text = text.replace(believed, true)
+BACKLASH = '[[effects]]\neffect = "backlash"\nsite = "knee"\ngap = 0.03\n'
+FINER = {
+    "leg.urdf": "real.urdf",
+    "steps_per_control = 10": "steps_per_control = 40",
+    "sample_every = 10": "sample_every = 40",
+}
+text = MODEL + BACKLASH
+for nominal, true in FINER.items():
+    text = text.replace(nominal, true)
 reality = btr.Model(text, OUT / "real.toml")
 
 
 def record(seed: int) -> Path:
-    """Sums of sines that swell from rest, and what the encoders say to them."""
+    """Sums of sines that grow from rest, and the encoders' readings."""
     rng, clock_s = np.random.default_rng(seed), np.arange(0, 5, 0.01)
     swell = np.minimum(clock_s, 1.0)
 
@@ -115,9 +121,10 @@ def record(seed: int) -> Path:
         waves = zip(rng.uniform(0.1, 0.3, 3), rng.uniform(1, 8, 3), rng.uniform(0, np.pi, 3))
         return swell * sum(size_rad * np.sin(rate * clock_s + phase) for size_rad, rate, phase in waves)
 
-    told = btr.Log(clock_s, {"cmd_hip": motion(), "cmd_knee": motion()})
-    did = reality.simulate(told, seed=seed)
-    angles_deg = [np.degrees(values) for values in (told["cmd_hip"], did["q_hip"], told["cmd_knee"], did["q_knee"])]
+    commands = btr.Log(clock_s, {"cmd_hip": motion(), "cmd_knee": motion()})
+    measured = reality.simulate(commands, seed=seed)
+    angles = commands["cmd_hip"], measured["q_hip"], commands["cmd_knee"], measured["q_knee"]
+    angles_deg = [np.degrees(values) for values in angles]
     path, header = OUT / f"log_{seed}.csv", "time_ms,hip_target,hip_position,knee_target,knee_position"
     np.savetxt(path, np.column_stack([1000 * clock_s, *angles_deg]), delimiter=",", header=header, comments="")
     return path
@@ -126,16 +133,16 @@ def record(seed: int) -> Path:
 learn, held_out = [record(1), record(2)], [record(3)]
 
 # %% [markdown]
-# A path is a log, and so are arrays (`btr.Log(clock_s, {"cmd_hip": ..., "q_hip": ...})`, in s and rad) and frames of pandas or
-# polars with a column `t`. `btr.load_log` shows what is made of a file.
+# A path is a log, and so are arrays (`btr.Log(clock_s, {"cmd_hip": ..., "q_hip": ...})`, in s and rad) and frames of
+# pandas or polars with a column `t`. `btr.load_log` shows how btr reads a file.
 
 # %%
 log = btr.load_log(learn[0], model=leg)
 print(f"{log!r}: the knee goes from {log['q_knee'].min():.2f} to {log['q_knee'].max():.2f} {log.unit('q_knee')}")
 
 # %% [markdown]
-# ## 4. Does the text fit the robot?
-# What `check` finds bad has to be mended first: a sign, a unit, a joint that follows late.
+# ## 4. Does the model file match the robot?
+# Fix what `check` reports as bad first: a sign, a unit, a joint that follows late.
 
 # %%
 print(f"\n{btr.check(leg, learn)!r}")
@@ -149,8 +156,8 @@ answer = btr.diagnose(leg, learn, held_out=held_out)
 print(f"\n{answer!r}")
 
 # %% [markdown]
-# ## 6. The numbers of this leg
-# In units of their own, with 95 % intervals. Planted were 0.36 kg and 0.03 rad.
+# ## 6. The parameters of this leg
+# In their units, with 95 % intervals. The true values are 0.36 kg and 0.03 rad.
 
 # %%
 fitted = btr.fit(leg, learn, held_out=held_out, add=answer.names)

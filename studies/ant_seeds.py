@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Ten seeds of the ant: does it find all four leg lengths, and does it beat evolution in reality alone?
+"""Ten seeds of the ant: does it identify all four leg lengths, and does it beat evolution in reality alone?
 
     cargo build --release && python3 studies/ant_seeds.py [--seeds 10] [--out runs/ant-seeds]
 
-For each seed it runs `robots/ant.toml` (phi_1, at most 180 real tests), the same genetic algorithm spending 180 tests in
-reality alone, and `robots/ant-series.toml` (time series and the disagreement rule, 12 real tests). Runs that are in the
-output folder already are read, not repeated. Needs nothing but the standard library.
+For each seed it runs `robots/ant.toml` (phi_1, at most 180 real tests), the same genetic algorithm with 180 tests in
+reality alone, and `robots/ant-series.toml` (time series and the disagreement rule, 12 real tests). Runs already in the
+output folder are read, not repeated. Needs only the standard library.
 """
 
 import argparse
@@ -15,11 +15,11 @@ from asking import BTR, ROOT, coevolved, heading_deg, simulated, worst_error
 
 REALITY_ONLY = {"coevolve.method": "reality_only", "coevolve.iterations": "9"}
 STRIDES_S = 1.98
-"""How long a test of the ant lasts: three strides."""
+"""Duration of a test of the ant: three strides."""
 
 
 def tests_to(run: dict, percent: float) -> str:
-    """Real tests after which all lengths are and stay within so many percent."""
+    """Number of real tests after which all lengths stay within so many percent."""
     truth = run["revealed"]["parameters"]
     good = None
     for iteration in run["iterations"]:
@@ -29,8 +29,8 @@ def tests_to(run: dict, percent: float) -> str:
 
 
 def course(folder: pathlib.Path, btr: str) -> tuple[float, float, float]:
-    """How a run's last gait goes in its own simulation, whose lengths are right to a fraction of a percent: metres ahead and
-    aside, and degrees turned."""
+    """A run's last gait in its final simulation, whose lengths are correct to a fraction of a percent: metres ahead and
+    sideways, and heading in degrees."""
     last = simulated(btr, folder / "adapted.toml", folder / "gait.csv", STRIDES_S)[-1]
     return last["base_x"], last["base_y"], heading_deg(last)
 

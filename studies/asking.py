@@ -1,4 +1,4 @@
-"""What studies share: asking btr, and the data that they may use where it is there."""
+"""Helpers of the studies: running btr, and locating optional data."""
 
 import argparse
 import csv
@@ -16,7 +16,7 @@ BTR = str(ROOT / "target" / "release" / "btr")
 
 
 def ask(btr: str, *words: str) -> dict:
-    """What a verb of btr says."""
+    """The output of a btr command."""
     done = subprocess.run([btr, *words, "--json", "-q"], capture_output=True, text=True)
     said = json.loads(done.stdout) if done.stdout.strip() else {"ok": False}
     if not said["ok"]:
@@ -25,16 +25,16 @@ def ask(btr: str, *words: str) -> dict:
 
 
 def coevolved(btr: str, folder: Path, experiment: Path, seed: int, settings: dict[str, str] | None = None) -> dict:
-    """The history of an experiment's run, which is made first, or gone on with, where the folder has none yet.
+    """The history of an experiment's run; starts or resumes the run if the folder has no finished one.
 
-    The seconds that this took are in `seconds.txt` beside it."""
+    The duration in seconds is written to `seconds.txt` in the same folder."""
     if not (folder / "history.json").exists():
         command = [btr, "coevolve", str(experiment), "--quiet", "--seed", str(seed), "--out", str(folder)]
         command += [word for key, value in (settings or {}).items() for word in ("--set", f"{key}={value}")]
         command += ["--resume"] if (folder / "checkpoint.bin").exists() else []
         began = time.monotonic()
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        # 1: the run is over and says that it disengaged or missed its goal.
+        # Exit code 1: the run ended disengaged or missed its goal.
         if done.returncode not in (0, 1):
             raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
         (folder / "seconds.txt").write_text(f"{time.monotonic() - began:.1f}")
@@ -42,7 +42,7 @@ def coevolved(btr: str, folder: Path, experiment: Path, seed: int, settings: dic
 
 
 def coevolved_text(btr: str, folder: Path, text: str, seed: int) -> dict:
-    """The same of an experiment that is no file yet; it is kept in the folder as `asked.toml`."""
+    """The history of an experiment given as text, which is saved in the folder as `asked.toml`."""
     folder.mkdir(parents=True, exist_ok=True)
     experiment = folder / "asked.toml"
     experiment.write_text(text)
@@ -50,12 +50,12 @@ def coevolved_text(btr: str, folder: Path, text: str, seed: int) -> dict:
 
 
 def seconds(folder: Path) -> float:
-    """How long a run took."""
+    """Duration of a run."""
     return float((folder / "seconds.txt").read_text())
 
 
 def simulated(btr: str, model: Path, log: Path, duration_s: float) -> list[dict[str, float]]:
-    """What a model does with its own drive, sample by sample; `log` is written over."""
+    """The rows of a simulation with the model's own drive; overwrites `log`."""
     command = [btr, "simulate", str(model), "-o", str(log), "--overwrite", "-q"]
     subprocess.run([*command, "--set", f"simulation.duration_s={duration_s:.3f}"], cwd=ROOT, check=True)
     with log.open() as file:
@@ -63,7 +63,7 @@ def simulated(btr: str, model: Path, log: Path, duration_s: float) -> list[dict[
 
 
 def heading_deg(row: dict[str, float]) -> float:
-    """Where a robot's base heads, by a row of a log."""
+    """Heading of a robot's base in a row of a log."""
     w, x, y, z = (row[f"base_q{axis}"] for axis in "wxyz")
     return math.degrees(math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
 
@@ -82,13 +82,13 @@ def quartiles(values: list[float]) -> tuple[float, float, float]:
 
 
 def run(study: Callable[[str, Path], None], data: Path, doc: str | None) -> None:
-    """The command line of a study on data that may not be there: `study` gets btr's path and a folder to work in."""
+    """The command line of a study on optional data; `study` receives btr's path and a working folder."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--btr", default=BTR)
     parser.add_argument("--keep", type=Path, help="where to keep logs and models")
     args = parser.parse_args()
     if not data.exists():
-        print("skipped: data not there")
+        print("skipped: data not found")
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = args.keep or Path(temporary)

@@ -1,16 +1,15 @@
 #!/usr/bin/env python3
-"""btr beside mujoco.sysid: both get the logs of an arm with dry friction on one joint, which the model lacks.
+"""btr and mujoco.sysid on the same logs: an arm with dry friction on one joint, which the model lacks.
 
     cargo build --release && python3 -m venv venv && venv/bin/pip install 'mujoco[sysid]'
     venv/bin/python studies/beside_mujoco_sysid.py [--frictions 0.2,0.5,1.0] [--seed 1000]
 
 Reality is the arm of `robots/arm5.toml` in MuJoCo, with other rotor inertias and dampings, noisy encoders, and a
-frictionloss on its shoulder. mujoco.sysid fits the free parameters (five armatures, five dampings) with MuJoCo itself: it has
-reality's own integrator, step and initial states. With `--by-hand` it is then told what to look for: a frictionloss is
-fitted to one joint after the other, and the best of five is taken. btr gets the model file and the logs: `fit`, then
-`compare` of what was fitted, and `diagnose` and `fit --add` from the model file again. An interval is a parameter's 95 %
-one. Takes two to four minutes per friction on two cores, and `--by-hand` several more.
-"""
+frictionloss on its shoulder. mujoco.sysid fits the free parameters (five armatures, five dampings) with MuJoCo itself:
+it has reality's integrator, time step and initial states. With `--by-hand` it also fits a frictionloss to one joint
+after the other, and the best of five is taken. btr gets the model file and the logs: `fit`, then `compare` of the
+fitted model, and `diagnose` and `fit --add` from the original model file. Intervals are 95 % intervals of parameters.
+Takes two to four minutes per friction on two cores, and several more with `--by-hand`. """
 
 import argparse
 import contextlib
@@ -62,7 +61,7 @@ class Doubts:
 
 
 class Arm:
-    """The five-joint arm as its files say."""
+    """The five-joint arm of the model files."""
 
     def __init__(self) -> None:
         self.toml = tomllib.loads(MODEL.read_text())
@@ -74,7 +73,7 @@ class Arm:
         return tuple(self.toml["parameters"][f"{name}@{joint}"]["bounds"])
 
     def nominal(self) -> Doubts:
-        """The middle of all bounds, which span a factor of four."""
+        """The geometric middle of all bounds, which span a factor of four."""
         middle = lambda quantity: {joint: 2.0 * self.bounds(quantity, joint)[0] for joint in self.joints}  # noqa: E731
         return Doubts(middle("armature"), middle("damping"))
 
@@ -104,7 +103,7 @@ class Arm:
 
 @dataclass
 class Episode:
-    """What the arm was told and did, and its state when the log begins."""
+    """Commands and readings of the arm, and its state at the start of the log."""
 
     commands: np.ndarray
     readings: np.ndarray
@@ -112,7 +111,7 @@ class Episode:
 
 
 def record(arm: Arm, friction: float, rng: np.random.Generator) -> tuple[Doubts, list[Episode]]:
-    """Reality's episodes, first those to learn from."""
+    """Reality's episodes, training episodes first."""
     off = lambda values: {joint: value * rng.uniform(0.75, 1.5) for joint, value in values.items()}  # noqa: E731
     truth = Doubts(off(arm.nominal().armature), off(arm.nominal().damping))
     model = arm.spec(truth, friction).compile()
@@ -128,7 +127,7 @@ def record(arm: Arm, friction: float, rng: np.random.Generator) -> tuple[Doubts,
 
 
 def simulate(model: mujoco.MjModel, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The state after the arm has held its first command for a while, and the angles at every tick from then on."""
+    """The state after the arm has held its first command for a while, and the angles at every later tick."""
     data = mujoco.MjData(model)
     data.qpos[:], data.ctrl[:] = commands[0], commands[0]
     mujoco.mj_step(model, data, round(SETTLE_S / STEP_S))
@@ -159,7 +158,7 @@ def sequences(arm: Arm, spec: mujoco.MjSpec, episodes: list[Episode]) -> sysid.M
     held = [np.repeat(episode.commands, STEPS_PER_TICK, axis=0)[: 1 - STEPS_PER_TICK] for episode in episodes]
     fine = np.arange(len(held[0])) * STEP_S
     controls = [sysid.TimeSeries(fine, told) for told in held]
-    # In a rollout MuJoCo's sensors are one step behind its state, which would be taken for damping: so states are compared.
+    # In a rollout MuJoCo's sensors lag its state by one step, which would look like damping; so states are compared.
     signals = [(f"{joint}_qpos", sysid.SignalType.MjStateQPos) for joint in arm.joints]
     measured = [sysid.TimeSeries.from_names(CLOCK, episode.readings, model, signals) for episode in episodes]
     names = [f"episode {number}" for number in range(len(episodes))]
@@ -199,7 +198,7 @@ class Fitted:
 
 
 def fit(arm: Arm, measured: sysid.ModelSequences, rubbing: str | None = None) -> Fitted:
-    """What mujoco.sysid makes of the logs."""
+    """Results of mujoco.sysid on the logs."""
     residual = sysid.build_residual_fn(models_sequences=[measured])
     with contextlib.redirect_stdout(io.StringIO()):
         params, result = sysid.optimize(
@@ -251,7 +250,7 @@ def with_btr(btr: str, folder: Path) -> Iterator[Row]:
     worst = max(said["channels"], key=lambda channel: channel["chi"])
     failure = said["failures"][0]
     says = f"{worst['name']} {worst['chi']:.1f} sigma; {failure['hint'].split(' (')[0]}"
-    yield Row("btr compare, of what was fitted", says, None, time.monotonic() - begin)
+    yield Row("btr compare, fitted model", says, None, time.monotonic() - begin)
     begin = time.monotonic()
     said = ask(btr, "diagnose", str(MODEL), *learn, *judged)
     seconds = time.monotonic() - begin
@@ -271,7 +270,7 @@ def ladder(said: dict) -> str:
 
 
 def friction_in(lists: list[dict]) -> float | None:
-    """The estimate of the shoulder's dry friction, where there is one."""
+    """The estimate of the shoulder's dry friction, if any."""
     for parameter in (parameter for entry in lists for parameter in entry["parameters"]):
         if parameter["name"] == f"coulomb_friction.torque@{SITE}":
             return parameter["value"]

@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""What README.md and docs/ claim in numbers, measured again.
+"""Measures again the numbers that README.md and docs/ claim.
 
     cargo build --release && python3 studies/claims.py [--all] [--out runs/claims]
 
-Each claim is a text that stands in a file, a command, the number claimed and the number measured. A claim is off when its
-text is no longer in the file, or when the number measured is further from the claimed one than its tolerance. Without --all
-only what takes seconds is measured. What needs other programs, data that is not part of this project, or a quiet machine is
-listed with the command to type. Ends with exit code 1 where a claim is off. Needs NumPy.
-"""
+Each claim consists of a text in a file, a command, the claimed number and the measured number. A claim is off if its
+text is no longer in the file, or if the measured number differs from the claimed one by more than its tolerance.
+Without --all only claims that take seconds are measured. Claims that need other programs, data that is not part of this
+project, or a quiet machine are listed with their command. Exits with code 1 if a claim is off. Needs NumPy. """
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ TEN = range(1, 11)
 
 
 class Measurements:
-    """Where claims are measured; what several claims need is done once."""
+    """Measurements of claims; results that several claims need are computed once."""
 
     def __init__(self, btr: str, out: Path) -> None:
         self.btr, self.out = btr, out
@@ -44,7 +43,7 @@ class Measurements:
         return coevolved(self.btr, self.out / f"{experiment}-{seed}", ROOT / "robots" / f"{experiment}.toml", seed)
 
     def took_s(self, experiment: str) -> float:
-        """How long its first seed took."""
+        """Duration of the first seed's run."""
         self.run(experiment)
         return seconds(self.out / f"{experiment}-1")
 
@@ -53,12 +52,12 @@ class Measurements:
         return [worst_error(self.run(experiment, seed)) for seed in TEN]
 
     def tests_to_two_percent(self, experiment: str) -> list[float]:
-        """Real tests after which all lengths stay within 2 %, over ten seeds."""
+        """Numbers of real tests after which all lengths stay within 2 %, over ten seeds."""
         return [float(tests_to(self.run(experiment, seed), 2.0).replace("-", "inf")) for seed in TEN]
 
     @functools.cached_property
     def walk(self) -> Path:
-        """The recorded walk of the Nao, as a file, and how many samples it has."""
+        """The recorded walk of the Nao as a file, and its number of samples."""
         self.out.mkdir(parents=True, exist_ok=True)
         log = self.out / "walk.csv"
         model = str(ROOT / "robots" / "nao-paper.toml")
@@ -73,7 +72,7 @@ class Measurements:
 
 @dataclass
 class Claim:
-    """A number in a file. `text` stands there as it is here; `tolerance` is in the unit of the number."""
+    """A number in a file. `text` occurs there literally; `tolerance` is in the unit of the number."""
 
     file: str
     text: str
@@ -86,7 +85,7 @@ class Claim:
 
 @dataclass
 class ByHand:
-    """A number that this script does not measure, and why."""
+    """A number that this script does not measure, and the reason."""
 
     file: str
     text: str
@@ -95,7 +94,7 @@ class ByHand:
 
 
 def ladder(step: int, key: str) -> Callable[[Measurements], float]:
-    """An error on the way down of the desk arm's diagnosis, in noise floors."""
+    """An error of the ladder of the desk arm's diagnosis, in noise floors."""
     return lambda study: study.arm["error_ladder"][step][key]
 
 
@@ -159,7 +158,7 @@ BY_HAND = [
 
 
 def judge(claim: Claim, study: Measurements) -> tuple[str, bool]:
-    """What was measured, and whether the claim holds."""
+    """The measured value, and whether the claim holds."""
     if claim.text not in (ROOT / claim.file).read_text():
         return "not in the file", False
     measured = claim.measure(study)
@@ -168,7 +167,7 @@ def judge(claim: Claim, study: Measurements) -> tuple[str, bool]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--all", action="store_true", help="also what takes minutes")
+    parser.add_argument("--all", action="store_true", help="also measure claims that take minutes")
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "claims")
     parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()

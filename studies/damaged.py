@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Damaged ants: what does a map of diverse gaits find in at most 10 tests, beside the best simulated gait and reality alone?
+"""Damaged ants: the gait that a map of diverse gaits finds in at most 10 tests, compared with the best simulated gait
+and with reality alone.
 
     cargo build --release && python3 studies/damaged.py [--seeds 10] [--first 1] [--out runs/damaged]
 
-For each seed one or two legs of the hidden twin are limp (their motors hardly push) or stuck (their joints rub too much to
-move). `robots/ant-damaged.toml` gets that damage; so do a search by CMA-ES in the undamaged simulation, of as many evaluations,
-whose best gait is tried once, and CMA-ES in reality alone, with 10 tests. Runs that are in the output folder already are
-read, not repeated. Needs nothing but the standard library.
-"""
+For each seed one or two legs of the hidden twin are limp (their motors have hardly any torque) or stuck (too much joint
+friction to move). With the same damage it runs `robots/ant-damaged.toml`, CMA-ES in the undamaged simulation with as
+many evaluations, whose best gait is tested once, and CMA-ES in reality alone with 10 tests. Runs already in the output
+folder are read, not repeated. Needs only the standard library. """
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SEARCH = 'search = { algorithm = "cma_es", population = %d, restarts = 0 }'
 
 
 def damaged(text: str, seed: int) -> tuple[str, str]:
-    """An experiment with a damage that belongs to the seed, and the damage's name."""
+    """An experiment with the damage of a seed, and the damage's name."""
     draw = random.Random(seed)
     kind, legs = draw.choice(sorted(DAMAGES)), sorted(draw.sample(LEGS, draw.choice((1, 2))))
     effect, torque = DAMAGES[kind]
@@ -38,7 +38,7 @@ def damaged(text: str, seed: int) -> tuple[str, str]:
 
 
 def without_map(text: str, method: str, iterations: int, population: int, generations: int) -> str:
-    """The same question for a search by CMA-ES: in simulation, or in reality."""
+    """The same experiment as a search by CMA-ES, in simulation or in reality."""
     text = re.sub(r"(?s)\[coevolve\].*", "", text)
     tests = iterations * population if method == "reality_only" else 1
     return text + (

@@ -5,21 +5,21 @@
     python3 studies/emps.py [--keep DIR]
 
 The data set is "Data Set and Reference Models of EMPS" by A. Janot, M. Gautier and M. Brunot (Nonlinear System
-Identification Benchmarks, 2019), as `episodes/estimation.csv` and `episodes/validation_pulses.csv` in `../shared/data/emps`
-beside this project. Nothing is fitted to the pulses: they are held out.
+Identification Benchmarks, 2019), as `episodes/estimation.csv` and `episodes/validation_pulses.csv` in
+`../shared/data/emps` next to this project. The pulses are held out.
 
-Two views of the same machine, both without any friction to begin with:
+Two models of the same machine, both initially without friction:
 
-    robots/emps-force.toml   the carriage follows its measured motion; compared is the force that this takes
-    robots/emps.toml         the whole closed loop with its digital servo; compared is the position
+    robots/emps-force.toml   the carriage follows its measured motion; the required force is compared
+    robots/emps.toml         the whole closed loop with its digital servo; the position is compared
 
-For each: `btr diagnose` names what is missing, `btr add` writes that into the model, `btr fit` fits it. Errors are relative
-2-norms, 100·|y - y_hat|/|y|. With the motion prescribed both forces are smoothed by parabolas over 20 ms to each side, as btr
-compares them (up to about 25 Hz; the wider the band, the larger the error); in the closed loop nothing is smoothed.
+For each, `btr diagnose` names the missing effects, `btr add` writes them into the model, `btr fit` fits it. Errors are
+relative 2-norms, 100·|y - y_hat|/|y|. With the motion prescribed, both forces are smoothed by parabolas over 20 ms to
+each side, as btr compares them (up to about 25 Hz; the wider the band, the larger the error); in the closed loop
+nothing is smoothed.
 
-In the file with pulses these are volts at the drive's input (the column says N); they are added to the reference as the
-position that has the same effect.
-"""
+In the file with pulses, the pulses are volts at the drive's input (the column says N); they are added to the reference
+as the position that has the same effect. """
 
 import csv
 import math
@@ -43,7 +43,7 @@ def convert(source, target):
 
 
 def relative(btr, model, log, channel):
-    """100·|y - y_hat|/|y| of a channel, from what `btr compare` says of it."""
+    """100·|y - y_hat|/|y| of a channel, from the output of `btr compare`."""
     found = next(c for c in ask(btr, "compare", str(model), str(log))["channels"] if c["name"] == channel)
     with log.open() as file:
         values = [float(row[channel]) for row in csv.DictReader(file)]
@@ -53,7 +53,7 @@ def relative(btr, model, log, channel):
 
 
 def improve(btr, name, folder, logs):
-    """Diagnose, add, fit: the fitted model."""
+    """Diagnoses, adds and fits; returns the fitted model."""
     model, more, fitted = ROOT / "robots" / f"{name}.toml", folder / f"{name}-2.toml", folder / f"{name}-3.toml"
     estimation, pulses = logs
     found = ask(btr, "diagnose", str(model), str(estimation), "--held-out", str(pulses))
@@ -87,7 +87,7 @@ def published_terms(btr, folder, logs):
 
 def study(btr, folder):
     logs = [folder / f"{name}.csv" for name in LOGS]
-    # The improved models are written here, and look for it beside them.
+    # The improved models are written here and refer to it by a relative path.
     shutil.copy(ROOT / "robots" / "emps.urdf", folder)
     for name, log in zip(LOGS, logs):
         convert(DATA / "episodes" / f"{name}.csv", log)

@@ -1,23 +1,24 @@
 #!/usr/bin/env python3
-"""Effects hidden in another simulator: does `btr diagnose` find out what MuJoCo has and btr's model of the arm lacks?
+"""Effects hidden in another simulator: does `btr diagnose` find the effect that MuJoCo has and btr's model lacks?
 
     cargo build --release && python3 -m venv venv && venv/bin/pip install mujoco
     venv/bin/python studies/hidden_in_mujoco.py [--seeds 1000..1003] [--effects armature,backlash]
 
-Reality is the desk arm of `robots/arm.urdf` in MuJoCo: 0.1 ms steps, `implicitfast`, servos as general actuators, masses
-up to 20 % and gains up to 10 % off, noisy and quantised encoders, and one effect. Where MuJoCo has the effect (frictionloss,
-armature, damping, stiffness, forcerange, gravity, a play or a spring as a second hinge) that is used; what is in a servo or
-a sensor is a few lines around it. Friction is MuJoCo's soft constraint, made as hard as its step allows: with its defaults a
-stuck joint creeps. Viscous friction and payloads are left out: gains and masses are free parameters and absorb them.
+Reality is the desk arm of `robots/arm.urdf` in MuJoCo: 0.1 ms steps, `implicitfast`, servos as general actuators,
+masses up to 20 % and gains up to 10 % off, noisy and quantised encoders, and one effect. MuJoCo's own implementation of
+the effect is used if there is one (frictionloss, armature, damping, stiffness, forcerange, gravity, backlash or a
+spring as a second hinge); effects in a servo or a sensor are implemented here. Friction is MuJoCo's soft constraint, as
+stiff as its step allows: with its defaults a stuck joint creeps. Viscous friction and payloads are left out, since
+gains and masses are free parameters and absorb them.
 
 The arm has held its first command for a second when a log begins. A case takes a few seconds in MuJoCo and about half a
 minute in btr on two cores. Seeds below 1000 are for tuning. It prints
 
     exact        the effect at its site, and nothing else
-    equivalent   one effect that btr itself declares to be alike, at the same joint
-    extra        the effect, and another one
+    equivalent   one effect that btr declares as similar, at the same joint
+    extra        the effect and another one
     silent       "nothing is missing"
-    unexplained  btr says that what it has found does not explain the logs
+    unexplained  btr reports that its findings do not explain the logs
     wrong        something else
 """
 
@@ -41,32 +42,32 @@ from asking import BTR, ROOT, ask
 MODEL = ROOT / "robots" / "arm.toml"
 
 STEP_S, TICK_S, DURATION_S = 0.0001, 0.01, 4.0
-# How long the arm has held its first command when the log begins.
+# Time for which the arm has held its first command when the log begins.
 SETTLE_S = 1.0
 STEPS_PER_TICK = round(TICK_S / STEP_S)
 NOISE_RAD, QUANTUM_RAD = 0.0005, 0.0017453
 MASSES, GAINS = 0.2, 0.1
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
-# What is usual for each joint: torque (N·m) and carried inertia (kg·m²) with the arm straight.
+# Typical values of each joint: torque (N·m) and carried inertia (kg·m²) with the arm straight.
 TORQUE = {"yaw": 2.0, "shoulder": 2.5, "elbow": 0.7}
 INERTIA = {"yaw": 0.040, "shoulder": 0.040, "elbow": 0.0041}
-# Of what a joint carries, its rotor has this share where rotor and link move apart.
+# The rotor's share of a joint's carried inertia if rotor and link move separately.
 ROTOR = 0.01
-# As stiff as a constraint can be at this step.
+# The stiffest possible constraint at this step.
 HARD = {"solref": "0.0005 1", "solimp": "0.999 0.9999 0.0001 0.5 2"}
 
 
 @dataclass
 class Hidden:
-    """What reality has and the model lacks; nothing when `effect` is "none"."""
+    """The effect that reality has and the model lacks; none if `effect` is "none"."""
 
     effect: str
     site: str = ""
     values: dict[str, float] = field(default_factory=dict)
 
     def on(self, effect: str, site: str = "") -> bool:
-        """Whether this is that effect there."""
+        """Whether this is the given effect at the given site."""
         return self.effect == effect and (not site or self.site == site)
 
     def name(self) -> str:
@@ -88,7 +89,7 @@ def sign(rng: np.random.Generator) -> float:
 
 
 def on_joint(effect: str, joint: str, rng: np.random.Generator) -> dict[str, float]:
-    """An effect on a joint, of a size that shows."""
+    """An effect on a joint, large enough to be visible."""
     size, torque, inertia = between(rng, 0.7, 1.5), TORQUE[joint], INERTIA[joint]
     return {
         "coulomb_friction": {"torque": 0.1 * torque * size},
@@ -125,13 +126,13 @@ ON_JOINTS = [
     "encoder_delay",
 ]  # fmt: skip
 EFFECTS = ["none", *ON_JOINTS, "com_offset", "link_inertia", "gravity_tilt", "voltage_sag", "clock_skew"]
-# Links that carry each other's weight; the turret's centre of mass moves in a plane that gravity does not see.
+# Links that carry each other's weight; the turret's centre of mass moves in a plane normal to gravity.
 LINKS = {"upper": 0.040, "forearm": 0.0041}
 
 
 def hide(effect: str, rng: np.random.Generator) -> Hidden:
-    """An effect somewhere, of some size."""
-    # Nobody can tell where an axis points that gravity does not see.
+    """An effect at a random site, of a random size."""
+    # The direction of an axis without gravity torque is not identifiable.
     seen = [joint for joint in TORQUE if effect != "encoder_offset" or joint != "yaw"]
     joint = str(rng.choice(seen))
     link = str(rng.choice(list(LINKS)))
@@ -157,7 +158,7 @@ def hide(effect: str, rng: np.random.Generator) -> Hidden:
 
 
 class Arm:
-    """The arm of the URDF with gains of the model file, somewhat off."""
+    """The arm of the URDF with the model file's gains, perturbed."""
 
     def __init__(self, rng: np.random.Generator):
         toml = tomllib.loads(MODEL.read_text())
@@ -224,7 +225,7 @@ def text(numbers: np.ndarray) -> str:
 
 
 def tilted(values: dict[str, float]) -> np.ndarray:
-    """Gravity as a base sees it that is rolled about x, then pitched about y."""
+    """Gravity in the frame of a base that is rolled about x, then pitched about y."""
     roll, pitch = values["roll"], values["pitch"]
     about_x = np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]])
     about_y = np.array([[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]])
@@ -236,7 +237,7 @@ def limited(hidden: Hidden, joint: str) -> bool:
 
 
 def hinge(hidden: Hidden, joint: str) -> dict[str, str]:
-    """What MuJoCo itself can do to a joint."""
+    """Effects on a joint that MuJoCo implements itself."""
     values = hidden.values
     if hidden.site != joint:
         return {}
@@ -259,7 +260,7 @@ def hinge(hidden: Hidden, joint: str) -> dict[str, str]:
 
 
 class Around:
-    """What MuJoCo does not have: called before every step, with memory."""
+    """An effect that MuJoCo does not have: called before every step, with state."""
 
     def __init__(self, hidden: Hidden, arm: Arm, model: mujoco.MjModel):
         self.hidden, self.values, self.model, self.energy = hidden, hidden.values, model, 0.0
@@ -311,7 +312,7 @@ class Around:
 
 
 def on_the_way(hidden: Hidden, told: np.ndarray) -> np.ndarray:
-    """A joint's command, step by step, as it arrives at the servo."""
+    """A joint's command at every step, as it arrives at the servo."""
     if hidden.on("command_delay"):
         steps = round(hidden.values["delay"] / STEP_S)
         buffer = deque([told[0]] * steps)
@@ -330,7 +331,7 @@ def on_the_way(hidden: Hidden, told: np.ndarray) -> np.ndarray:
 
 
 def follow(told: np.ndarray, move) -> np.ndarray:
-    """What moves towards the command by `move(error)` in each step."""
+    """A value that moves towards the command by `move(error)` in each step."""
     value, values = told[0], []
     for command in told:
         value += move(command - value)
@@ -366,7 +367,7 @@ def simulate(arm: Arm, hidden: Hidden, commands: np.ndarray) -> np.ndarray:
 
 
 def read(arm: Arm, hidden: Hidden, angles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """What the encoders say at every tick."""
+    """The encoders' readings at every tick."""
     steps = np.arange(len(angles)) * STEP_S
     clock = steps[::STEPS_PER_TICK]
     readings = np.empty((len(clock), len(arm.joints)))
@@ -387,7 +388,7 @@ def read(arm: Arm, hidden: Hidden, angles: np.ndarray, rng: np.random.Generator)
     return QUANTUM_RAD * np.round(noisy / QUANTUM_RAD)
 
 
-# ---------------------------------------------------------------- what the arm is told
+# ---------------------------------------------------------------- commands of the arm
 
 CLOCK = np.arange(round(DURATION_S / TICK_S) + 1) * TICK_S
 # Everything begins at rest and grows from zero within half a second.
@@ -444,7 +445,7 @@ def record(folder: Path, effect: str, seed: int) -> Hidden:
     return hidden
 
 
-# ---------------------------------------------------------------- what btr says
+# ---------------------------------------------------------------- results of btr
 
 
 @dataclass
@@ -495,12 +496,12 @@ def score(said: dict, truth: str, found: list[str], rivals: dict[str, set[str]])
     return "wrong"
 
 
-# The joint that carries a link; what sits on the base or everywhere can look like something on any joint.
+# The joint that carries a link; an effect on the base or on all joints may look like one on any joint.
 CARRIER = {"turret": "yaw", "upper": "shoulder", "forearm": "elbow"}
 
 
 def alike(one: str, other: str, rivals: dict[str, set[str]]) -> bool:
-    """Whether the library declares two effects to be alike, and they act on the same joint."""
+    """Whether the library declares two effects as similar, and they act on the same joint."""
     (effect, site), (effect2, site2) = one.split("@"), other.split("@") if "@" in other else (other, "")
     joint, joint2 = CARRIER.get(site, site), CARRIER.get(site2, site2)
     everywhere = {"base", "robot", "*"}

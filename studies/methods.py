@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Methods beside each other at equal numbers of real tests: how good is the best controller, and how right the model?
+"""Compares methods at equal numbers of real tests: fitness of the best controller and accuracy of the model.
 
     cargo build --release && python3 studies/methods.py [--seeds 10] [--tests 12] [--figure docs/methods.svg]
 
-Each method asks the question of `robots/ant-series.toml`, once per seed: a straight and fast gait for an ant of which four
-lengths are anywhere within ±50 %, with sensors that err. All have the same number of real tests. It prints medians and
-quartiles over the seeds and draws the best real fitness over the number of real tests. Runs that are in the output folder
-already are read, not repeated. Needs nothing but the standard library.
-"""
+Each method runs the experiment of `robots/ant-series.toml`, once per seed: a straight and fast gait for an ant of which
+four lengths are unknown within ±50 %, with noisy sensors. All have the same number of real tests. It prints medians and
+quartiles over the seeds and draws the best real fitness over the number of real tests. Runs already in the output
+folder are read, not repeated. Needs only the standard library. """
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ EXPERIMENT = ROOT / "robots" / "ant-series.toml"
 NOISE = "{ position_rad = 0.0005, velocity_rad_s = 0.02, torque_n_m = 0.05, gyro_rad_s = 0.01, acceleration_m_s2 = 0.1, force_n = 0.5 }"
 SWINGS = ", ".join(f'"amplitude@{side}{row}_*" = [0.0, 0.4]' for side in "LR" for row in "123")
 
-# What a method changes in the experiment, by dotted keys; {tests} is the number of real tests.
+# Settings of each method, by dotted keys of the experiment; {tests} is the number of real tests.
 METHODS: dict[str, dict[str, str]] = {
     "Back-to-Reality": {"iterations": "{tests}", "transfer.count": "1"},
     "Back-to-Reality with a posterior": {
@@ -47,8 +46,8 @@ METHODS: dict[str, dict[str, str]] = {
 
 
 def best_after_each_test(run: dict, tests: int) -> list[float]:
-    """The best real fitness after the first, second, ... real test; a test that failed leaves it as it was, as do those that a
-    method did not ask for."""
+    """The best real fitness after the first, second, ... real test; failed tests and tests that a method did not
+    request do not change it."""
     done = [entry["verdict"].get("done", {}).get("fitness") for entry in run["tests"]][:tests]
     best = list(itertools.accumulate((float("-inf") if f is None else f for f in done), max))
     return best + best[-1:] * (tests - len(best))
@@ -59,7 +58,7 @@ def row(name: str, runs: list[dict], tests: int) -> str:
     fitness = quartiles([best_after_each_test(run, tests)[-1] for run in runs])
     done = quartiles([run["real_tests"] for run in runs])[1]
     cells = [f"{done:.0f}", f"{fitness[1]:.3f} ({fitness[0]:.3f} to {fitness[2]:.3f})"]
-    # The other methods leave the model as it is.
+    # The other methods do not change the model.
     if name.startswith(("Back", "estimation")):
         error = quartiles([worst_error(run) for run in runs])
         cells.append(f"{error[1]:.1f} ({error[0]:.1f} to {error[2]:.1f})")
@@ -116,7 +115,7 @@ def main() -> None:
     for name, changes in METHODS.items():
         settings = {f"coevolve.{key}": value.replace("{tests}", str(args.tests)) for key, value in changes.items()}
         settings |= {"coevolve.real_tests": str(args.tests), "noise": NOISE, "reality.noise": NOISE}
-        # Whoever disengages goes on: all are to have the same number of tests.
+        # No method stops as disengaged: all use the same number of tests.
         settings["coevolve.disengagement"] = "{ stop = false }"
         folder = lambda seed: args.out.resolve() / f"{name.replace(' ', '-').lower()}-{seed}"
         seeds = range(args.first, args.first + args.seeds)

@@ -1,17 +1,16 @@
 #!/usr/bin/env python3
-"""Many hidden twins of the Nao: does a run find their masses, does it say how sure it is, and do its promises hold?
+"""Many hidden twins of the Nao: accuracy of the masses, of their intervals, and of the predicted fitness.
 
     cargo build --release && python3 studies/nao_seeds.py [--seeds 50] [--first 1] [--out runs/nao-seeds]
     python3 studies/nao_seeds.py --outside [--seeds 20]
     python3 studies/nao_seeds.py --drift [--seeds 10]
 
-For each seed it runs `robots/nao.toml`, whose twin differs in eight masses, and the same search for walks with as many tests
-in reality alone. With `--outside` the twin has something besides that no mass can make up for: friction on two joints, a soft
-floor, or a late command; and the run has to say which. With `--drift` it runs `robots/nao-drift.toml`, whose twin changes
-before its fourth test, a mass grown or a knee's servo weakened; and the run has to notice, to say what it was, and to
-recover: every parameter within 5 % and told again. Runs that are in the output folder already are read, not repeated.
-Needs nothing but the standard library.
-"""
+For each seed it runs `robots/nao.toml`, whose twin differs in eight masses, and the same search for walks with as many
+tests in reality alone. With `--outside` the twin also has an effect that no mass can compensate for: friction on two
+joints, a soft floor, or a command delay; the run has to name it. With `--drift` it runs `robots/nao-drift.toml`, whose
+twin changes before its fourth test, by a larger mass or a weaker servo of a knee; the run has to detect the change, to
+name it, and to recover: every parameter within 5 % and identified again. Runs already in the output folder are read,
+not repeated. Needs only the standard library. """
 
 from __future__ import annotations
 
@@ -23,13 +22,13 @@ import statistics
 from asking import BTR, ROOT, coevolved_text, seconds
 
 MASSES = [f"{side}{link}" for side in "RL" for link in ("ShoulderRoll", "HipRoll", "HipPitch", "KneePitch")]
-"""Links of which `robots/nao-drift.toml` does not know the mass."""
+"""Links with a free mass in `robots/nao-drift.toml`."""
 LEGS = [f"{side}{joint}" for side in "RL" for joint in ("HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")]
-"""Joints whose friction a walk can feel."""
+"""Joints whose friction affects a walk."""
 
 
 def run(args: argparse.Namespace, name: str, text: str, seed: int) -> tuple[dict, float]:
-    """The history of a run, and the seconds it took."""
+    """The history of a run, and its duration in seconds."""
     folder = args.out / f"{name}-{seed}"
     return coevolved_text(args.btr, folder, text, seed), seconds(folder)
 
@@ -42,7 +41,7 @@ def alone(text: str) -> str:
 
 
 def inside(text: str, args: argparse.Namespace) -> None:
-    """Twins that S holds."""
+    """Twins within S."""
     print("seed | worst mass %, told of 8, in interval | promised, within | f real, reality alone | tests | s")
     told = kept = masses = within = promises = better = disengaged = good = 0
     worst_of_all, seconds_of_all, gaps = [], [], []
@@ -80,7 +79,7 @@ def inside(text: str, args: argparse.Namespace) -> None:
 
 
 def hidden(seed: int) -> tuple[str, list[str], str]:
-    """What a twin has that S lacks: kind, names, and the line that gives it."""
+    """An effect of the twin that S lacks: kind, names, and its line in the experiment."""
     draw = random.Random(seed)
     kind = ("friction", "floor", "delay")[seed % 3]
     if kind == "friction":
@@ -97,7 +96,7 @@ def hidden(seed: int) -> tuple[str, list[str], str]:
 
 
 def outside(text: str, args: argparse.Namespace) -> None:
-    """Twins that S does not hold."""
+    """Twins outside S."""
     print("seed | hidden | verdict | named (and what cannot be told from it) | s")
     exact = 0
     for seed in range(args.first, args.first + args.seeds):
@@ -115,7 +114,7 @@ def outside(text: str, args: argparse.Namespace) -> None:
 
 
 def changed(seed: int) -> tuple[str, float]:
-    """What changes in a twin, and by which factor."""
+    """The parameter that changes in a twin, and its factor."""
     draw = random.Random(seed)
     if seed % 2:
         return f"mass@{draw.choice(MASSES)}", 1.25
@@ -134,7 +133,7 @@ def drift(args: argparse.Namespace) -> None:
         truth, drifts = history["revealed"]["parameters"], history["drifts"]
         said = [(change["parameter"], seen["before_test"]) for seen in drifts for change in seen["changed"]]
         right += said == [(name, 3)]
-        # Noticed: suspected. Known: confirmed by a repeated test.
+        # noticed: suspected; known: confirmed by a repeated test.
         known = [it["real_tests"] for it in history["iterations"] if it["real_tests"] > 3 and holds(it, truth)]
         noticed += [seen["before_test"] - 3 + 1 for seen in drifts]
         recovered += [known[0] - 3] if known else []
@@ -150,7 +149,7 @@ def drift(args: argparse.Namespace) -> None:
 
 
 def holds(iteration: dict, truth: dict) -> bool:
-    """Whether everything is told, and right within 5 %."""
+    """Whether every parameter is identified, and correct within 5 %."""
     told = not iteration["posterior"]["not_told"]
     return told and all(abs(value / truth[name] - 1) < 0.05 for name, value in iteration["parameters"].items())
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The paper's experiments as the paper has them, beside what btr makes of the same questions, seed by seed.
+"""The paper's experiments literally, compared with btr's own settings for the same questions, seed by seed.
 
     cargo build --release && python3 studies/paper_side_by_side.py [--seeds 10] [--nao-seeds 10] [--out runs/by-side]
 
 For each seed it runs `robots/ant-paper.toml` and `robots/ant.toml` and prints the largest error of any length at the
 end, in percent of the truth; then `robots/nao-paper.toml` and the largest and the median error of its eight masses,
-beside those of the nominal masses that its search begins with. Median and range over the seeds are below each table.
-Runs that are in the output folder already are read, not repeated. Needs nothing but the standard library.
+and those of the nominal masses at which its search starts. Median and range over the seeds are below each table. Runs
+already in the output folder are read, not repeated. Needs only the standard library.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from asking import BTR, ROOT, coevolved
 def errors(out: pathlib.Path, experiment: str, seed: int, btr: str, when: str = "") -> list[float]:
     """A run's errors without sign in percent, at its end or (`when` is `_before`) its beginning.
 
-    The run is made where it is not there yet."""
+    Starts the run if it does not exist yet."""
     run = coevolved(btr, out / f"{experiment}-{seed}", ROOT / "robots" / f"{experiment}.toml", seed)
     return [abs(error) for error in run["revealed"]["error_percent" + when].values()]
 

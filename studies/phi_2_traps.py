@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What phi_2 makes of series that are shuffled, late, noisy, scaled or turned over: the traps that docs/paper.md names.
+"""phi_2 of series that are shuffled, late, noisy, scaled or negated: the traps that docs/paper.md names.
 
     python3 studies/phi_2_traps.py [WALK.csv]
 
-d(X, Y) = H(X|Y) + H(Y|X) in bits (equation 5 of the paper), at N = 4024 samples, 16 equal bins that both series share
-and that span both, as btr's distance `information` has them. Each row is a signal X; Y is X shuffled (as good as
+d(X, Y) = H(X|Y) + H(Y|X) in bits (equation 5 of the paper), at N = 4024 samples, with 16 equal bins across the range of
+both series, as in btr's distance `information`. Each row is a signal X; Y is X shuffled (as good as
 independent), X one sample late, X with Gaussian noise of 1 % of X's standard deviation or of its range, 1.5 X, X with
-an offset of a tenth of its range, and -X. The last block has bins of its own for each series. `btr simulate
+an offset of a tenth of its range, and -X. The last block has separate bins for each series. `btr simulate
 robots/nao-paper.toml -o WALK.csv` writes the walk; without it only made-up signals are shown. Needs NumPy.
 """
 
@@ -29,13 +29,13 @@ def symbols(series: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def entropy(shares: np.ndarray) -> float:
-    """Entropy in bits of shares that sum to one."""
+    """Entropy in bits of probabilities that sum to one."""
     shares = shares[shares > 0]
     return float(-(shares * np.log2(shares)).sum())
 
 
 def distance(x: np.ndarray, y: np.ndarray, shared: bool = True) -> float:
-    """d(X, Y) in bits, with bins that span both series, or each its own."""
+    """d(X, Y) in bits, with common or separate bins."""
     spans = [(series.min(), series.max()) for series in (x, y)]
     if shared:
         spans = [(min(low for low, _ in spans), max(high for _, high in spans))] * 2
@@ -45,7 +45,7 @@ def distance(x: np.ndarray, y: np.ndarray, shared: bool = True) -> float:
 
 
 def made_up(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Signals of `SAMPLES` samples and one more, which the delay takes."""
+    """Signals of `SAMPLES` samples and one more for the delay."""
     time_s = np.arange(SAMPLES + 1) * STEP_S
     hertz, phases = (0.3, 0.7, 1.1, 1.9, 3.1), rng.uniform(0, 2 * np.pi, 5)
     return {
@@ -58,14 +58,15 @@ def made_up(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def recorded(path: pathlib.Path) -> dict[str, np.ndarray]:
-    """Some joints of a recorded walk; the delay takes its last sample."""
+    """Some joints of a recorded walk; its last sample is used for the delay."""
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     return {f"walk, {joint}": np.array([float(row[joint]) for row in rows]) for joint in JOINTS}
 
 
 def table(walk: pathlib.Path | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Row by row: bits for shuffled, late, 1 % std, 1 % range, x 1.5, offset, -x; and the last three with bins of their own."""
+    """Row by row: bits for shuffled, late, 1 % std, 1 % range, x 1.5, offset, -x; and the last three with bins of their
+    own."""
     rng = np.random.default_rng(1)
     signals = made_up(rng) | (recorded(walk) if walk else {})
     rows = {}

@@ -1,18 +1,17 @@
 #!/usr/bin/env python3
-"""A real arm: what does the model of an SO-101 lack, joints together, and how far does the error fall?
+"""A real arm: which effects does the model of an SO-101 lack on all joints, and how far does the error fall?
 
     cargo build --release && python3 studies/so101.py [--keep runs/so101]
 
-The model is `robots/so101.toml`; the logs are windows of 10 to 18 s from public ones (SAGE, Apache-2.0): some to learn from,
-some by which `diagnose` has its findings confirmed, and some to judge on, motions of another kind that nothing has seen
-before. The whole logs last 34 to 205 s and would take ten times as long. The end of `large_amplitude` is left out:
-there all joints stop up to 0.14 rad short at once, as if the gripper had met the table, which the model does not have.
+The model is `robots/so101.toml`; the logs are segments of 10 to 18 s from public ones (SAGE, Apache-2.0): training
+logs, held-out logs by which `diagnose` confirms its findings, and test logs, unseen motions of another kind. The whole
+logs last 34 to 205 s and would take ten times as long. The end of `large_amplitude` is left out: there all joints stop
+up to 0.14 rad short at once, as if the gripper had met the table, which the model does not have.
 
-The five servos are of one make. So what `diagnose` finds first, on some joints, is added to all of them before it is asked
-again; of effects that the logs cannot tell apart the one with the fewest numbers is taken. Errors are root mean squares:
-over all joints in multiples of the encoders' noise floor (0.44 mrad), and on the judged windows per joint in mrad. Takes
-about ten minutes on two cores.
-"""
+The five servos are of the same type. Therefore the effect that `diagnose` first finds on some joints is added to all of
+them before the next diagnosis; of effects that the logs cannot distinguish, the one with the fewest parameters is
+taken. Errors are root mean squares: over all joints in multiples of the encoders' noise floor (0.44 mrad), and on the
+test logs per joint in mrad. Takes about ten minutes on two cores. """
 
 import csv
 from pathlib import Path
@@ -29,7 +28,7 @@ JOINTS = {
     "wrist_flex": "Wrist_Pitch",
     "wrist_roll": "Wrist_Roll",
 }
-# Motion, and from when to when in s.
+# Motion, start and end in s.
 LEARN = [
     ("hold_under_gravity", 16, 34),
     ("prbs_excitation", 4, 14),
@@ -39,12 +38,12 @@ LEARN = [
 ]
 CONFIRM = [("friction_gravity", 4, 18), ("fast_transitions", 4, 18)]
 JUDGE = [("pick_place", 4, 22), ("multisine", 4, 18), ("step_response", 4, 18), ("inertia_coupling", 4, 16)]
-# Effects to name at most, before and after the servos have been made alike.
+# Maximum numbers of effects, before and after the first effect is added to all servos.
 MOST_EFFECTS = (1, 2)
 
 
 def cut(motion: str, begin_s: float, end_s: float, folder: Path) -> str:
-    """A window of a log, as btr reads it."""
+    """A segment of a log in btr's format."""
     path = folder / f"{motion}.csv"
     with open(DATA / f"{motion}.csv", newline="") as source, open(path, "w", newline="") as target:
         writer = csv.writer(target)
@@ -64,8 +63,8 @@ class Ladder:
         self.learn = [cut(*window, folder) for window in LEARN]
         self.confirm = [cut(*window, folder) for window in CONFIRM]
         self.judge = [cut(*window, folder) for window in JUDGE]
-        print(f"{'':<46}{'x noise floor':^18}  judged, mrad")
-        print(f"{'step':<46}{'learnt':>9}{'judged':>9}  {''.join(f'{joint:>15}' for joint in JOINTS)}", flush=True)
+        print(f"{'':<46}{'x noise floor':^18}  test, mrad")
+        print(f"{'step':<46}{'train':>9}{'test':>9}  {''.join(f'{joint:>15}' for joint in JOINTS)}", flush=True)
 
     def line(self, step: str, train: float, held_out: float, model: str) -> None:
         errors = {channel["name"]: channel["rmse"] for channel in ask(self.btr, "compare", model, *self.judge)["channels"]}
@@ -99,7 +98,8 @@ def sites(effect: dict) -> list[str]:
 
 
 def simplest(btr: str, effect: dict) -> str:
-    """Of an effect and those that the logs cannot tell from it at the same joint, the one with the fewest numbers."""
+    """Of an effect and those that the logs cannot distinguish from it at the same joint, the one with the fewest
+    parameters."""
     here = [name.split("@")[0] for name in effect["alike"] if name.split("@")[1] in sites(effect)]
     return min([effect["effect"], *here], key=lambda name: len(ask(btr, "effects", name)["effects"][0]["parameters"]))
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The walks that `robots/nao.toml` ends with: how they go on the real robot for longer than they were tried, and how they look.
+"""The final walks of `robots/nao.toml`, on the real robot for longer than their tests, and as a picture.
 
-    cargo build --release && python3 studies/walks.py [--seeds 5] [--first 1] [--duration 20] [--picture docs/nao-walk.svg]
+    cargo build --release && python3 studies/walks.py [--seeds 5] [--first 1] [--duration 20] [--picture
+    docs/nao-walk.svg]
 
-Each seed's last controller walks on its hidden twin, with the twin's own masses: forward speed, whether it falls, where it
-heads, and the largest joint speeds, torques and ranges beside the published limits. The first seed's walk is drawn. Runs
-that are in the output folder already are read, not repeated. Needs nothing but the standard library.
-"""
+Each seed's last controller walks on its hidden twin, with the twin's masses. It prints forward speed, falls, heading,
+and the largest joint speeds and torques relative to the published limits. The first seed's walk is drawn. Runs already
+in the output folder are read, not repeated. Needs only the standard library. """
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from asking import BTR, ROOT, coevolved, heading_deg, simulated
 
 EXPERIMENT = ROOT / "robots" / "nao.toml"
 
-# No-load speed in rad/s, stall torque in N·m: motors and gears as in crates/btr-physics/src/nao.rs, which has the sources.
+# No-load speed in rad/s, stall torque in N·m: motors and gears as in crates/btr-physics/src/nao.rs, which has the
+# sources.
 STRONG, KNEE = (4.162, 11.98), (6.402, 7.786)
 LIMITS = {"HipYawPitch": STRONG, "HipRoll": STRONG, "AnkleRoll": STRONG, "HipPitch": KNEE, "KneePitch": KNEE, "AnklePitch": KNEE}
 ARM, ROLL = (8.293, 2.269), (7.194, 2.616)
@@ -30,7 +31,7 @@ FALLEN_M = 0.25
 
 
 def walk(folder: pathlib.Path, truth: dict[str, float], duration_s: float, btr: str) -> list[dict[str, float]]:
-    """What the run's last controller does on the hidden twin, sample by sample."""
+    """The rows of the run's last controller on the hidden twin."""
     text = (folder / "adapted.toml").read_text()
     for name, value in truth.items():
         text = re.sub(rf'(?m)^("{name}" = .*value = )[-0-9.e]+', rf"\g<1>{value!r}", text)
@@ -40,19 +41,19 @@ def walk(folder: pathlib.Path, truth: dict[str, float], duration_s: float, btr: 
 
 
 def largest(rows: list[dict[str, float]], kind: str, limit: int) -> tuple[float, str]:
-    """The largest share of its limit that any joint's channels of a kind come to, and whose it is."""
+    """The largest ratio of a joint's channel of a kind to its limit, and the joint."""
     shares = {name: max(abs(row[name]) for row in rows if name in row) for name in rows[0] if name.startswith(f"{kind}_")}
     shares = {name.split("_", 1)[1]: value for name, value in shares.items()}
     joint = max(shares, key=lambda name: shares[name] / LIMITS[name.lstrip("LR")][limit])
     return shares[joint] / LIMITS[joint.lstrip("LR")][limit], f"{joint} {shares[joint]:.2f}"
 
 
-# Where joints are, in the pose of the table, from the torso's frame: x forward, y left, z up; and what they turn about.
+# Positions of the joints in the table's pose, in the torso's frame (x forward, y left, z up), and their axes.
 PITCH, YAW, TURN = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
 def chain(side: float, name: str) -> list[list[tuple[str, tuple, tuple]]]:
-    """Leg and arm of a side: joints from the torso outwards, with a last point each that does not turn."""
+    """Leg and arm of a side: joints from the torso outwards, each chain with a fixed end point."""
     leg = lambda up, forward: (forward + 0.02, side * 0.06, up - 0.07)
     arm = lambda up, forward: (forward + 0.02, side * 0.095, up - 0.07)
     diagonal = (0.0, math.sqrt(0.5), -side * math.sqrt(0.5))
@@ -76,7 +77,7 @@ def turn(axis: tuple, angle: float, v: tuple) -> tuple:
 
 
 def points(row: dict[str, float], joints: list[tuple[str, tuple, tuple]]) -> list[tuple]:
-    """Where the joints of a chain are in the world."""
+    """Positions of a chain's joints in the world."""
     w, *v = (row[f"base_q{axis}"] for axis in "wxyz")
     norm = math.sqrt(sum(a * a for a in v)) or 1.0
     turns = [(tuple(a / norm for a in v), 2 * math.atan2(norm if w * norm else 0.0, w))]

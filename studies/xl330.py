@@ -1,15 +1,14 @@
 #!/usr/bin/env python3
-"""A real servo: what does a Dynamixel XL330's model lack, and how far does the error fall once `btr diagnose` has said so?
+"""A real servo: which effects does a model of a Dynamixel XL330 lack, and how far does the error fall with them?
 
     cargo build --release && python3 studies/xl330.py [--keep runs/xl330]
 
-The model is `robots/xl330_model.toml`, a rigid pendulum and a DC motor. `diagnose` learns from eight public logs at the
-position gains 100 and 800 and lets the four at gain 200 confirm what it finds; it names effects one after the other, and drops
-what others have made superfluous. Each of its steps is a line of the table: `btr add` writes what is named so far into the model,
-`btr fit` fits it to all twelve logs, and the four at gain 400, which nothing has seen before, judge. The columns are root mean
-square errors in multiples of the encoder's noise floor, as btr gives them, and mean absolute errors in rad of `btr simulate`
-beside the log, averaged over the logs. Takes about two minutes on two cores.
-"""
+The model is `robots/xl330_model.toml`, a rigid pendulum and a DC motor. `diagnose` uses eight public logs at the
+position gains 100 and 800 for training and the four at gain 200 as held-out logs; it names effects one after the other,
+and drops those that later ones make superfluous. Each of its steps is a row of the table: `btr add` writes the effects
+named so far into the model, `btr fit` fits it to all twelve logs, and the four logs at gain 400 are the test logs. The
+columns are root mean square errors in multiples of the encoder's noise floor, as btr reports them, and mean absolute
+errors in rad of `btr simulate` on the logs, averaged over the logs. Takes about two minutes on two cores. """
 
 import bisect
 import csv
@@ -30,19 +29,19 @@ def logs(gains: tuple[int, ...]) -> list[str]:
     return [str(DATA / row["file"]) for row in rows]
 
 
-# Models written to other folders find the index as well.
+# An absolute path, so that models written to other folders find the index.
 INDEX = ["--set", f'logs.index="{DATA / "index.csv"}"']
 
 
 def column(path: str, time: str, name: str) -> tuple[list[float], list[float]]:
-    """Time from the log's beginning and a column of a CSV file."""
+    """Time since the start of the log, and a column of a CSV file."""
     with open(path, newline="") as file:
         rows = [(float(row[time]), float(row[name])) for row in csv.DictReader(file)]
     return [t - rows[0][0] for t, _ in rows], [x for _, x in rows]
 
 
 def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
-    """Mean absolute error of a simulation that is told what the log was told, in rad."""
+    """Mean absolute error of a simulation with the log's commands, in rad."""
     simulated = str(folder / "simulated.csv")
     ask(btr, "simulate", *INDEX, model, "--log", log, "-o", simulated, "--overwrite")
     clock, said = column(simulated, "t", "q_hinge")
@@ -56,14 +55,14 @@ def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
 
 
 def mean_errors(btr: str, model: str, folder: Path) -> tuple[float, float, dict[str, float]]:
-    """Mean absolute errors of the logs to learn from and of those to judge on, and of each of the latter."""
+    """Mean absolute errors of the training logs and of the test logs, and of each test log."""
     errors = [{log: mean_error(btr, model, log, folder) for log in logs(gains)} for gains in (ASKED + CONFIRMING, UNSEEN)]
     learnt, judged = (sum(part.values()) / len(part) for part in errors)
     return learnt, judged, {Path(log).stem: error for log, error in errors[1].items()}
 
 
 class Ladder:
-    """Prints a line per step."""
+    """Prints one row per step."""
 
     def __init__(self, btr: str, folder: Path) -> None:
         self.btr, self.folder = btr, folder
@@ -86,7 +85,7 @@ class Ladder:
 
 
 def rungs(answer: dict) -> list[tuple[str, list[str]]]:
-    """The steps of a diagnosis, with the effects that are in the model after each."""
+    """The steps of a diagnosis, with the effects in the model after each."""
     present, found = [], []
     for step in (step["step"] for step in answer["error_ladder"]):
         sign, name = step[:2], step[2:]

@@ -77,7 +77,7 @@ def test_the_loop(tmp_path: Path) -> None:
 def test_an_effect_of_ones_own(tmp_path: Path) -> None:
     lines = said("own_effect", tmp_path).splitlines()
     errors = {line.split(":")[0]: numbers(line.split(":")[1]) for line in lines if not line.startswith(" ")}
-    assert list(errors) == ["as its maker thinks it is", "with an expression", "with a function"]
+    assert list(errors) == ["nominal model", "with an expression", "with a function"]
     before, expression, function = errors.values()
     assert min(before) > 5 and max(*expression, *function) < 1.5
     assert sum("95 % interval 0.2" in line for line in lines) == 3, lines
