@@ -28,7 +28,7 @@ pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitPara
 }
 
 impl SyntheticModel {
-    /// A model whose parameters are all free; `residual` has so many rows.
+    /// A model whose parameters are all free; `residual` has `rows` rows.
     pub(crate) fn new(parameters: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
         let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
         let log = RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };

@@ -1,4 +1,4 @@
-//! Accepting one of the fitted candidates.
+//! Acceptance of one of the fitted candidates.
 
 use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
@@ -9,7 +9,7 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{LogSet, Objective};
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
-/// ones the first of the library, so that effects that are mechanically the same are always named alike. `None` where
+/// ones the first of the library, so that mechanically equivalent effects always get the same name. `None` where
 /// others fit decisively better that do not pass: then the held-out logs contradict the training logs.
 pub(super) fn judge_rivals(
     objective: &Objective,

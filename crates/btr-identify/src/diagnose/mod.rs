@@ -57,7 +57,7 @@ fn go_on_with_new_starts(
 ) -> Diagnosis {
     let contact = objective.description.has_contact;
     let needs_new_starts =
-        state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective));
+        state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective));
     if restarts_left == 0 || !needs_new_starts {
         return go_on(objective, question, state, on_step);
     }
@@ -92,7 +92,7 @@ fn go_on(
         state.eliminate(objective);
         state.simplify(objective);
         let contact = objective.description.has_contact;
-        if state.leaves_something(objective, &state.fit) || (!contact && state.is_judged_badly(objective)) {
+        if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
@@ -129,7 +129,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
 
 fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
-    let integrator_error = state.fit.step_error_to_judge_on(objective).max(state.integrator);
+    let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
         (true, error) if error <= NOISE => Verdict::NothingMissing,
         (false, error) if error <= EXPLAINED => Verdict::EffectMissing,

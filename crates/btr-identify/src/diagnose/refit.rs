@@ -1,4 +1,4 @@
-//! Fitting the candidates that the screening left: a few cheap steps for many, all the effort for the leaders.
+//! Fitting the screened candidates: a few cheap steps for many, the full budget for the leaders.
 
 use super::screen::{best, simulate};
 use super::start_point::{StartPoint, has_two_sides, with};
@@ -7,24 +7,25 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 
-/// Number of candidates that start the race, and of those that are fitted with full effort whatever their rank, unless
-/// the best explains everything and they are behind it by more than this factor of the sum of squares.
+/// Number of candidates that start the race, and of those that are fitted with the full budget whatever their rank,
+/// unless the best explains everything and they are behind it by more than this factor of the sum of squares.
 const RUNNERS: usize = 8;
 const LEADERS: usize = 3;
 const BEATEN: f64 = 10.0;
-/// Candidates within this factor of the leader's sum of squares are fitted with full effort as well, up to this many.
+/// Candidates within this factor of the leader's sum of squares are fitted with the full budget as well, up to this
+/// many.
 pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
-/// Size from which a candidate that was not screened closely starts.
+/// Start size of a candidate that only passed the first screening, or none.
 const TYPICAL: f64 = 0.5;
 /// ... or sizes at which it is simulated, and how many of those that do best there take part in the race.
 const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
 const CHANCES: usize = 16;
-/// The effort for the leader of the race, and for each of the others.
+/// The budget for the leader of the race, and for each of the others.
 const LEADER: SearchBudget = SearchBudget { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
 
-/// The effort for each shape that is tried once more.
+/// The budget for each start shape that is tried again.
 pub(super) const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
@@ -32,7 +33,7 @@ pub(super) const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 
 pub(super) struct Rival {
     /// Index of the candidate.
     pub candidate: usize,
-    /// The base with it.
+    /// The fit of the base with it.
     pub fit: FitPoint,
 }
 
@@ -48,7 +49,7 @@ pub(super) fn race(
 }
 
 /// All candidates that were not fitted yet, from a typical size: where no leader explains much of the error, probes
-/// may have promised too little (a joint with much play does nothing that one with little play does).
+/// may have predicted too little (a joint with much play responds differently from one with little play).
 pub(super) fn last_chance(objective: &Objective, base: &FitPoint, others: &[usize], leader: &FitPoint) -> Vec<Rival> {
     let mut base = base.clone();
     base.differentiate(objective);
@@ -106,7 +107,7 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
         if polished.len() < most {
             rival.fit.jacobian = None;
             rival.fit.solve(objective, if polished.is_empty() { LEADER } else { FOLLOWER });
-            // In contact every rollout is slow, and this hardly ever changes the order.
+            // With contact every rollout is slow, and this rarely changes the order.
             if !objective.description.is_chaotic || rival.fit.squares() <= best {
                 reshape(objective, &mut rival);
             }

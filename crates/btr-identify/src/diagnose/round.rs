@@ -141,8 +141,8 @@ fn is_simpler(objective: &Objective, of: usize, candidate: usize) -> bool {
         && candidates[candidate].parameters().count() < candidates[of].parameters().count()
 }
 
-/// The leader's point without its effect: from there, probes see what is missing rather than how the free parameters
-/// have compensated for it. `None` where that cannot be simulated.
+/// The leader's point without its effect: from there, probes respond to the missing effect rather than to how the
+/// free parameters have compensated for it. `None` where that cannot be simulated.
 fn drop_effect(objective: &Objective, leader: &Rival, state: &DiagnosisState) -> Option<FitPoint> {
     let mut u = leader.fit.u.clone();
     objective.candidates()[leader.candidate].parameters().for_each(|parameter| u[parameter] = state.fit.u[parameter]);

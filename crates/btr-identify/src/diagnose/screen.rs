@@ -86,7 +86,7 @@ fn goes_further(objective: &Objective, start: &StartPoint) -> bool {
     })
 }
 
-/// The best of each candidate, best first, at most so many.
+/// The best start of each candidate, best first, at most `most`.
 pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> {
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<StartPoint> = Vec::new();

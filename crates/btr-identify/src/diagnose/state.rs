@@ -212,7 +212,7 @@ impl DiagnosisState {
     }
 
     /// Whether the error on the held-out logs is more than noise.
-    pub(super) fn is_judged_badly(&self, objective: &Objective) -> bool {
+    pub(super) fn fails_on_held_out(&self, objective: &Objective) -> bool {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 

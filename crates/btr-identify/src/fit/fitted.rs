@@ -202,7 +202,7 @@ fn conclude(
     FitResult {
         parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
-        integrator_error: integrator_error.max(fit.step_error_to_judge_on(objective)),
+        integrator_error: integrator_error.max(fit.held_out_step_error(objective)),
         fit,
         train,
         held_out,

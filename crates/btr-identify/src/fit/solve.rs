@@ -113,7 +113,7 @@ impl FitPoint {
             let halved = objective.halved(&self.u, LogSet::Learn).unwrap_or_else(|_| bare.clone());
             let error = objective.beyond(&bare, &halved);
             let size = chi(squares(&error), objective.samples(LogSet::Learn));
-            if !objective.refine(size, |objective| self.step_error_to_judge_on(objective)) {
+            if !objective.refine(size, |objective| self.held_out_step_error(objective)) {
                 break (error, size);
             }
             bare = halved;
@@ -129,7 +129,7 @@ impl FitPoint {
     }
 
     /// The integrator's error on the held-out logs; 0 without such, or where they cannot be simulated.
-    pub(crate) fn step_error_to_judge_on(&self, objective: &Objective) -> f64 {
+    pub(crate) fn held_out_step_error(&self, objective: &Objective) -> f64 {
         let usual = objective.residual(&self.u, LogSet::HeldOut).unwrap_or_default();
         let error = objective.step_error(&self.u, &usual, LogSet::HeldOut);
         chi(squares(&error), objective.samples(LogSet::HeldOut))
@@ -183,7 +183,7 @@ impl FitPoint {
         self.solve(objective, SearchBudget { jacobians: 0, steps: 8 });
     }
 
-    /// The point after a damped step, with the Jacobian updated; `None` where the step is zero. A point that cannot be
+    /// The point after a damped step, with the Jacobian updated; `None` without a nonzero step. A point that cannot be
     /// simulated has an infinite cost.
     fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
         let parameters = objective.parameters();

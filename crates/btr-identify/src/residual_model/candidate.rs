@@ -31,7 +31,7 @@ impl EffectCandidate {
     }
 }
 
-/// A term that laws are made of: tried where no effect explains the error.
+/// A term of a law: tried where no effect explains the error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LawTerm {
     /// The quantity that it acts on at its site; all terms of a law act on the same one.
