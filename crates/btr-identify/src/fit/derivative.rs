@@ -30,6 +30,9 @@ const LESS: f64 = 0.5;
 /// Smallest share to which bounds may shorten a step.
 const CRAMPED: f64 = 0.2;
 
+/// Two steps and the weights of the changes at them.
+type Stencil = [(f64, f64); 2];
+
 /// A direction to differentiate along.
 struct ProbeDirection {
     /// The row vector that maps a step of the parameters to its length along `scaled`.
@@ -37,7 +40,7 @@ struct ProbeDirection {
     /// The direction in coordinates of the parameters.
     scaled: DVector<f64>,
     /// Two steps and the weights of the changes at them.
-    stencil: [(f64, f64); 2],
+    stencil: Stencil,
 }
 
 /// The derivative along a direction.
@@ -64,7 +67,7 @@ struct Slope {
 }
 
 impl Slope {
-    fn new(stencil: [(f64, f64); 2], here: &[f64], near: &[f64], far: &[f64]) -> Slope {
+    fn new(stencil: Stencil, here: &[f64], near: &[f64], far: &[f64]) -> Slope {
         let [(to_near, near_weight), (to_far, far_weight)] = stencil;
         let (mut missed, mut changed) = (0.0, 0.0);
         let changes = here.iter().zip(near).zip(far).map(|((here, near), far)| (near - here, far - here));
@@ -116,9 +119,9 @@ impl FitPoint {
     /// simulated.
     fn slopes(&self, objective: &Objective, active: &[usize], share: f64) -> Vec<Slope> {
         let parameters = objective.parameters();
-        let stencils: Vec<[(f64, f64); 2]> =
+        let stencils: Vec<Stencil> =
             active.iter().map(|&k| stencil(&parameters[k], self.u[k], share * parameters[k].reach)).collect();
-        let moved = |(&parameter, stencil): (&usize, &[(f64, f64); 2])| {
+        let moved = |(&parameter, stencil): (&usize, &Stencil)| {
             stencil.map(|(offset, _)| {
                 let mut point = self.u.clone();
                 point[parameter] += offset;
@@ -128,7 +131,7 @@ impl FitPoint {
         let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
         let residuals = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let slope = |(stencil, pair): (&[(f64, f64); 2], &[Result<ResidualVector, WorldError>])| match pair {
+        let slope = |(stencil, pair): (&Stencil, &[Result<ResidualVector, WorldError>])| match pair {
             [Ok(near), Ok(far)] => Slope::new(*stencil, &here, near, far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
@@ -236,7 +239,7 @@ impl FitPoint {
     }
 
     /// Two steps along a direction and the weights of the changes at them; `None` where the bounds leave no room.
-    fn stencil_along(&self, parameters: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<[(f64, f64); 2]> {
+    fn stencil_along(&self, parameters: &[FitParameter], scaled: &DVector<f64>, step: f64) -> Option<Stencil> {
         let room = |side: f64| {
             let rooms = self.active.iter().zip(scaled.iter()).filter(|(_, x)| x.abs() > 1e-9).map(|(&k, x)| {
                 let bound = if side * x > 0.0 { parameters[k].bounds.1 } else { parameters[k].bounds.0 };
@@ -255,7 +258,7 @@ impl FitPoint {
 }
 
 /// Two offsets and the weights of the changes at them, for a derivative of second order with steps of `h`.
-fn stencil(parameter: &FitParameter, u: f64, h: f64) -> [(f64, f64); 2] {
+fn stencil(parameter: &FitParameter, u: f64, h: f64) -> Stencil {
     let (least, most) = parameter.bounds;
     let one_sided = |h: f64| [(h, 2.0 / h), (2.0 * h, -0.5 / h)];
     match () {
