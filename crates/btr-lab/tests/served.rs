@@ -1,4 +1,4 @@
-//! What others work out is what is worked out here, bit by bit, also for families that were derived of others.
+//! What others work out is what is worked out local, bit by bit, also for families that were derived of others.
 
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
@@ -26,7 +26,7 @@ impl Executor for Worker {
 
     fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
-        serve(&payloads, batch, &|_| Err("no functions here".to_owned()))
+        serve(&payloads, batch, &|_| Err("no functions local".to_owned()))
             .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
     }
 }
@@ -46,8 +46,8 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
     Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
 }
 
-fn assert_the_same(here: &dyn ResidualModel, finite: &dyn ResidualModel) {
-    let description = here.description();
+fn assert_the_same(local: &dyn ResidualModel, remote: &dyn ResidualModel) {
+    let description = local.description();
     let parameters = description.parameters.len();
     let reach = |k: usize| description.parameters[k].reach;
     let moved = |k: usize| (0..parameters).map(|i| if i == k { reach(k) } else { 0.0 }).collect::<Vec<f64>>();
@@ -66,20 +66,20 @@ fn assert_the_same(here: &dyn ResidualModel, finite: &dyn ResidualModel) {
     let of_starts = moved.iter().map(|(log, moved)| ResidualRequest { u: &points[0], log: *log, moved });
     let rollouts: Vec<ResidualRequest> = of_points.chain(of_starts).collect();
     for step in [TimeStep::USUAL, TimeStep::USUAL.halved()] {
-        let together = bits(here.residuals(&rollouts, step));
-        assert_eq!(together, bits(finite.residuals(&rollouts, step)));
-        assert_eq!(together, bits(rollouts.iter().map(|one| here.residual(*one, step)).collect()), "one by one");
+        let together = bits(local.residuals(&rollouts, step));
+        assert_eq!(together, bits(remote.residuals(&rollouts, step)));
+        assert_eq!(together, bits(rollouts.iter().map(|one| local.residual(*one, step)).collect()), "one by one");
     }
 }
 
-fn served(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
+fn local_and_remote(source: &Source, from_s: f64) -> Tested<(VerbInput, RemoteModel)> {
     let (learn, held_out) = ([recorded(source, from_s, 1)?], [recorded(source, from_s + 0.1, 2)?]);
     let input = VerbInput::new(source.clone(), &learn, &held_out)?;
     let residual_model = RemoteModel::new(&input, Arc::new(ExecutionContext::with_executor(Box::new(Worker))))?;
     Ok((input, residual_model))
 }
 
-/// The end of a log that is held out from its beginning begins where that does.
+/// The held-out end of a log has the same initial state as its beginning.
 #[test]
 fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
     let source = robots("arm.toml")?;
@@ -107,47 +107,47 @@ fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
 fn an_arm_with_files_of_its_own() -> Tested<()> {
     let mut source = robots("arm.toml")?;
     source.text.push_str("\n[drive]\nkind = \"sine\"\nomega_rad_s = 4.0\n");
-    let (input, residual_model) = served(&source, 0.0)?;
+    let (input, residual_model) = local_and_remote(&source, 0.0)?;
     assert_the_same(&input.problem, &residual_model);
     // One with another initial state.
     let description = residual_model.description();
     let numbers = 0..description.starts[0].numbers.len();
     let moved =
         Derivation::WithInitialState(vec![MovedStart { log: 0, by: numbers.map(|k| 0.1 * k as f64 - 0.3).collect() }]);
-    let (here, finite) = (input.problem.derive(&moved), residual_model.derive(&moved));
-    let (here, finite) = here.zip(finite).ok_or("a fixed robot's logs can begin elsewhere")?;
-    assert_the_same(&*here, &*finite);
+    let (local, remote) = (input.problem.derive(&moved), residual_model.derive(&moved));
+    let (local, remote) = local.zip(remote).ok_or("a fixed robot's logs can begin elsewhere")?;
+    assert_the_same(&*local, &*remote);
     let origin = vec![0.0; residual_model.description().parameters.len()];
     let from = |residual_model: &dyn ResidualModel, log| {
         residual_model.residual(ResidualRequest::of(&origin, log), TimeStep::USUAL)
     };
-    assert_ne!(from(&*here, 0)?, from(&residual_model, 0)?);
-    assert_eq!(from(&*here, 1)?, from(&residual_model, 1)?);
+    assert_ne!(from(&*local, 0)?, from(&residual_model, 0)?);
+    assert_eq!(from(&*local, 1)?, from(&residual_model, 1)?);
     Ok(())
 }
 
-/// The ant at rest when its log begins has a family of beginnings; under way it is seen from where a model has it.
+/// A log of the ant that begins at rest has a standing start; one that begins in motion has starts estimated by the model.
 #[test]
-fn families_that_were_derived_of_others() -> Tested<()> {
+fn derived_residual_models() -> Tested<()> {
     let mut source = robots("ant.toml")?;
     source.set(&["simulation.duration_s=1.5".to_owned()])?;
     let mut derived = 0;
     for from_s in [0.0, 0.6] {
-        let (input, residual_model) = served(&source, from_s)?;
+        let (input, residual_model) = local_and_remote(&source, from_s)?;
         assert_the_same(&input.problem, &residual_model);
         let seen = Derivation::WithStartsAt(vec![0.0; residual_model.description().parameters.len()]);
-        for (here, finite) in [
+        for (local, remote) in [
             (input.problem.derive(&Derivation::Beginnings), residual_model.derive(&Derivation::Beginnings)),
             (input.problem.derive(&seen), residual_model.derive(&seen)),
         ] {
-            assert_eq!(here.is_some(), finite.is_some());
-            if let (Some(here), Some(finite)) = (here, finite) {
-                assert_the_same(&*here, &*finite);
+            assert_eq!(local.is_some(), remote.is_some());
+            if let (Some(local), Some(remote)) = (local, remote) {
+                assert_the_same(&*local, &*remote);
                 derived += 1;
             }
         }
     }
-    assert!(derived > 0, "no family was derived of another one");
+    assert!(derived > 0, "no residual model was derived");
     Ok(())
 }
 
@@ -176,11 +176,11 @@ fn a_population_of_an_experiment() -> Tested<()> {
     let model = model(&source)?;
     let (context, payloads) = (ExecutionContext::with_executor(Box::new(Worker)), RunPayloads::default());
     let comparison = TestComparison { distance: &DistanceSpec::Rmse(Rmse::default()), reality: RealitySource::File };
-    let served = RemoteSimulator::new(&model, &source, comparison, &context, &payloads)?;
+    let remote = RemoteSimulator::new(&model, &source, comparison, &context, &payloads)?;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let jobs = [Job { s: &s, c: &c, scenario: 0 }; 3];
     let outputs = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];
-    let (here, finite) = (model.evaluate_all(&jobs, &outputs), served.evaluate_all(&jobs, &outputs));
-    assert!(matches!(here[1], Ok(Output::Behaviour(_))) && here == finite);
+    let (local, remote) = (model.evaluate_all(&jobs, &outputs), remote.evaluate_all(&jobs, &outputs));
+    assert!(matches!(local[1], Ok(Output::Behaviour(_))) && local == remote);
     Ok(())
 }

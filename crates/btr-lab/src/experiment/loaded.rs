@@ -19,19 +19,19 @@ pub struct Experiment {
     pub name: String,
     /// The seed of every random number.
     pub seed: u64,
-    /// S, C and how they behave.
+    /// The model with S and C.
     pub model: Arc<Model>,
     /// The loop's plan.
     pub plan: Plan,
-    /// Where the truth comes from.
+    /// The reality that carries out real tests.
     pub reality: Box<dyn Revealing>,
     /// Recorded logs in the order of the model's scenarios, held-out ones last; empty for other realities.
     pub recorded: Vec<Log>,
-    /// Distances to identify with once more.
+    /// Further distances with which the identification is repeated.
     pub distances: Vec<DistanceSpec>,
-    /// What the readers of the recorded logs noticed and could live with.
+    /// Warnings of the readers of the recorded logs.
     pub warnings: Vec<String>,
-    /// How long it is worked on, and by whom.
+    /// Execution context: cancellation and workers.
     pub context: Arc<ExecutionContext>,
     pub(super) source: Source,
     robot: Option<RobotFunction>,
@@ -41,12 +41,12 @@ impl Experiment {
     /// Builds the experiment; real tests are kept under `folder`.
     ///
     /// # Errors
-    /// Whatever does not make sense, at its line.
+    /// An invalid file, at its line.
     pub fn new(source: Source, seed: Option<u64>, folder: &Path) -> Result<Self, FileError> {
         Experiment::on(source, seed, folder, None, Arc::default())
     }
 
-    /// The same with a robot of its own, whatever `[reality]` says, and with somebody who does the work.
+    /// The same with a robot function that replaces `[reality]`, and with an execution context.
     ///
     /// # Errors
     /// See [`new`](Self::new).
@@ -79,38 +79,38 @@ impl Experiment {
         Ok(Experiment { name, seed, model, plan, reality, recorded, distances, warnings, context, source, robot })
     }
 
-    /// Becomes the experiment of another text, with the same robot and the same hands.
+    /// Replaces the experiment by that of another text, with the same robot function and execution context.
     ///
     /// # Errors
-    /// Whatever does not make sense, at its line.
+    /// An invalid file, at its line.
     pub(crate) fn restart(&mut self, text: String, folder: &Path) -> Result<(), FileError> {
         let source = Source { text, ..self.source.clone() };
         *self = Experiment::on(source, Some(self.seed), folder, self.robot.clone(), self.context.clone())?;
         Ok(())
     }
 
-    /// What identifies the experiment: its text with all settings, its seed, and whether a robot of its own stands for
-    /// what the text says of reality. Which one that is nobody can tell.
+    /// Identifies the experiment: its text with all settings, its seed, and whether a robot function replaces
+    /// `[reality]`. The function itself cannot be identified.
     pub fn stamp(&self) -> String {
         let robot = if self.has_robot() { ", reality is a function" } else { "" };
         format!("# --seed {}{robot}\n{}", self.seed, self.source.text)
     }
 
-    /// Whether a robot of its own stands for what the file says of reality.
+    /// Whether a robot function replaces `[reality]`.
     pub fn has_robot(&self) -> bool {
         self.robot.is_some()
     }
 
-    /// What answers real tests.
+    /// What carries out real tests.
     pub(crate) fn reality_source(&self) -> RealitySource {
         if self.has_robot() { RealitySource::Function } else { RealitySource::File }
     }
 
-    /// Goes on with a larger S: `text` is the file with further parameters. Reality stays what it was, so that a hidden
-    /// twin neither gains nor loses anything by what its simulations are given.
+    /// Enlarges S: `text` is the file with further parameters. Reality stays unchanged, so that effects added to the
+    /// simulations do not change a hidden twin.
     ///
     /// # Errors
-    /// Whatever does not make sense, at its line.
+    /// An invalid file, at its line.
     pub fn enlarge(&mut self, text: String) -> Result<(), FileError> {
         let source = Source { text, ..self.source.clone() };
         let situations = ScenarioSet {

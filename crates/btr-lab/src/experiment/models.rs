@@ -1,4 +1,4 @@
-//! Models on their own: with their own drive, with another file's, or replaying a log.
+//! Models without an experiment: with the file's drive, with another file's drive, or replaying a log.
 
 use super::build::Builder;
 use super::file::{DriveSection, RealitySource};
@@ -10,19 +10,19 @@ use super::logs::source::LogSource;
 use super::source::{FileError, Source};
 use btr_physics::model::{Model, Scenario};
 
-/// The model of a file, with its own drive.
+/// The model of a file, with the file's drive.
 ///
 /// # Errors
-/// Whatever does not make sense, at its line.
+/// An invalid file, at its line.
 pub fn model(source: &Source) -> Result<Model, FileError> {
     let file = source.parse()?;
     Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
 }
 
-/// The model of a file, driven as the `[drive]` of another one says.
+/// The model of a file with the `[drive]` of another file.
 ///
 /// # Errors
-/// Whatever does not make sense in either file, at its line.
+/// An error in either file, at its line.
 pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileError> {
     #[derive(serde::Deserialize)]
     struct OnlyDrive {
@@ -30,18 +30,18 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     }
     let mut file = source.parse()?;
     let OnlyDrive { drive: mut section } = toml::from_str(&drive.text).map_err(|e| drive.refused(&e))?;
-    // A log is named from the file that names it.
+    // The path of a log is relative to the file that names it.
     let folder = std::path::absolute(drive.folder()).unwrap_or_else(|_| drive.folder().to_owned());
     section.log = section.log.map(|log| folder.join(log));
     file.drive = Some(section);
     Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
 }
 
-/// The model of a file, told what a log says the robot was told, from where the log starts, with what an index of logs
-/// in the file knows of it.
+/// The model of a file that replays the commands of a log from its initial state, with the settings that an index of
+/// logs in the file has for it.
 ///
 /// # Errors
-/// Whatever does not make sense; a log that cannot be read or lacks the robot's joints.
+/// An invalid file; a log that cannot be read or lacks the robot's joints.
 pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
     let (file, log) = (source.parse()?, log.into());
     let builder = Builder { file: &file, source };
@@ -53,11 +53,11 @@ pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Mod
     builder.model(ScenarioSet { scenarios: vec![scenario], learn: 1, logs: vec![whole.log], warnings: Vec::new() })
 }
 
-/// The simulations of an experiment, without its plan and reality. Its `[reality]` section only matters where it names
+/// The simulations of an experiment, without its plan and reality. Its `[reality]` section only matters if it names
 /// logs.
 ///
 /// # Errors
-/// Whatever does not make sense, at its line.
+/// An invalid file, at its line.
 pub fn simulations(source: &Source, reality: RealitySource) -> Result<Model, FileError> {
     let file = source.parse()?;
     let builder = Builder { file: &file, source };

@@ -13,8 +13,8 @@ use btr_physics::model::{Model, Scenario};
 use std::sync::Arc;
 
 impl Experiment {
-    /// The model with real tests as its scenarios, the first `learn` of them to learn from: what the robot was told,
-    /// from where every test begins.
+    /// The model with real tests as its scenarios, the first `learn` of them for training: the commands of the robot,
+    /// from the initial state of each test.
     ///
     /// # Errors
     /// A controller that does not fit.
@@ -27,26 +27,26 @@ impl Experiment {
         let situations = ScenarioSet { scenarios: scenarios.map_err(refused)?, learn, logs, warnings: Vec::new() };
         let mut model = Builder { file: &file, source }.model(situations)?;
         if let Some((trial, _)) = tests.first() {
-            // Where the base is when the motion begins is the drive's business.
+            // The initial pose of the base depends on the drive.
             model.robot.start = self.model.beginning(&trial.controller, trial.scenario).map_err(refused)?.start;
         }
         Ok(model)
     }
 
-    /// A real test's log from the test's beginning on, where it lost rows before its first one.
+    /// A real test's log, with the rows added that were lost before its first one.
     ///
     /// # Errors
     /// A controller that does not fit.
     pub fn from_the_beginning(&self, trial: &Trial, log: &Log) -> Result<Log, WorldError> {
         match self.model.scenarios[trial.scenario].replay {
             Some(_) => Ok(log.clone()),
-            // What a policy told the robot in rows that are lost, nobody knows.
+            // The commands of a policy in lost rows are unknown.
             None if self.model.drive.senses() => Ok(log.clone()),
             None => Ok(with_lost_rows(log, &self.model.references(&trial.controller, trial.scenario)?)),
         }
     }
 
-    /// What a real test asked and where it began.
+    /// The scenario of a real test: its commands and its initial state.
     fn scenario(&self, trial: &Trial, log: &Log) -> Result<Scenario, WorldError> {
         let known = &self.model.scenarios[trial.scenario];
         if known.replay.is_some() {
@@ -56,10 +56,10 @@ impl Experiment {
         if self.model.drive.senses() {
             references = corrected_references(&references, log);
         }
-        // References are led or held from tick to tick as the run has them; what a log says of that, sample by sample,
-        // is held only where it is something else than what was asked for.
-        let as_asked = quality::check_references(&references, log).is_none();
-        let replay = match as_asked {
+        // References are interpolated or held from tick to tick as in the run. Commands of the log are held sample by
+        // sample, and used only if they differ from the references.
+        let as_requested = quality::check_references(&references, log).is_none();
+        let replay = match as_requested {
             true => Replay::new(&references, &self.model.robot),
             false => Replay::new(&with_commands(log, &references), &self.model.robot),
         };

@@ -1,4 +1,4 @@
-//! A model beside the logs that somebody names on the command line: each log is a situation of its own.
+//! A model with the logs that are named on the command line: each log is a scenario.
 
 use super::build::Builder;
 use super::logs::index::IndexEntries;
@@ -11,48 +11,48 @@ use btr_core::log::Log;
 use btr_identify::quality::Quality;
 use btr_physics::model::Model;
 
-/// A model, the logs that it is to repeat, and what was noticed while they were read.
+/// A model, the logs that it replays, and the findings about them.
 pub struct Replays {
-    /// With one scenario per log, or several for a log with gaps, in their order; those from `learn` on are held out.
+    /// The model with one scenario per log, or several for a log with gaps, in order; those from `learn` on are held
+    /// out.
     pub model: Model,
-    /// What was recorded, from time zero; one per scenario.
+    /// The recorded logs from time zero; one per scenario.
     pub logs: Vec<Log>,
-    /// What is odd about the logs, though they can be used.
+    /// Warnings about usable logs.
     pub warnings: Vec<String>,
-    /// What the logs are worth, one per file.
+    /// The quality of the logs, one per file.
     pub checked: Vec<CheckedLog>,
     /// The logs as they were read.
     pub recordings: Recordings,
 }
 
-/// What a log is worth.
+/// The quality of a log.
 #[derive(Clone, Debug)]
 pub struct CheckedLog {
     /// Its path.
     pub log: String,
-    /// All that was found in it.
+    /// The findings about it.
     pub quality: Quality,
 }
 
 impl Replays {
-    /// Joints of which no log has a reading that could be compared.
+    /// Joints for which no log has a comparable reading.
     pub fn not_judged(&self) -> Vec<String> {
         coverage::unmeasured_joints(&self.model.robot, &self.logs)
     }
 
-    /// Whether any reading that could be compared changes by more than its noise in a training log.
+    /// Whether any comparable reading changes by more than its noise in a training log.
     pub fn is_moving(&self) -> bool {
         let training = &self.logs[..self.model.learn.min(self.logs.len())];
         coverage::is_moving(&self.model.robot, &self.model.setup.noise, training)
     }
 }
 
-/// The model of a file beside logs: what each log says the robot was told, from where it starts; a log with gaps in
-/// pieces. An index of logs in the file (`[logs]`, or that of `[reality]`) sets what is known of each.
+/// The model of a file with logs as scenarios: the commands of each log from its initial state; a log with gaps in
+/// pieces. An index of logs in the file (`[logs]`, or that of `[reality]`) has the settings of each.
 ///
 /// # Errors
-/// Whatever does not make sense in the file; a log that cannot be read, lacks the robot's joints, or is both learnt
-/// from and held out.
+/// An invalid file; a log that cannot be read, lacks the robot's joints, or is both a training log and held out.
 pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replays, FileError>
 where
     L: Clone + Into<LogSource>,
@@ -96,7 +96,7 @@ where
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
     let mut model = builder.model(all)?;
     if model.setup.noise.torque <= 0.0 {
-        // A torque that was smoothed does not show its sensor's noise any more.
+        // A smoothed torque does not show its sensor's noise any more.
         model.setup.noise.torque = floor;
     }
     let checked = learn.iter().chain(held_out).map(|read| CheckedLog {

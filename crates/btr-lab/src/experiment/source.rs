@@ -17,7 +17,7 @@ pub struct FileError {
     pub column: usize,
     /// What is wrong.
     pub message: String,
-    /// What to do about it.
+    /// The remedy.
     pub help: Option<String>,
 }
 
@@ -38,12 +38,12 @@ pub struct Source {
     pub path: PathBuf,
     /// All of it.
     pub text: String,
-    /// The functions that its laws name; none but where a program brings them along.
+    /// The functions that its laws name; provided by the calling program, if any.
     pub laws: Laws,
 }
 
 impl Source {
-    /// A text for which no functions are brought along.
+    /// A text without functions for its laws.
     pub fn new(path: impl Into<PathBuf>, text: impl Into<String>) -> Self {
         Source { path: path.into(), text: text.into(), laws: Laws::default() }
     }
@@ -51,7 +51,7 @@ impl Source {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is not there or not text.
+    /// A file that does not exist or is not text.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let refused = |message: String| FileError {
             path: path.to_owned(),
@@ -67,7 +67,7 @@ impl Source {
         Ok(Source::new(path, text))
     }
 
-    /// The folder against which relative paths in the file are taken.
+    /// The folder to which paths in the file are relative.
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
@@ -97,7 +97,7 @@ impl Source {
         toml::from_str(&self.text).map_err(|e| self.refused(&e))
     }
 
-    /// What serde says about the text, at its place and with a suggestion.
+    /// An error of serde about the text, at its place and with a suggestion.
     pub(super) fn refused(&self, error: &toml::de::Error) -> FileError {
         let message = in_plain_words(error.message());
         FileError { help: did_you_mean(error.message()), ..self.at_span(error.span(), &message) }
@@ -160,8 +160,8 @@ fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result
     Ok(())
 }
 
-/// The parts of a dotted key. Those that TOML wants in quotes do without them here, where no dot is in them: shells
-/// take quotes away, and `parameters.mass@bob.value` says what it means.
+/// The parts of a dotted key. Quotes are optional for parts without a dot, even where TOML requires them: shells remove
+/// quotes, and `parameters.mass@bob.value` is unambiguous.
 fn keys_of(dotted: &str) -> Option<Vec<toml_edit::Key>> {
     let is_bare = |part: &str| part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let quoted = |part: &str| match part {
@@ -172,7 +172,7 @@ fn keys_of(dotted: &str) -> Option<Vec<toml_edit::Key>> {
     toml_edit::Key::parse(dotted).or_else(|_| toml_edit::Key::parse(&spelt_out())).ok()
 }
 
-/// serde names Rust's types; people write numbers.
+/// Replaces the Rust types in serde's messages by plain words.
 fn in_plain_words(message: &str) -> String {
     let types = [
         ("expected f64", "expected a number"),
@@ -184,7 +184,7 @@ fn in_plain_words(message: &str) -> String {
     types.iter().fold(message.to_owned(), |text, (theirs, plain)| text.replace(theirs, plain))
 }
 
-/// serde says "unknown field `x`, expected one of `a`, `b`": find the nearest of those that would have been right.
+/// A suggestion from serde's message "unknown field `x`, expected one of `a`, `b`": the nearest known name.
 fn did_you_mean(message: &str) -> Option<String> {
     let mut quoted = message.split('`').skip(1).step_by(2);
     if !(message.starts_with("unknown field") || message.starts_with("unknown variant")) {

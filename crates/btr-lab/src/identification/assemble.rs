@@ -9,17 +9,17 @@ use btr_physics::model::Model;
 use std::sync::Arc;
 
 impl IdentificationProblem {
-    /// Puts a model beside its logs: `recorded` in the order of the model's scenarios. `without` names effects that are
-    /// not to be considered.
+    /// The problem of a model and its logs: `recorded` in the order of the model's scenarios. `without` names effects
+    /// that are not considered.
     ///
     /// # Errors
-    /// A log without any measured channel that the model has; a model that blows up as it stands.
+    /// A log without any measured channel that the model has; a model that diverges at its current values.
     pub fn new(model: Arc<Model>, recorded: Vec<Log>, without: &[&str]) -> Result<Self, WorldError> {
         let parts = parts(&model, &recorded);
         Self::in_parts(model, recorded, without, parts)
     }
 
-    /// The same with every log to learn from, whole.
+    /// The same with every log as a whole training log.
     ///
     /// # Errors
     /// See [`new`](Self::new).

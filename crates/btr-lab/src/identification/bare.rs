@@ -31,15 +31,15 @@ impl IdentificationProblem {
             parts,
             situations: model.scenarios.clone(),
             rests: false,
-            clocks_s: model.scenarios.iter().zip(&recorded).map(by_laws).collect(),
+            clocks_s: model.scenarios.iter().zip(&recorded).map(law_clock).collect(),
             model,
             recorded,
         })
     }
 
-    /// The same family beside other logs of the same scenarios, none held out, with the sensors' noise alone for a
-    /// floor; their starts as the model at `u` sees them.
-    pub(crate) fn beside_others(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
+    /// The same residual model with other logs of the same scenarios, none held out. Noise floors are the sensors'
+    /// noise alone; initial states are those that the model at `u` estimates.
+    pub(crate) fn with_logs(&self, model: Arc<Model>, recorded: Vec<Log>, u: &[f64]) -> Result<Self, WorldError> {
         let parts = whole(&recorded);
         let other = Self::without_effects(model, recorded, parts)?;
         let (parameters, candidates, features) =
@@ -59,7 +59,7 @@ impl IdentificationProblem {
     }
 }
 
-/// The clock of a log, as laws count time.
-fn by_laws((scenario, log): (&Scenario, &Log)) -> Vec<f64> {
+/// The clock of a log in the time of laws.
+fn law_clock((scenario, log): (&Scenario, &Log)) -> Vec<f64> {
     log.clock_s().iter().map(|t| scenario.begins_s + t).collect()
 }

@@ -1,8 +1,8 @@
-//! What may be missing: every effect at every site, and what laws are made of.
+//! Candidates: every effect at every site, and the terms of laws.
 
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::{TermContext, TermDefinition};
-use super::catalogue::parameters::{own, parameter};
+use super::catalogue::parameters::{model_value, parameter};
 use super::catalogue::sites::sites;
 use super::problem::IdentificationProblem;
 use btr_core::world::WorldError;
@@ -11,14 +11,14 @@ use btr_physics::effects::{EFFECTS, Effect};
 use btr_physics::robot::Actuator;
 
 impl IdentificationProblem {
-    /// Adds every effect at every site to what may be missing, but those named in `without`.
+    /// Adds every effect at every site to the candidates, except those named in `without`.
     pub(super) fn offer_effects(&mut self, without: &[&str]) {
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
             for site in sites(effect, &self.model) {
                 self.offer(effect, site);
             }
         }
-        self.introduce();
+        self.link_similar();
     }
 
     fn offer(&mut self, effect: &'static dyn Effect, site: String) {
@@ -29,7 +29,7 @@ impl IdentificationProblem {
             list.push(self.parameters.len());
             let name = format!("{}.{}@{site}", spec.name, param.name);
             let scale = self.scales.of_unit(param.unit, &site);
-            self.parameters.push(parameter(name, param, scale, own(param, &self.model.setup)));
+            self.parameters.push(parameter(name, param, scale, model_value(param, &self.model.setup)));
         }
         let start = |values: &&[f64]| {
             shapes.iter().zip(values.iter()).map(|(&k, v)| self.parameters[k].coordinate(*v)).collect()
@@ -53,19 +53,18 @@ impl IdentificationProblem {
         self.effects.push(effect);
     }
 
-    /// The channels of the limb that a joint or a link belongs to; none where the robot is compared from beginning to
-    /// end.
+    /// The channels of the limb that a joint or a link belongs to; none if logs are compared as a whole.
     fn limb_of(&self, site: &str) -> Vec<String> {
         if self.parts.iter().all(|part| part.windows.is_empty()) {
             return Vec::new();
         }
-        let here = self.model.robot.movable().position(|(_, link)| link.joint.name == site || link.name == site);
-        here.map_or_else(Vec::new, |joint| self.limbs[joint].clone())
+        let index = self.model.robot.movable().position(|(_, link)| link.joint.name == site || link.name == site);
+        index.map_or_else(Vec::new, |joint| self.limbs[joint].clone())
     }
 
-    /// Tells candidates who at the same place is said to look like them; a joint is at the place of the link that it
-    /// moves.
-    fn introduce(&mut self) {
+    /// Sets the similar and nested candidates of each candidate at the same place; a joint is at the place of the link
+    /// that it moves.
+    fn link_similar(&mut self) {
         let links = &self.model.robot.links;
         let place =
             |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
@@ -83,7 +82,7 @@ impl IdentificationProblem {
         }
     }
 
-    /// Adds what laws are made of, for every driven joint.
+    /// Adds the terms of laws for every driven joint.
     pub(super) fn offer_terms(&mut self) -> Result<(), WorldError> {
         let model = self.model.clone();
         for (_, link) in model.robot.movable() {
@@ -93,10 +92,10 @@ impl IdentificationProblem {
                 Actuator::Voltage { servo, .. } => servo.is_some(),
                 Actuator::Passive | Actuator::Torque { .. } | Actuator::Prescribed => false,
             };
-            let extent = TermContext { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
+            let context = TermContext { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
             let first = self.features.len();
-            for term in law_terms::terms(&joint.name, &self.scales, &extent) {
-                self.offer_term(term, &joint.name, &extent, first)?;
+            for term in law_terms::terms(&joint.name, &self.scales, &context) {
+                self.offer_term(term, &joint.name, &context, first)?;
             }
         }
         Ok(())
@@ -106,11 +105,11 @@ impl IdentificationProblem {
         &mut self,
         term: TermDefinition,
         joint: &str,
-        extent: &TermContext,
+        context: &TermContext,
         first: usize,
     ) -> Result<(), WorldError> {
         let effect = term.formula().map_err(|e| WorldError::Setup { what: e.to_string() })?;
-        let parameters = term.parameters(joint, &self.scales, extent);
+        let parameters = term.parameters(joint, &self.scales, context);
         let start =
             |values: Vec<f64>| parameters.iter().skip(term.amplitudes()).zip(values).map(|(k, v)| k.coordinate(v));
         let starts = term.starts().into_iter().map(|values| start(values).collect()).collect();

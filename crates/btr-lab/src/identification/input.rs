@@ -1,4 +1,4 @@
-//! A model with the logs that a command is about.
+//! A model with the logs of a command.
 
 use super::problem::IdentificationProblem;
 use super::problem_error::ProblemError;
@@ -9,31 +9,31 @@ use btr_identify::quality::{FEWEST_SAMPLES, Finding};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// A model beside the logs it is asked about.
+/// The input of a verb: a model and its logs.
 pub struct VerbInput {
     /// The model's text.
     pub source: Source,
-    /// The model, the logs, and everything that may be varied.
+    /// The identification problem of the model and the logs.
     pub problem: IdentificationProblem,
-    /// What makes answers doubtful.
+    /// Findings that make results doubtful.
     pub doubts: Vec<Doubt>,
-    /// Joints of which nothing is measured: no answer is about them.
+    /// Joints without measurements: results do not cover them.
     pub not_judged: Vec<String>,
     /// The logs as they were read.
     pub recordings: Recordings,
 }
 
-/// Something that a look at a log found and that makes answers doubtful.
+/// A finding about a log that makes results doubtful.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Doubt {
     /// The log's path.
     pub log: String,
-    /// What was found in it.
+    /// The finding.
     #[serde(flatten)]
     pub finding: Finding,
 }
 
-/// What makes answers from these logs doubtful.
+/// The findings about logs that make results doubtful.
 pub fn doubts(replays: &Replays) -> Vec<Doubt> {
     let of = |checked: &CheckedLog| {
         let log = checked.log.clone();
@@ -43,10 +43,10 @@ pub fn doubts(replays: &Replays) -> Vec<Doubt> {
 }
 
 impl VerbInput {
-    /// Reads the logs and puts the model beside them; without held-out logs, the last part of each log is held out.
+    /// Reads the logs and assembles the problem; without held-out logs, the last part of each log is held out.
     ///
     /// # Errors
-    /// Whatever does not make sense in the file or the logs; a model that blows up as it stands.
+    /// An invalid file or log; a model that diverges at its current values.
     pub fn new<L: Clone + Into<LogSource>>(source: Source, learn: &[L], held_out: &[L]) -> Result<Self, ProblemError> {
         let replays = replays(&source, learn, held_out)?;
         VerbInput::of(source, replays)
@@ -55,7 +55,7 @@ impl VerbInput {
     /// The same for logs that were read before.
     ///
     /// # Errors
-    /// Logs in which nothing moves or is measured; a model that blows up as it stands.
+    /// Logs in which nothing moves or is measured; a model that diverges at its current values.
     pub fn of(source: Source, replays: Replays) -> Result<Self, ProblemError> {
         let (doubts, not_judged) = (doubts(&replays), replays.not_judged());
         if not_judged.len() == replays.model.robot.movable().count() {
@@ -72,11 +72,11 @@ impl VerbInput {
         Ok(VerbInput { source, problem, doubts, not_judged, recordings: replays.recordings })
     }
 
-    /// The same with effects added to the model, their bounds made for what the robot does in the logs; `replays` are
-    /// these without.
+    /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is
+    /// the model without them.
     ///
     /// # Errors
-    /// See [`new`](Self::new); an effect or a site that is not there.
+    /// See [`new`](Self::new); an unknown effect or site.
     pub fn with(source: Source, replays: Replays, additions: &[String]) -> Result<Self, ProblemError> {
         let bare = VerbInput::of(source, replays)?;
         if additions.is_empty() {
@@ -98,14 +98,14 @@ pub struct NoiseFloor {
     pub channel: String,
     /// Its unit.
     pub unit: String,
-    /// Standard deviation of its readings' errors.
+    /// Standard deviation of the errors of its readings.
     pub sigma: f64,
-    /// Whether that is a guess, for readings without any noise.
+    /// Whether it is assumed because the readings have no noise.
     pub assumed: bool,
 }
 
 impl VerbInput {
-    /// The noise floors that errors are measured in: of each channel in the first log that has it.
+    /// The noise floor of each channel, in the first log that has it.
     pub fn floors(&self) -> Vec<NoiseFloor> {
         let mut floors: Vec<NoiseFloor> = Vec::new();
         for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {

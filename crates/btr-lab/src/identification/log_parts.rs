@@ -1,21 +1,21 @@
-//! Which samples of which logs are learnt from, and which are judged on.
+//! The split of logs into training and held-out samples.
 
 use btr_core::log::Log;
 use btr_physics::model::Model;
 use std::ops::Range;
 
-/// Where nothing is held out, this last share of every log is; `btr diagnose --help` says so.
+/// Share at the end of every log that is held out if no log is; documented in `btr diagnose --help`.
 const JUDGED_TAIL: f64 = 0.3;
 
-/// Some samples of a log that are learnt from or judged on together.
+/// A range of a log's samples that is used for training or held out.
 #[derive(Clone)]
 pub(super) struct LogPart {
     pub scenario: usize,
     pub samples: Range<usize>,
     pub held_out: bool,
-    /// The same, window by window; none where all follows from the log's start.
+    /// The samples by window; empty if the log is simulated as a whole.
     pub windows: Vec<Range<usize>>,
-    /// With windows: the noise of every joint's reading; 0 where there is none.
+    /// With windows: the noise of every joint's reading; 0 if there is none.
     pub noise: Vec<f64>,
 }
 
@@ -24,19 +24,19 @@ impl LogPart {
         LogPart { scenario, samples, held_out, windows: Vec::new(), noise: Vec::new() }
     }
 
-    /// Whether a sample counts.
+    /// Whether a sample is compared.
     pub(super) fn has(&self, sample: usize) -> bool {
         let windows = || self.windows.iter().any(|window| window.contains(&sample));
         self.samples.contains(&sample) && (self.windows.is_empty() || windows())
     }
 }
 
-/// The logs as they are, to learn from.
+/// All logs as whole training logs.
 pub(super) fn whole(recorded: &[Log]) -> Vec<LogPart> {
     recorded.iter().enumerate().map(|(scenario, log)| LogPart::new(scenario, 0..log.len(), false)).collect()
 }
 
-/// The logs as they are; each cut in two where none is held out.
+/// The logs as a whole; each cut in two if none is held out.
 pub(super) fn parts(model: &Model, recorded: &[Log]) -> Vec<LogPart> {
     let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
     let whole = |scenario: usize| LogPart::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);

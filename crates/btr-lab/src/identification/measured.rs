@@ -12,8 +12,8 @@ use btr_physics::robot::Base;
 use std::ops::Range;
 
 impl IdentificationProblem {
-    /// Says what is compared of the logs, and where that begins as the model at `u` sees it. A free robot that rests
-    /// first is simulated from there, if it can be; else it is found in its log, window by window.
+    /// Sets the compared channels of the logs, and their initial states as estimated by the model at `u`. A floating
+    /// robot that rests first is simulated from a standing start if possible; otherwise by multiple shooting.
     pub(super) fn begin(&mut self, u: &[f64]) -> Result<(), WorldError> {
         if self.model.robot.base == Base::Floating && !self.rest(u)? {
             self.cut(u)?;
@@ -21,31 +21,31 @@ impl IdentificationProblem {
         self.measure()
     }
 
-    /// Says which channels of the logs are compared.
+    /// Sets the compared channels of the logs.
     pub(super) fn measure(&mut self) -> Result<(), WorldError> {
         self.logs = self.parts.iter().map(|part| self.measured(part)).collect::<Result<_, _>>()?;
         Ok(())
     }
 
-    /// Forgets what comes after a share of every log.
+    /// Drops the samples after a share of every log.
     pub(super) fn shorten(&mut self, share: f64) -> Result<(), WorldError> {
         for (scenario, log) in self.recorded.iter().enumerate() {
             let last = (share * log.len() as f64) as usize;
-            let own = self.parts.iter_mut().filter(|part| part.scenario == scenario);
-            own.for_each(|part| part.samples = part.samples.start.min(last)..part.samples.end.min(last));
+            let parts = self.parts.iter_mut().filter(|part| part.scenario == scenario);
+            parts.for_each(|part| part.samples = part.samples.start.min(last)..part.samples.end.min(last));
             let situation = &mut self.situations[scenario];
-            // A sample further than the last one that counts: clocks may be read late.
+            // One sample beyond the last compared one: clocks may be read late.
             situation.duration_s = situation.duration_s.min(log.clock_s()[last.min(log.len() - 1)] - log.clock_s()[0]);
         }
         self.measure()
     }
 
-    /// Cuts the logs into windows.
+    /// Cuts the logs into windows for multiple shooting.
     pub(super) fn cut(&mut self, u: &[f64]) -> Result<(), WorldError> {
-        let (own, placed) = (self.inner(u), self.placed(u));
+        let (values, placed) = (self.inner(u), self.placed(u));
         for (scenario, log) in self.recorded.iter().enumerate() {
             let situation = &self.model.scenarios[scenario];
-            let Windows { restarts, samples } = start::windows::cut(&self.model, &own, &placed, situation, log)?;
+            let Windows { restarts, samples } = start::windows::cut(&self.model, &values, &placed, situation, log)?;
             self.situations[scenario].restarts = restarts.into();
             let noise: Vec<f64> =
                 self.model.robot.movable().map(|(_, link)| self.noise(log, &link.joint.name)).collect();
@@ -59,22 +59,22 @@ impl IdentificationProblem {
         Ok(())
     }
 
-    /// The noise of a joint's reading; 0 where there is none.
+    /// The noise of a joint's reading; 0 if there is none.
     pub(super) fn noise(&self, log: &Log, joint: &str) -> f64 {
         let name = format!("q_{joint}");
         let channel = log.channel(&name);
         channel.and_then(|channel| self.model.setup.noise.floor(&name, &channel.values)).unwrap_or(0.0)
     }
 
-    /// The channels of a log that are compared: positions, torques of joints whose motion is prescribed, and how a
-    /// floating base turns.
+    /// The compared channels of a log: positions, torques of joints with prescribed motion, and the angular velocity of
+    /// a floating base.
     fn measured(&self, part: &LogPart) -> Result<RecordedLog, WorldError> {
         let recorded = &self.recorded[part.scenario];
         let (mut channels, mut present) = (Vec::new(), 0);
         let mut start = 0;
         for name in compared(&self.model) {
-            let there = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
-            let Some(channel) = recorded.channel(&name).filter(there) else { continue };
+            let present_channel = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
+            let Some(channel) = recorded.channel(&name).filter(present_channel) else { continue };
             let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;

@@ -1,4 +1,4 @@
-//! The identification problem: its parts, and what is known of its logs.
+//! The identification problem: its parts, and properties of its logs.
 
 use super::catalogue::law_terms::TermDefinition;
 use super::log_parts::LogPart;
@@ -9,16 +9,16 @@ use btr_physics::effects::Effect;
 use btr_physics::model::{Model, Scenario};
 use std::sync::Arc;
 
-/// A model, the logs it is compared with, and all that may be varied.
+/// A model, its logs, and everything that may be varied.
 #[derive(Clone)]
 pub struct IdentificationProblem {
     pub(super) model: Arc<Model>,
     pub(super) recorded: Vec<Log>,
-    /// The model's scenarios, with the restarts that the logs call for.
+    /// The model's scenarios, with the initial states estimated from the logs.
     pub(super) situations: Vec<Scenario>,
-    /// Whether it is a free robot that rests before every log.
+    /// Whether the robot is floating and has a standing start before every log.
     pub(super) rests: bool,
-    /// The logs' clocks, as laws count time.
+    /// The clocks of the logs in the time of laws.
     pub(super) clocks_s: Vec<Vec<f64>>,
     pub(super) parts: Vec<LogPart>,
     pub(super) parameters: Vec<FitParameter>,
@@ -28,12 +28,12 @@ pub struct IdentificationProblem {
     pub(super) scales: RobotScales,
     /// With windows: for each joint, the channels of the joints of its limb.
     pub(super) limbs: Vec<Vec<String>>,
-    /// The channels in which each candidate is felt first; none where it is felt everywhere.
+    /// The channels in which each candidate shows first; empty if it shows in all.
     pub(super) near: Vec<Vec<String>>,
-    /// What stands behind each candidate.
+    /// The effect of each candidate.
     pub(super) effects: Vec<&'static dyn Effect>,
     pub(super) features: Vec<LawTerm>,
-    /// What stands behind each feature.
+    /// The definition and the effect of each feature.
     pub(super) terms: Vec<(TermDefinition, &'static dyn Effect)>,
 }
 
@@ -48,13 +48,13 @@ impl IdentificationProblem {
         self.parts[log].scenario
     }
 
-    /// Whether a channel's noise floor is a guess, in the first log that has the channel.
+    /// Whether a channel's noise floor is assumed, in the first log that has the channel.
     pub(crate) fn is_assumed(&self, name: &str) -> bool {
         let first = self.recorded.iter().find_map(|log| log.channel(name));
         first.is_some_and(|channel| self.model.setup.noise.is_assumed(name, &channel.values))
     }
 
-    /// The model as it stands.
+    /// The model at its current values.
     pub fn model(&self) -> &Arc<Model> {
         &self.model
     }
@@ -64,17 +64,17 @@ impl IdentificationProblem {
         &self.recorded
     }
 
-    /// What is large and what is small for this robot.
+    /// Typical magnitudes of this robot.
     pub(crate) fn scales(&self) -> &RobotScales {
         &self.scales
     }
 
-    /// The scenarios of the logs that are learnt from.
+    /// The scenarios of the training logs.
     pub(crate) fn learnt(&self) -> Vec<usize> {
         self.parts.iter().filter(|part| !part.held_out).map(|part| part.scenario).collect()
     }
 
-    /// Whether all joints stay where the logs had them, give or take a share of that range.
+    /// Whether all joints stay within their range in the logs, widened by a share of it.
     pub(crate) fn is_within(&self, log: &Log, margin: f64) -> bool {
         let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint.name);
         joints.all(|joint| {

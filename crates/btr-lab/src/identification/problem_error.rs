@@ -1,29 +1,29 @@
-//! Why a model cannot be identified from logs.
+//! Errors of an identification problem.
 
 use crate::experiment::FileError;
 use crate::model_text::AddError;
 use btr_core::world::WorldError;
 use btr_identify::quality::FEWEST_SAMPLES;
 
-/// Why a question cannot be asked.
+/// Why a model cannot be identified from logs.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemError {
-    /// The model file or a log makes no sense.
+    /// The model file or a log is invalid.
     #[error(transparent)]
     File(#[from] FileError),
     /// The model cannot be simulated.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// What was to be added does not fit the model.
+    /// An effect or a law cannot be added to the model.
     #[error(transparent)]
     Add(#[from] AddError),
-    /// Logs in which nothing happens.
+    /// Logs in which nothing moves.
     #[error("nothing moves in the logs to learn from: they tell nothing about the model")]
     Still,
-    /// Logs that end before they tell anything.
+    /// Logs that are too short.
     #[error("the longest log to learn from has {0} samples: too few to tell anything")]
     Short(usize),
-    /// Logs that say nothing of what the robot did.
+    /// Logs without any measured position.
     #[error("no joint's position is measured in the logs to learn from")]
     Blind,
     /// Logs that have nothing in common with a simulation.
@@ -32,7 +32,7 @@ pub enum ProblemError {
 }
 
 impl ProblemError {
-    /// What to do about it, where that is not said in the file's terms.
+    /// The remedy, for errors that do not come from a file.
     pub fn help(&self) -> Option<String> {
         match self {
             ProblemError::Still => {

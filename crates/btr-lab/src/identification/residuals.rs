@@ -15,7 +15,7 @@ use btr_physics::model::{ModelRequest, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
 
-/// What counts as the beginning of a log, as a share of it.
+/// Share of a log that counts as its beginning.
 const BEGINNING: f64 = 0.3;
 
 impl ResidualModel for IdentificationProblem {
@@ -28,7 +28,7 @@ impl ResidualModel for IdentificationProblem {
             law_terms: self.features.clone(),
             clocks_s: (0..self.logs.len()).map(clock).collect(),
             starts: (0..self.logs.len()).map(|log| self.start(log)).collect(),
-            // Nudges of a free robot are as large as what is not known of its start.
+            // For a floating robot, one nudge is one standard deviation of the initial state.
             start_spread: if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 },
             batch_size: self.model.side_by_side(),
             order: self.model.order(),
@@ -53,7 +53,7 @@ impl ResidualModel for IdentificationProblem {
         let derived = match derivation {
             Derivation::Beginnings => self.beginnings()?,
             Derivation::WithStartsAt(u) => self.with_starts_at(u)?,
-            Derivation::WithInitialState(moved) => self.begun_elsewhere(moved),
+            Derivation::WithInitialState(moved) => self.with_initial_states(moved),
         };
         Some(Box::new(derived))
     }
@@ -93,11 +93,11 @@ impl IdentificationProblem {
         (self as &dyn ResidualModel).residual(request, step)
     }
 
-    /// How a log begins.
+    /// Description of a log's initial state.
     fn start(&self, log: usize) -> LogStart {
         let number = |number: usize| StartNumber {
             channels: self.start_channels(log, number).to_vec(),
-            // A free robot's start is seen otherwise.
+            // The start of a floating robot is estimated differently.
             search_sd: (self.model.robot.base == Base::Fixed).then(|| OPEN[number % 2]),
         };
         let same = |other: &usize| self.parts[*other].scenario == self.parts[log].scenario;
@@ -108,18 +108,18 @@ impl IdentificationProblem {
         }
     }
 
-    /// How many numbers of a log's start are not known for certain.
+    /// Number of uncertain coordinates of a log's initial state.
     fn start_numbers(&self, log: usize) -> usize {
         match (self.model.robot.base, self.parts[log].windows.len()) {
             (Base::Fixed, _) => 2 * self.nudged(log).count(),
             (Base::Floating, 0) if self.rests => self.nudged(log).count(),
-            // A log too short for a window begins in a state that no joint tells.
+            // A log too short for a window has no estimated initial state.
             (Base::Floating, 0) => 0,
             (Base::Floating, _) => windows::nudges(self.model.robot.movable().count()),
         }
     }
 
-    /// Names of the channels in which a number of a log's start is felt; empty where it is felt in all.
+    /// Names of the channels in which a coordinate of a log's initial state shows; empty if it shows in all.
     fn start_channels(&self, log: usize, number: usize) -> &[String] {
         match windows::nudged_joint(number, self.model.robot.movable().count()) {
             Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
@@ -147,7 +147,7 @@ impl IdentificationProblem {
             let cut = other.cut(u).and_then(|()| other.measure()).and_then(|()| noise_floor::raise(&mut other, u));
             cut.is_ok()
         } else {
-            other.rest_otherwise(u).unwrap_or(false)
+            other.rest_from_another_past(u).unwrap_or(false)
         };
         differs.then_some(other)
     }

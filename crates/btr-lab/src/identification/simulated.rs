@@ -1,4 +1,4 @@
-//! What the model simulates at a point of the identification problem.
+//! Simulations of the model at a point of the identification problem.
 
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::TermDefinition;
@@ -11,24 +11,23 @@ use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::{ModelRequest, Scenario};
 
 impl IdentificationProblem {
-    /// What is simulated at a point beside the log of a scenario; with windows, from where the log has the robot at
-    /// each start.
+    /// Simulates the log of a scenario at a point; with windows, from the initial state of each window.
     ///
     /// # Errors
-    /// A simulation that blew up.
+    /// A simulation that diverged.
     pub fn simulate(&self, u: &[f64], scenario: usize, step: TimeStep) -> Result<Log, WorldError> {
         self.simulate_in(u, &self.situations[scenario], step)
     }
 
-    /// What is simulated at a point in a situation of its own.
+    /// Simulates a given scenario at a point.
     ///
     /// # Errors
-    /// A simulation that blew up.
+    /// A simulation that diverged.
     pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: TimeStep) -> Result<Log, WorldError> {
         self.model.simulate(ModelRequest::new(&self.inner(u), scenario).effects(&self.placed(u)).time_step(step))
     }
 
-    /// The values of what is in doubt at a point.
+    /// The values of the free parameters at a point.
     pub(crate) fn inner(&self, u: &[f64]) -> Vec<f64> {
         self.free.iter().map(|&k| self.inside(k, self.parameters[k].value(u[k]))).collect()
     }
@@ -47,7 +46,7 @@ impl IdentificationProblem {
         effects.chain(terms).collect()
     }
 
-    /// Where a law sits, what it is on, and its text.
+    /// The site of a law, the quantity that it changes, and its text.
     pub fn law(&self, law: &ResidualLaw) -> Option<(String, FormulaTarget, String)> {
         let first = *law.terms.first()?;
         let values = |&i: &usize| {

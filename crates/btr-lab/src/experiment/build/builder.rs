@@ -8,14 +8,14 @@ use crate::suggest::suggestion;
 use btr_physics::model::Model;
 use std::sync::atomic::AtomicU64;
 
-/// A file on its way to a model.
+/// Builds a model from a file.
 pub(crate) struct Builder<'a> {
     pub(crate) file: &'a File,
     pub(crate) source: &'a Source,
 }
 
 impl Builder<'_> {
-    /// Recorded logs are a situation each; for other realities there is one.
+    /// One scenario per recorded log; a single one for other realities.
     pub(crate) fn situations(&self, reality: &RealitySection) -> Result<ScenarioSet, FileError> {
         match reality {
             RealitySection::Logs(logs) => from_logs(logs, self.file, self.source, &self.robot()?),

@@ -1,4 +1,4 @@
-//! What drives the joints.
+//! Builds the drive of the joints.
 
 use super::builder::Builder;
 use crate::experiment::file::{DriveSection, SearchedSection};
@@ -38,13 +38,13 @@ impl Builder<'_> {
     }
 
     fn drive_kind(&self, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
-        let own = [
+        let policy_keys = [
             ("around", section.around.is_some()),
             ("sensors", section.sensors.is_some()),
             ("joints", section.joints.is_some()),
             ("hidden", section.hidden.is_some()),
         ];
-        match own.iter().find(|(_, stated)| *stated && section.kind != "policy") {
+        match policy_keys.iter().find(|(_, stated)| *stated && section.kind != "policy") {
             Some((key, _)) => Err(self.error(&["drive", key], format!("only a policy has `{key}`"), None)),
             None if section.kind == "policy" => self.policy(section, robot),
             None => self.open_loop(&section.kind, "kind", section, robot),
@@ -76,7 +76,7 @@ impl Builder<'_> {
         Ok(DriveKind::Policy { around: Box::new(around), policy })
     }
 
-    /// A drive that goes by the time alone; `key` says where its kind stands.
+    /// A drive that depends on time alone; `key` is the key of its kind.
     fn open_loop(&self, kind: &str, key: &str, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
         match kind {
             "hold" => Ok(DriveKind::Hold),

@@ -1,4 +1,4 @@
-//! The effects that a model has.
+//! Builds the effects of a model.
 
 use super::builder::Builder;
 use crate::experiment::file::EffectSection;
@@ -46,7 +46,7 @@ impl Builder<'_> {
         self.placed(effect, section, values, &keys, robot)
     }
 
-    /// A user's own law.
+    /// A user-defined law.
     fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<PlacedEffect, FileError> {
         let (Some(on), Some(law)) = (section.on, &section.law) else {
             let help =
@@ -95,7 +95,7 @@ impl Builder<'_> {
     }
 }
 
-/// Where an effect of this kind can sit on a robot, and what such a place is called.
+/// The name of a kind of site, and the sites of that kind on a robot.
 fn sites(kind: SiteKind, robot: &Robot) -> (&'static str, Vec<&str>) {
     match kind {
         SiteKind::Joint => ("joint", robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()),

@@ -22,8 +22,8 @@ impl Builder<'_> {
             let keys = ["parameters", name.as_str()];
             let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
             target.check_formula(effects).map_err(|e| self.error(&keys, e, None))?;
-            let own = target.nominal(robot, effects, setup);
-            let dim = dim(section, &target, own).map_err(|message| self.error(&keys, message, None))?;
+            let model_value = target.nominal(robot, effects, setup);
+            let dim = dim(section, &target, model_value).map_err(|message| self.error(&keys, message, None))?;
             Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
             dims.push(dim);
             targets.push(target);
@@ -41,7 +41,7 @@ impl Builder<'_> {
         Ok(fitness)
     }
 
-    /// Whether this model has the channels that a term needs, which stands at these keys.
+    /// Checks that the model has the channels that the term at these keys needs.
     pub(crate) fn check_channels_of(&self, term: &FitnessTerm, robot: &Robot, keys: &[&str]) -> Result<(), FileError> {
         let lacks = |channel: &&&str| match channel.split_once('_') {
             Some(("base", _)) => robot.base == Base::Fixed,
@@ -63,14 +63,14 @@ fn bounds_help(error: &SpaceError) -> Option<String> {
     }
 }
 
-/// A dimension of S; `own` is the robot's own value, if its sites share one.
-fn dim(section: &ParameterSection, target: &Target, own: Option<f64>) -> Result<Dim, String> {
+/// A dimension of S; `model_value` is the model's value, if all sites share one.
+fn dim(section: &ParameterSection, target: &Target, model_value: Option<f64>) -> Result<Dim, String> {
     let name = target.name();
-    let known = own.filter(|x| x.is_finite());
+    let known = model_value.filter(|x| x.is_finite());
     let [min, max] = match (section.bounds, section.relative, known) {
         (Some(bounds), None, _) => bounds,
         (None, Some(_), Some(0.0)) => return Err(nothing_to_be_relative_to(name)),
-        (None, Some([a, b]), Some(own)) => [a * own, b * own],
+        (None, Some([a, b]), Some(model_value)) => [a * model_value, b * model_value],
         (None, Some(_), None) => {
             return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
         }

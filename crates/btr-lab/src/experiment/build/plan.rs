@@ -1,4 +1,4 @@
-//! A plan that cannot be carried out: at which line, and what to do about it.
+//! Validates a plan; errors name the line and a remedy.
 
 use super::builder::Builder;
 use crate::experiment::file::RealitySection;
@@ -11,7 +11,7 @@ use btr_physics::model::Model;
 use btr_physics::model::task::TERMS;
 
 impl Builder<'_> {
-    /// Whether plan, model and reality fit together: better said now than after hours.
+    /// Checks before a run that plan, model and reality fit together.
     pub(crate) fn check_plan(
         &self,
         plan: &Plan,
@@ -45,7 +45,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A distance restricted to channels that nobody has would call everything infinitely far apart.
+    /// Checks that the channels of a distance exist: without any, every distance would be infinite.
     fn check_channels(
         &self,
         keys: &[&str],
@@ -55,7 +55,7 @@ impl Builder<'_> {
     ) -> Result<(), FileError> {
         let Some(channels) = distance.channels() else { return Ok(()) };
         let nominal = (model.simulations.nominal(), model.drive.space().nominal());
-        // A model that blows up here says so in the run, where failures are counted.
+        // A model that diverges here is reported in the run, where failures are counted.
         let Ok(log) = model.simulate(model.request(&nominal.0, 0).controller(&nominal.1)) else { return Ok(()) };
         let known: Vec<&str> = log.channels().filter(|(_, c)| c.role != Role::Truth).map(|(name, _)| name).collect();
         for log in std::iter::once(&log).chain(recorded) {
@@ -66,7 +66,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// What the core says of a plan, at its place in the file.
+    /// An error of the core about a plan, at its place in the file.
     fn refused(&self, error: &PlanError, model: &Model) -> FileError {
         match error {
             PlanError::Map(MapError::Unknown { name }) => {
@@ -86,7 +86,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Terms that a map describes behaviours by need channels, as those of a fitness do.
+    /// Checks that the model has the channels that a map's descriptors need.
     fn check_descriptors(&self, plan: &Plan, model: &Model) -> Result<(), FileError> {
         let names = plan.map.iter().flat_map(|map| map.descriptors.keys());
         for term in names.filter_map(|name| TERMS.iter().find(|term| term.name == name)) {

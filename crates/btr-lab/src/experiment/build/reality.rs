@@ -1,4 +1,4 @@
-//! Where the truth comes from.
+//! Builds the reality.
 
 use super::builder::Builder;
 use super::setup::noise;
@@ -60,7 +60,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Where the real tests of a run are kept.
+    /// The store of a run's real tests.
     pub(crate) fn store(&self, model: &Model, folder: &Path) -> Store {
         let controllers = model.drive.space().clone();
         let (fitness, mapping) = (model.fitness.clone(), self.file.channels.clone());
@@ -82,7 +82,7 @@ impl Builder<'_> {
         Ok(TwinReality::new(first, later, random::derive(seed, &[TWIN_STREAM, 1]), store))
     }
 
-    /// Where in S a twin stands after a change.
+    /// The parameters of a twin after a change.
     fn drifted(&self, drift: &DriftSection, space: &Space, before: &[f64]) -> Result<Vec<f64>, FileError> {
         let mut point = before.to_vec();
         for (name, times) in &drift.times {
@@ -97,7 +97,7 @@ impl Builder<'_> {
         Ok(point)
     }
 
-    /// The twin with the effects it has from the beginning, and others that came later.
+    /// A stage of the twin: its initial effects and those added `later`.
     fn stage(
         &self,
         twin: &TwinSection,
@@ -150,7 +150,7 @@ impl Builder<'_> {
         Ok(point)
     }
 
-    /// A twin is somewhere in S.
+    /// Checks that a twin lies in S.
     fn inside(&self, space: &Space, point: &[f64], keys: &[&str]) -> Result<(), FileError> {
         space.check(point).map_err(|e| {
             let help = "a twin lives in S: widen the bounds in [parameters] or move the twin".to_owned();

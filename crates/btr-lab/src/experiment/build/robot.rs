@@ -33,7 +33,7 @@ impl Builder<'_> {
         Ok(robot)
     }
 
-    /// A URDF that is not there is the model file's mistake, one that makes no sense its own.
+    /// A missing URDF is an error of the model file; an invalid one is an error of the URDF.
     fn no_robot(&self, path: &Path, error: &UrdfError) -> FileError {
         if let UrdfError::File { .. } = error {
             return self.error(&["robot", "urdf"], error, None);
@@ -69,16 +69,16 @@ impl Builder<'_> {
             }
             let sampling =
                 sampling(section).map_err(|(key, message)| self.error(&["actuators", pattern, key], message, None))?;
-            // Who follows another joint is driven by it, unless it is called by its name.
-            let meant = |joint: &Joint| {
+            // A joint that follows another one is driven by it, unless it is given by its full name.
+            let matches = |joint: &Joint| {
                 site::matches(pattern, &joint.name) && (joint.mimic.is_none() || *pattern == joint.name)
             };
-            if !robot.movable().any(|(_, link)| meant(&link.joint)) {
+            if !robot.movable().any(|(_, link)| matches(&link.joint)) {
                 let message = format!("every joint that `{pattern}` matches follows another one, which drives it");
                 let help = "call a joint by its whole name to give it an actuator of its own".to_owned();
                 return Err(self.error(&["actuators", pattern], message, Some(help)));
             }
-            for link in robot.links.iter_mut().skip(1).filter(|link| meant(&link.joint)) {
+            for link in robot.links.iter_mut().skip(1).filter(|link| matches(&link.joint)) {
                 (link.joint.actuator, link.joint.sampling) = (actuator.clone(), sampling);
             }
         }
@@ -98,7 +98,7 @@ fn actuator(section: &ActuatorSection) -> Actuator {
     }
 }
 
-/// How a servo is clocked; the key that makes no sense, and why, otherwise.
+/// The sampling of a servo; otherwise the invalid key and the reason.
 fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str, String)> {
     let (period_s, velocity_over) = match *section {
         ActuatorSection::Position { sample_s: Some(period_s), velocity_over, .. } => (period_s, velocity_over),
@@ -118,8 +118,8 @@ fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str
     Ok(Some(Sampling { period_s, velocity_over }))
 }
 
-/// The line of a URDF that a message is about: where the first name that it quotes stands in quotes. The parser tells
-/// none.
+/// The line of a URDF that a message refers to: the first occurrence of the name that it quotes. The parser reports no
+/// lines.
 fn line_of(text: &str, message: &str) -> Option<usize> {
     let quoted = format!("\"{}\"", message.split('`').nth(1)?);
     let before = &text[..text.find(&quoted)?];

@@ -26,7 +26,7 @@ impl Builder<'_> {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
         }
         let dt_s = control_s / f64::from(s.steps_per_control);
-        let control_s = as_often(recorded, control_s, dt_s);
+        let control_s = control_period(recorded, control_s, dt_s);
         let floating = robot.base == Base::Floating;
         Ok(Setup {
             dt_s,
@@ -55,17 +55,16 @@ impl Builder<'_> {
     }
 }
 
-/// The time between two samples of the fastest log, freed of jitter.
+/// The sampling period of the fastest log, without jitter.
 fn tick_of(recorded: &[Log]) -> Option<f64> {
     const GRAIN: f64 = 1e5;
     let fastest = recorded.iter().filter_map(Log::usual_step_s).min_by(f64::total_cmp)?;
     Some((fastest * GRAIN).round() / GRAIN).filter(|tick| *tick > 0.0)
 }
 
-/// How often the model takes a command. Where those of logs change from sample to sample, more often than the file
-/// says, what led a joint from one reference to the next is in them already: they are taken as often as they come, at
-/// most once a step.
-fn as_often(recorded: &[Log], control_s: f64, dt_s: f64) -> f64 {
+/// The control period of the model. If the commands of logs change with every sample, more often than the file states,
+/// they already contain the interpolation between references and are applied at their own rate, at most once per step.
+fn control_period(recorded: &[Log], control_s: f64, dt_s: f64) -> f64 {
     match tick_of(recorded) {
         Some(tick_s) if is_coarser(control_s, tick_s) && recorded.iter().all(changes_with_every_sample) => {
             dt_s * (tick_s / dt_s).round().max(1.0)
@@ -74,12 +73,13 @@ fn as_often(recorded: &[Log], control_s: f64, dt_s: f64) -> f64 {
     }
 }
 
-/// Whether some command changes between most of a log's samples.
+/// Whether a command changes between most of a log's samples.
 fn changes_with_every_sample(log: &Log) -> bool {
-    let told: Vec<&[f64]> =
+    let commands: Vec<&[f64]> =
         log.channels().filter(|(name, _)| name.starts_with("cmd_")).map(|(_, channel)| &channel.values[..]).collect();
     let samples = log.clock_s().len();
-    let changes = (1..samples).filter(|&k| told.iter().any(|values| (values[k] - values[k - 1]).abs() > 0.0)).count();
+    let changes =
+        (1..samples).filter(|&k| commands.iter().any(|values| (values[k] - values[k - 1]).abs() > 0.0)).count();
     2 * changes > samples
 }
 

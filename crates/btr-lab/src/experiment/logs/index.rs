@@ -8,7 +8,7 @@ use btr_physics::robot::Robot;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
-/// What an index says about logs.
+/// The rows of an index of logs.
 pub(crate) struct IndexEntries<'a> {
     section: &'static str,
     rows: Vec<(PathBuf, IndexRow)>,
@@ -22,7 +22,7 @@ impl<'a> IndexEntries<'a> {
             (None, Some(RealitySection::Logs(logs))) => ("reality", logs.index.as_ref(), &logs.columns),
             _ => return Ok(IndexEntries { section: "logs", rows: Vec::new(), columns: None }),
         };
-        // Without columns the index only says which logs there are, and these have been named.
+        // Without columns the index only lists the logs, and these have been named.
         let Some(index) = index.filter(|_| !columns.is_empty()) else {
             return Ok(IndexEntries { section, rows: Vec::new(), columns: None });
         };
@@ -36,7 +36,7 @@ impl<'a> IndexEntries<'a> {
         Ok(IndexEntries { section, rows, columns: Some(columns) })
     }
 
-    /// The row of a log: that of its path, or else that of its name, for logs that were copied elsewhere.
+    /// The row of a log by its path, or else by its file name, for logs that were copied to another folder.
     fn row(&self, log: &Path) -> Option<&IndexRow> {
         let same = |path: &Path| path.canonicalize().ok().is_some_and(|p| log.canonicalize().is_ok_and(|l| l == p));
         let by_path = self.rows.iter().find(|(path, _)| same(path));
@@ -48,7 +48,7 @@ impl<'a> IndexEntries<'a> {
         unknown.then(|| "the index does not know it; what its columns set keeps the model's own value".to_owned())
     }
 
-    /// The parameters that the log's row sets; none where the index does not know it.
+    /// The parameters that the log's row sets; none if the index has no row for it.
     pub(crate) fn settings(&self, log: &Path, robot: &Robot, source: &Source) -> Result<Vec<(Target, f64)>, FileError> {
         match (self.row(log), self.columns) {
             (Some(row), Some(columns)) => settings((self.section, columns), row, source, robot),
@@ -97,7 +97,7 @@ pub(super) fn no_column(source: &Source, (section, key): (&str, &str), column: &
     source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
 }
 
-/// What the columns of a row set.
+/// The parameters that the columns of a row set.
 pub(super) fn settings(
     (section, columns): (&str, &IndexMap<String, ColumnSection>),
     row: &IndexRow,

@@ -10,7 +10,7 @@ use btr_physics::robot::Robot;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
-/// A log to be read, with its row of the index.
+/// A log to read, with its row of the index.
 struct LogRequest {
     path: PathBuf,
     row: IndexRow,
@@ -23,21 +23,22 @@ pub(crate) fn from_logs(
     source: &Source,
     robot: &Robot,
 ) -> Result<ScenarioSet, FileError> {
-    let mut wanted = listed(section, source);
+    let mut requests = listed(section, source);
     if let Some(index) = &section.index {
-        wanted.extend(indexed(section, &source.folder().join(index), source)?);
+        requests.extend(indexed(section, &source.folder().join(index), source)?);
     }
-    wanted.sort_by_key(|w| w.held_out);
-    if let Some(both) = wanted.iter().find(|w| w.held_out && wanted.iter().any(|o| !o.held_out && o.path == w.path)) {
+    requests.sort_by_key(|w| w.held_out);
+    if let Some(both) = requests.iter().find(|w| w.held_out && requests.iter().any(|o| !o.held_out && o.path == w.path))
+    {
         let message = format!("{} is to be learnt from and held out at once", both.path.display());
         return Err(source.error(&["reality"], &message, None));
     }
-    if wanted.iter().all(|w| w.held_out) {
+    if requests.iter().all(|w| w.held_out) {
         let help = "name files, or an index with learn = { column = value }".to_owned();
         return Err(source.error(&["reality"], "no log to learn from", Some(help)));
     }
     let mut all = ScenarioSet::none();
-    for one in &wanted {
+    for one in &requests {
         let log = read(&LogSource::File(one.path.clone()), file)?;
         all.notice(&one.path, log.warnings.iter().cloned());
         let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
@@ -48,18 +49,18 @@ pub(crate) fn from_logs(
 }
 
 fn listed(section: &LogsSection, source: &Source) -> Vec<LogRequest> {
-    let wanted = |held_out: bool| {
+    let requests = |held_out: bool| {
         move |path: &PathBuf| LogRequest { path: source.folder().join(path), row: IndexMap::new(), held_out }
     };
-    section.files.iter().map(wanted(false)).chain(section.held_out.iter().map(wanted(true))).collect()
+    section.files.iter().map(requests(false)).chain(section.held_out.iter().map(requests(true))).collect()
 }
 
-/// The rows of the index that `learn` or `judge` choose. A log that both choose would be judged on what it was learnt
-/// from.
+/// The rows of the index that `learn` or `judge` select. A log that both select is an error: it cannot be training and
+/// held out.
 fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<LogRequest>, FileError> {
     let rows = read_index(index, source, "reality")?;
     let folder = index.parent().unwrap_or(Path::new(""));
-    let mut wanted = Vec::new();
+    let mut requests = Vec::new();
     for (line, row) in rows {
         let name = row.get("file").ok_or_else(|| no_file_column(index, line))?;
         let no_column = |key: &str, column: &str| no_column(source, ("reality", key), column, &row);
@@ -70,13 +71,13 @@ fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<L
             return Err(at_line(index, line, "both `learn` and `judge` choose this log"));
         }
         if learn || judge {
-            wanted.push(LogRequest { path: folder.join(name), row, held_out: judge });
+            requests.push(LogRequest { path: folder.join(name), row, held_out: judge });
         }
     }
-    Ok(wanted)
+    Ok(requests)
 }
 
-/// Whether a row meets all conditions; the name of a column that is not there.
+/// Whether a row meets all conditions; on error the name of the missing column.
 fn chosen(row: &IndexRow, conditions: &IndexMap<String, Choice>) -> Result<bool, String> {
     for (column, choice) in conditions {
         let cell = row.get(column).ok_or_else(|| column.clone())?;

@@ -6,21 +6,21 @@ use btr_core::log::Log;
 use btr_core::signal::missing;
 use std::path::{Path, PathBuf};
 
-/// What is left between two gaps has to last so long, in s, and to have so many samples.
+/// Shortest duration in s and fewest samples of a piece between two gaps.
 const SHORTEST: (f64, usize) = (0.5, 20);
 
-/// A log, or what there is of it between two gaps, from time zero.
+/// A log, or a piece of it between two gaps, from time zero.
 pub(crate) struct LogPiece {
     pub path: PathBuf,
-    /// For reports.
+    /// Name for reports.
     pub name: String,
     pub log: Log,
-    /// When it begins in the file, in s after the file's first sample.
+    /// Start in the file, in s after the file's first sample.
     pub begins_s: f64,
 }
 
-/// Cuts a log at its gaps: nobody knows what the robot was told in one, nor where it is after it. What is too short to
-/// tell anything is left out, which is noticed.
+/// Cuts a log at its gaps: the commands during a gap and the state after it are unknown. Pieces that are too short are
+/// left out with a warning.
 pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<String>), FileError> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let runs = missing::pieces(log);

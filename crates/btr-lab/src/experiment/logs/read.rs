@@ -6,7 +6,7 @@ use crate::experiment::source::FileError;
 use crate::log_quality::usable;
 use std::path::Path;
 
-/// Reads a log, and refuses one that cannot be used.
+/// Reads a log, and rejects one that cannot be used.
 pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError> {
     let (log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),

@@ -1,4 +1,4 @@
-//! Recorded logs as scenarios: each log brings its commands, its start and whatever the index knows of it.
+//! Recorded logs as scenarios: each has the log's commands, its initial state and its settings from the index.
 
 use super::pieces;
 use super::pieces::LogPiece;
@@ -18,33 +18,33 @@ use btr_physics::robot::{Actuator, Robot};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The situations of an experiment; the first `learn` are there to learn from.
+/// The scenarios of an experiment; the first `learn` are for training.
 pub(crate) struct ScenarioSet {
     pub scenarios: Vec<Scenario>,
     pub learn: usize,
     pub logs: Vec<Log>,
-    /// What their readers noticed and could live with.
+    /// Warnings of their readers.
     pub warnings: Vec<String>,
 }
 
 /// What a log is used for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LogPurpose {
-    /// The search sees it.
+    /// The search uses it.
     Training,
-    /// Results are judged on it.
+    /// Results are validated on it.
     HeldOut,
 }
 
 impl ScenarioSet {
-    /// The usual case: one situation, whatever the controller.
+    /// The usual case: one scenario without a log.
     pub(crate) fn single(duration_s: f64) -> Self {
         let scenario = Scenario { name: "default".to_owned(), duration_s, ..Scenario::default() };
         ScenarioSet { scenarios: vec![scenario], learn: 1, logs: Vec::new(), warnings: Vec::new() }
     }
 }
 
-/// What it takes to make a situation of a log.
+/// Turns logs into scenarios.
 pub(crate) struct ScenarioReader<'a> {
     pub file: &'a File,
     pub source: &'a Source,
@@ -60,8 +60,8 @@ impl ScenarioSet {
         self.warnings.extend(noticed.into_iter().map(|warning| format!("{}: {warning}", path.display())));
     }
 
-    /// Adds a log, in pieces where it has gaps; those to learn from have to be added first. The largest noise floor of
-    /// torques that were smoothed, if there are any.
+    /// Adds a log, in pieces if it has gaps; training logs must be added first. Returns the largest noise floor of
+    /// smoothed torques, if there are any.
     pub(crate) fn add(
         &mut self,
         log: &ReadLog,
@@ -88,8 +88,8 @@ impl ScenarioSet {
     }
 }
 
-/// Smooths the measured torques of joints that follow their measured motion, as those that the motion needs are: what
-/// is left to compare is of the same bandwidth. The largest noise floor that they had, if there are any.
+/// Smooths the measured torques of joints that follow their measured motion in the same way as the required torques, so
+/// that both have the same bandwidth. Returns the largest noise floor before smoothing, if there are any.
 fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
     let clock_s = log.clock_s().to_vec();
     let mut floor = None;
@@ -99,7 +99,7 @@ fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
             let sigma = NoiseEstimate::of(torques).map_or(0.0, |noise| noise.sigma());
             floor = Some(sigma.max(floor.unwrap_or(0.0)));
             if let Some(sampling) = &joint.sampling {
-                // What is held from its instant on acts half a period later on average.
+                // A torque that is held from its instant acts half a period later on average.
                 let acted_s: Vec<f64> = clock_s.iter().map(|t| t + 0.5 * sampling.period_s).collect();
                 let acted = interpolate(&acted_s, torques, &clock_s);
                 torques.copy_from_slice(&acted);
@@ -111,8 +111,7 @@ fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
 }
 
 impl ScenarioReader<'_> {
-    /// The situation of a log that a simulation is to be compared with; what is known of the log beside that is yet to
-    /// be set.
+    /// The scenario of a log for a comparison with simulations, without the settings from the index.
     fn compared(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         let replaying = self.replaying(piece)?;
         let checked = usable::check_positions(&piece.log, self.robot, &self.file.channels);
@@ -120,7 +119,7 @@ impl ScenarioReader<'_> {
         Ok(replaying)
     }
 
-    /// The situation of a log: its commands, its duration, its start.
+    /// The scenario of a log: its commands, its duration, its initial state.
     pub(crate) fn replaying(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         Ok(Scenario {
             name: piece.name.clone(),
@@ -132,7 +131,7 @@ impl ScenarioReader<'_> {
         })
     }
 
-    /// A channel that the log does not have, with what it has: at its line where the file says where to find it.
+    /// The error for a missing channel, with the available ones; at its line if the file maps the channel.
     fn lacking(&self, path: &Path, error: &LogError) -> FileError {
         let LogError::Missing { channel, available } = error else { return about(path, &error.to_string(), None) };
         let has = format!("it has: {}", available.join(", "));

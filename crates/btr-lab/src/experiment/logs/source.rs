@@ -1,18 +1,18 @@
-//! Where a log comes from.
+//! Sources of logs.
 
 use btr_core::log::Log;
 use std::path::{Path, PathBuf};
 
-/// A log to be read, or one in memory.
+/// A log to read, or a log in memory.
 #[derive(Clone, Debug)]
 pub enum LogSource {
     /// A file.
     File(PathBuf),
-    /// A log in btr's units, with a name for reports; the model's `[channels]` map its foreign names.
+    /// A log in memory in btr's units, with a name for reports; the model's `[channels]` map its foreign names.
     Made {
-        /// Its name, different for every log.
+        /// Its unique name.
         name: PathBuf,
-        /// What it holds.
+        /// The log.
         log: Log,
     },
     /// A log that was read before.
@@ -47,7 +47,7 @@ pub struct ReadLog {
     pub path: PathBuf,
     /// Its samples.
     pub log: Log,
-    /// What its reader noticed.
+    /// Warnings of its reader.
     pub warnings: Vec<String>,
 }
 

@@ -1,12 +1,12 @@
-//! In which state a robot is when a log begins.
+//! Initial state of a robot in a log.
 
 use btr_core::log::{Log, LogError};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_physics::robot::{Actuator, Robot};
 
-/// Position and velocity of every joint at the start; the robot's own where the log does not have them. A log that does
-/// not say what a joint with a motor was told cannot be replayed.
+/// Initial position and velocity of every joint; the robot's start if the log does not have them. A log without the
+/// commands of a joint with a motor cannot be replayed.
 ///
 /// # Errors
 /// Commands that are missing.
@@ -23,8 +23,8 @@ pub fn starts(log: &Log, robot: &Robot) -> Result<Vec<(f64, f64)>, LogError> {
         .collect()
 }
 
-/// Where a joint is when the log begins, and how fast it moves: as the first positions together tell: a single
-/// reading errs by the sensor's noise, and a difference of two by far more. A log without noise is taken at its word.
+/// Initial position and velocity of a joint, estimated from the first positions together: a single reading has the
+/// sensor's noise, and a difference of two has far more. The first reading of a log without noise is used directly.
 fn start_of(log: &Log, joint: &str) -> Option<(f64, f64)> {
     let first = |prefix: &str| {
         let channel = log.channel(&format!("{prefix}_{joint}"))?;

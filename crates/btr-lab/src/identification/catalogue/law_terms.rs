@@ -1,58 +1,58 @@
-//! Terms of the laws that an error may follow: what a formula would say if nobody had thought of the effect yet.
+//! Terms of laws for errors that no known effect explains, as formulas.
 
 use crate::scales::RobotScales;
 use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::{Effect, FormulaError, FormulaTarget, formula};
 
-/// How far from zero a shape is expected: it may be anywhere.
+/// Bound and spread of a shape without prior knowledge.
 const ANYWHERE: f64 = 1e4;
 /// Reach of differences.
 const REACH: f64 = 0.1;
-/// An amplitude is within so many typical sizes, and hardly feels its prior.
+/// Bound of an amplitude in typical sizes, and spread of its weak prior.
 const MOST: f64 = 50.0;
 const WEAK: f64 = 33.0;
-/// The share of a joint's usual speed below which a smoothed sign is not yet one.
+/// Share of a joint's usual speed below which the smoothed sign is below one.
 const SMOOTH: f64 = 0.01;
-/// The usual speed of the robot that scales are made for, in rad/s.
+/// The usual speed of the robot to which scales refer, in rad/s.
 const SPEED: f64 = 3.0;
-/// The parts of a pair of sine and cosine below this share of the larger are left out of the text.
+/// Amplitudes of a term below this share of its largest are left out of the text.
 const SEEN: f64 = 0.03;
 
-/// What shapes a term: `s` in its factors.
+/// Shape parameter of a term: `s` in its factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum TermShape {
-    /// A rate in rad/s, which the error tells.
+    /// A rate in rad/s, whose start comes from the error.
     Rate,
     /// An order, as of cogging.
     Order,
-    /// A position from which on something acts.
+    /// A position beyond which the term acts.
     Threshold([f64; 2]),
 }
 
-/// A sum of factors with an amplitude each.
+/// A sum of factors, each with an amplitude.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TermDefinition {
-    /// What it is on.
+    /// The quantity that it changes.
     pub on: FormulaTarget,
     /// Expressions in the variables of formulas and in `s`.
     factors: Vec<String>,
-    /// What `s` is.
+    /// The kind of `s`.
     pub shape: Option<TermShape>,
     /// Unit and typical size of its amplitudes.
     unit: &'static str,
     size: f64,
-    /// For terms that swing: the place of the steady one among the terms of the same joint.
+    /// For oscillating terms: the index of the steady term among the terms of the same joint.
     pub swings: Option<usize>,
 }
 
-/// What the terms of a joint are made for.
+/// The context of a joint's terms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TermContext {
     /// Least and greatest position in the logs.
     pub q: (f64, f64),
     /// Length of the longest log in s.
     pub duration_s: f64,
-    /// Whether there is a servo that a command or a reading could mislead.
+    /// Whether the joint has a servo, so that commands and readings can be wrong.
     pub servo: bool,
 }
 
@@ -61,14 +61,14 @@ impl TermDefinition {
         TermDefinition { on, factors: vec![factor.to_owned()], shape: None, unit, size, swings: None }
     }
 
-    /// Sine and cosine of `s` times something, times `factor`.
+    /// Sine and cosine of `s` times the variable `of`, times `factor`.
     fn pair(on: FormulaTarget, (factor, of): (&str, &str), shape: TermShape, unit: &'static str, size: f64) -> Self {
         let prefix = if factor == "1" { String::new() } else { format!("{factor}*") };
         let factors = ["sin", "cos"].iter().map(|f| format!("{prefix}{f}(s*{of})")).collect();
         TermDefinition { factors, shape: Some(shape), ..TermDefinition::new(on, factor, unit, size) }
     }
 
-    /// Nothing below a position, then growing.
+    /// Zero below a position and growing beyond it.
     fn hinge(factor: &str, start: [f64; 2], unit: &'static str, size: f64) -> Self {
         TermDefinition {
             shape: Some(TermShape::Threshold(start)),
@@ -81,20 +81,20 @@ impl TermDefinition {
         ["a", "b"].into_iter().take(self.amplitudes()).chain(self.shape.map(|_| "s")).collect()
     }
 
-    /// How many amplitudes it has.
+    /// Number of amplitudes.
     pub(crate) fn amplitudes(&self) -> usize {
         self.factors.len()
     }
 
-    /// The formula with its parameters free.
+    /// The formula with free parameters.
     pub(crate) fn formula(&self) -> Result<&'static dyn Effect, FormulaError> {
         let names = self.names();
         let sum: Vec<String> = self.factors.iter().zip(&names).map(|(f, name)| format!("{name}*{f}")).collect();
         formula(self.on, &format!("{}{}", base(self.on, " + "), sum.join(" + ")), &names)
     }
 
-    /// Its knobs, in the order of its names.
-    pub(crate) fn parameters(&self, joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<FitParameter> {
+    /// Its free parameters, in the order of its names.
+    pub(crate) fn parameters(&self, joint: &str, scales: &RobotScales, context: &TermContext) -> Vec<FitParameter> {
         let parameter = |name: &str, unit: &str, (origin, size): (f64, f64), bounds, spread| FitParameter {
             name: format!("formula.{name}@{joint}"),
             unit: unit.to_owned(),
@@ -109,18 +109,18 @@ impl TermDefinition {
         let size = self.size * scales.of_unit(self.unit, joint);
         let amplitude = |name: &&str| parameter(name, self.unit, (0.0, size), (-MOST, MOST), WEAK);
         let shape = self.shape.map(|shape| match shape {
-            // A rate that is off by this much is off by a radian when the log ends.
-            TermShape::Rate => parameter("s", "rad/s", (0.0, 1.0 / extent.duration_s), (0.0, ANYWHERE), ANYWHERE),
+            // An error of one size in the rate is an error of one radian at the end of the log.
+            TermShape::Rate => parameter("s", "rad/s", (0.0, 1.0 / context.duration_s), (0.0, ANYWHERE), ANYWHERE),
             TermShape::Order => parameter("s", "1", (0.0, 1.0), (0.1, 40.0), ANYWHERE),
             TermShape::Threshold([start, _]) => {
-                let range = (extent.q.1 - extent.q.0).max(f64::MIN_POSITIVE);
+                let range = (context.q.1 - context.q.0).max(f64::MIN_POSITIVE);
                 parameter("s", "rad", (start, range), (-1.0, 1.0), ANYWHERE)
             }
         });
         self.names().iter().take(self.amplitudes()).map(amplitude).chain(shape).collect()
     }
 
-    /// Values of its shape to start from; none for rates, and one of nothing where there is no shape.
+    /// Initial values of its shape; none for rates, and one empty start without a shape.
     pub(crate) fn starts(&self) -> Vec<Vec<f64>> {
         match self.shape {
             None => vec![vec![]],
@@ -147,7 +147,7 @@ impl TermDefinition {
     }
 }
 
-/// A whole law: the terms with their values.
+/// The text of a law: the terms with their values.
 pub(crate) fn law(on: FormulaTarget, terms: &[(&TermDefinition, Vec<f64>)]) -> String {
     let sum: String = terms.iter().map(|(term, values)| term.text(values)).collect();
     let whole = format!("{}{sum}", base(on, ""));
@@ -157,7 +157,7 @@ pub(crate) fn law(on: FormulaTarget, terms: &[(&TermDefinition, Vec<f64>)]) -> S
         .unwrap_or_else(|| whole.trim_start_matches(" + ").to_owned())
 }
 
-/// What a law starts from: a command and a reading are changed, a torque is added.
+/// Base of a law: a command or a reading is changed, a torque is added.
 fn base(on: FormulaTarget, joined: &str) -> String {
     match on {
         FormulaTarget::Torque => String::new(),
@@ -166,7 +166,7 @@ fn base(on: FormulaTarget, joined: &str) -> String {
     }
 }
 
-/// A factor with its shape's value in place of the name `s`.
+/// A factor with the value of its shape substituted for `s`.
 fn substituted(factor: &str, shape: &[f64]) -> String {
     let Some(value) = shape.first() else { return factor.to_owned() };
     let number = if *value < 0.0 { format!("({})", rounded(*value, 4)) } else { rounded(*value, 4) };
@@ -176,30 +176,30 @@ fn substituted(factor: &str, shape: &[f64]) -> String {
     (0..characters.len()).map(|i| if alone(i) { number.clone() } else { characters[i].to_string() }).collect()
 }
 
-/// With so many digits after the first.
+/// Rounds to this many digits after the first.
 fn rounded(x: f64, digits: usize) -> String {
     format!("{x:.digits$e}").parse::<f64>().map_or_else(|_| x.to_string(), |x| x.to_string())
 }
 
-/// All terms of a joint, those of one place one after the other.
-pub(crate) fn terms(joint: &str, scales: &RobotScales, extent: &TermContext) -> Vec<TermDefinition> {
+/// All terms of a joint, grouped by the quantity that they change.
+pub(crate) fn terms(joint: &str, scales: &RobotScales, context: &TermContext) -> Vec<TermDefinition> {
     let speed = SPEED * scales.of_unit("rad/s", joint);
     let sign = format!("tanh(dq/{})", rounded(SMOOTH * speed, 1));
-    let mut all = torques(&sign, extent);
-    if extent.servo {
-        place(&mut all, commands(extent));
-        place(&mut all, readings(extent));
+    let mut all = torques(&sign, context);
+    if context.servo {
+        place(&mut all, commands(context));
+        place(&mut all, readings(context));
     }
     all
 }
 
-/// Adds the terms of a place to those of others.
+/// Appends a group of terms and shifts its indices.
 fn place(all: &mut Vec<TermDefinition>, terms: Vec<TermDefinition>) {
     let start = all.len();
     all.extend(terms.into_iter().map(|term| TermDefinition { swings: term.swings.map(|i| start + i), ..term }));
 }
 
-/// The steady terms that swing, too: the first `count`.
+/// Oscillating versions of the first `count` steady terms.
 fn swings(steady: &[TermDefinition], count: usize) -> Vec<TermDefinition> {
     let swing = |(i, term): (usize, &TermDefinition)| TermDefinition {
         swings: Some(i),
@@ -208,10 +208,10 @@ fn swings(steady: &[TermDefinition], count: usize) -> Vec<TermDefinition> {
     steady.iter().enumerate().take(count).map(swing).collect()
 }
 
-fn torques(sign: &str, extent: &TermContext) -> Vec<TermDefinition> {
+fn torques(sign: &str, context: &TermContext) -> Vec<TermDefinition> {
     let torque = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Torque, factor, unit, size);
-    let per_s = 1.0 / extent.duration_s;
-    let (low, range) = (extent.q.0, extent.q.1 - extent.q.0);
+    let per_s = 1.0 / context.duration_s;
+    let (low, range) = (context.q.0, context.q.1 - context.q.0);
     let (above, below) = ([0.5, 0.75].map(|x| low + x * range), [0.5, 0.25].map(|x| -(low + x * range)));
     let mut all = vec![
         torque("1", "N·m", 0.1),
@@ -238,9 +238,9 @@ fn torques(sign: &str, extent: &TermContext) -> Vec<TermDefinition> {
     all
 }
 
-fn commands(extent: &TermContext) -> Vec<TermDefinition> {
+fn commands(context: &TermContext) -> Vec<TermDefinition> {
     let command = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Command, factor, unit, size);
-    let per_s = 1.0 / extent.duration_s;
+    let per_s = 1.0 / context.duration_s;
     let mut all = vec![
         command("1", "rad", 0.02),
         command("cmd", "1", 0.03),
@@ -253,13 +253,13 @@ fn commands(extent: &TermContext) -> Vec<TermDefinition> {
     all
 }
 
-fn readings(extent: &TermContext) -> Vec<TermDefinition> {
+fn readings(context: &TermContext) -> Vec<TermDefinition> {
     let reading = |factor: &str, unit, size| TermDefinition::new(FormulaTarget::Reading, factor, unit, size);
     let mut all = vec![
         reading("1", "rad", 0.02),
         reading("q", "1", 0.03),
         reading("q*q", "1/rad", 0.03),
-        reading("t", "rad", 0.02 / extent.duration_s),
+        reading("t", "rad", 0.02 / context.duration_s),
         TermDefinition::pair(FormulaTarget::Reading, ("1", "q"), TermShape::Order, "rad", 0.02),
     ];
     all.extend(swings(&all, 1));
@@ -272,7 +272,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_law_reads_as_one_would_write_it() {
+    fn the_text_of_a_law_is_a_plain_formula() {
         let swing = TermDefinition::pair(FormulaTarget::Torque, ("1", "t"), TermShape::Rate, "N·m", 1.0);
         let drag = TermDefinition::new(FormulaTarget::Torque, "dq*abs(dq)", "N·m·s²/rad²", 1.0);
         assert_eq!(law(FormulaTarget::Torque, &[(&swing, vec![-0.3104, 0.001, 19.0])]), "-0.31*sin(19*t)");
@@ -285,16 +285,16 @@ mod tests {
     }
 
     #[test]
-    fn every_term_is_a_formula_and_so_is_what_is_written_of_it() {
-        let extent = TermContext { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
+    fn every_term_and_its_text_are_formulas() {
+        let context = TermContext { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
         let scales = RobotScales::guess(&btr_physics::presets::pendulum::pendulum(
             1.0,
             0.5,
             btr_physics::robot::Actuator::Passive,
         ));
-        for term in terms("hinge", &scales, &extent) {
+        for term in terms("hinge", &scales, &context) {
             let effect = term.formula().unwrap();
-            assert_eq!(effect.spec().params.len(), term.parameters("hinge", &scales, &extent).len());
+            assert_eq!(effect.spec().params.len(), term.parameters("hinge", &scales, &context).len());
             let values: Vec<f64> = term.names().iter().map(|_| -0.25).collect();
             formula(term.on, &law(term.on, &[(&term, values)]), &[]).unwrap();
         }

@@ -1,4 +1,4 @@
-//! Numbers of a model, and of effects that it lacks, as knobs: their laws, sizes, bounds and priors.
+//! Fit parameters for a model and for effects that it lacks: their parametrisations, sizes, bounds and priors.
 
 use crate::scales::RobotScales;
 use btr_core::space::{Dim, Scale};
@@ -6,14 +6,14 @@ use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::Param;
 use btr_physics::setup::Setup;
 
-/// How far an effect's amplitude may be from zero, in typical sizes, before the prior is felt: it hardly ever is.
+/// Spread of the weak prior of an effect's amplitude, in typical sizes.
 const WEAK: f64 = 33.0;
-/// The same for shapes, in factors of two.
+/// Spread of the prior of a shape, in factors of two.
 const SHAPE: f64 = 3.0;
-/// Reach of differences: of a standard deviation for what is in doubt, of a typical size for amplitudes.
+/// Step of finite differences: in standard deviations for free parameters, in typical sizes for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
 
-/// A parameter in doubt: its bounds are two standard deviations away, unless it belongs to an effect.
+/// A free parameter: its bounds are two standard deviations away, unless it belongs to an effect.
 pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
     let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
@@ -22,7 +22,7 @@ pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales)
         Some((spec.params.iter().find(|p| p.name == param)?, site))
     });
     let (law, size, spread) = match effect {
-        // A shape or a limit is of some order of magnitude; everything else of an effect is an amplitude.
+        // Shapes and limits vary on a logarithmic scale; all other parameters of an effect are amplitudes.
         Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
             (Parametrisation::Exponential, std::f64::consts::LN_2, SHAPE)
         }
@@ -47,8 +47,9 @@ pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales)
     parameter
 }
 
-/// A parameter of an effect that is off: `scale` fits its typical size to this robot, `own` is the model's own value.
-pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f64, own: f64) -> FitParameter {
+/// A parameter of an effect that is off: `scale` adapts its typical size to this robot, `model_value` is the model's
+/// value.
+pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f64, model_value: f64) -> FitParameter {
     let size = param.hint.abs() * scale;
     let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
     let (law, origin, size, bounds, spread) = match param {
@@ -73,7 +74,13 @@ pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f
             )
         }
         p if p.off.is_infinite() => (Parametrisation::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
-        p if p.off.is_nan() => (Parametrisation::Linear, own, size, ((least - own) / size, (most - own) / size), WEAK),
+        p if p.off.is_nan() => (
+            Parametrisation::Linear,
+            model_value,
+            size,
+            ((least - model_value) / size, (most - model_value) / size),
+            WEAK,
+        ),
         p => (Parametrisation::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
     };
     let unit = param.unit.to_owned();
@@ -84,8 +91,8 @@ fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
 }
 
-/// What the model has where the effect would put its own value.
-pub(in crate::identification) fn own(param: &Param, setup: &Setup) -> f64 {
+/// The model's value that the effect would replace.
+pub(in crate::identification) fn model_value(param: &Param, setup: &Setup) -> f64 {
     match param.name {
         "coefficient" => setup.ground.map_or(f64::NAN, |ground| ground.friction),
         _ => f64::NAN,

@@ -1,14 +1,14 @@
-//! Where effects could sit.
+//! Sites of effects.
 
 use btr_physics::effects::{Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
 use btr_physics::robot::{JointKind, Robot};
 
-/// Where an effect could sit and does not yet.
+/// Sites at which an effect could act and is not yet present.
 pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     let spec = effect.spec();
     let taken = |site: &str| {
-        let there = |placed: &&PlacedEffect| {
+        let here = |placed: &&PlacedEffect| {
             placed.effect.spec().name == spec.name && btr_physics::robot::site::matches(&placed.site, site)
         };
         let named = format!("{}.", spec.name);
@@ -16,7 +16,7 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
             dim.name.starts_with(&named)
                 && btr_physics::robot::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
         });
-        free_parameter || model.effects.iter().find(there).is_some_and(|placed| !placed.is_off())
+        free_parameter || model.effects.iter().find(here).is_some_and(|placed| !placed.is_off())
     };
     let joints = || model.robot.movable().map(|(_, link)| link);
     let all: Vec<String> = match spec.site {
@@ -32,7 +32,8 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     all.into_iter().filter(|site| !taken(site)).collect()
 }
 
-/// For each joint that moves, the position channels of all that hang on the root by the same joint.
+/// For each movable joint, the position channels of its limb: all joints that are connected to the root by the same
+/// joint.
 pub(in crate::identification) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
     let limb = |mut link: usize| {
         while let Some(parent) = robot.links[link].parent.filter(|&parent| robot.links[parent].parent.is_some()) {
@@ -40,10 +41,15 @@ pub(in crate::identification) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
         }
         link
     };
-    let own: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
+    let limb_of_joint: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
     let channel = |link: &btr_physics::robot::Link| format!("q_{}", link.joint.name);
     let members = |limb: &usize| {
-        robot.movable().zip(&own).filter(|(_, other)| *other == limb).map(|((_, link), _)| channel(link)).collect()
+        robot
+            .movable()
+            .zip(&limb_of_joint)
+            .filter(|(_, other)| *other == limb)
+            .map(|((_, link), _)| channel(link))
+            .collect()
     };
-    own.iter().map(members).collect()
+    limb_of_joint.iter().map(members).collect()
 }

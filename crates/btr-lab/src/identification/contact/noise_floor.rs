@@ -1,8 +1,8 @@
-//! What a model leaves of its own motion on the ground. With contact, windows do not fit to the sensors' noise even
-//! where nothing is missing: the state at a window's start is known roughly, and a foot that touches down a sample
-//! later ends elsewhere. So the model is asked to explain itself: it moves with other numbers in doubt than its own, as
-//! plausible as those, is measured with noise, and is compared at its true numbers as a robot's log would be. What
-//! remains is the floor.
+//! Noise floor of a model with contact. With contact, windows do not fit to the sensors' noise even if no effect is
+//! missing: the state at a window's start is only roughly known, and a foot that touches down a sample later ends at
+//! another place. So the floor is measured on the model itself: it is simulated with other, equally plausible free
+//! parameters, measured with noise, and compared at its true parameters in the same way as a robot's log. The remaining
+//! error is the floor.
 
 use crate::identification::problem::IdentificationProblem;
 use btr_core::log::Log;
@@ -14,14 +14,14 @@ use indexmap::IndexMap;
 use rand::RngExt;
 use std::sync::Arc;
 
-/// Streams of the numbers in doubt, and of the noise.
+/// Seed of the random streams for the free parameters and the noise.
 const SEED: u64 = 0xF100;
-/// How often the model is asked: one motion is one sample of chaos.
+/// Number of simulated motions: each is one sample of a chaotic motion.
 const DRAWS: u64 = 4;
-/// How far those numbers are from the model's own, in standard deviations.
+/// Distance of those parameters from the model's, in standard deviations.
 const OFF: f64 = 0.7;
 
-/// Sums of squares, and how many samples they are of.
+/// A sum of squares and its number of samples.
 #[derive(Clone, Copy, Default)]
 struct RemainingSquares(f64, usize);
 
@@ -35,27 +35,28 @@ impl RemainingSquares {
     }
 }
 
-/// What remains of every channel, by scenario.
+/// Remaining squares of every channel, by scenario.
 type RemainingErrors = Vec<(usize, IndexMap<String, RemainingSquares>)>;
 
-/// Raises the floors of all logs to what the model at `u` leaves of each channel in each scenario; none falls below the
-/// sensors' noise. A channel's floor is taken from all logs and then fitted to each as a whole: a single channel of a
-/// short log says too little.
+/// Raises the floors of all logs to the remaining error of the model at `u` in each channel and scenario; none falls
+/// below the sensors' noise. A channel's floor is estimated over all logs and then scaled for each log as a whole: a
+/// single channel of a short log has too few samples.
 pub(crate) fn raise(problem: &mut IdentificationProblem, u: &[f64]) -> Result<(), WorldError> {
-    let mut left: Vec<RemainingErrors> = Vec::new();
+    let mut remaining: Vec<RemainingErrors> = Vec::new();
     for draw in 0..DRAWS {
-        left.push(of_logs(problem, u, &plausible(problem, u, draw), draw)?);
+        remaining.push(of_logs(problem, u, &plausible(problem, u, draw), draw)?);
     }
-    let all = || left.iter().flatten();
+    let all = || remaining.iter().flatten();
     let mut channels: IndexMap<String, RemainingSquares> = IndexMap::new();
-    for (name, own) in all().flat_map(|(_, log)| log) {
-        channels.entry(name.clone()).or_default().add(own.0, own.1);
+    for (name, squares_of_channel) in all().flat_map(|(_, log)| log) {
+        channels.entry(name.clone()).or_default().add(squares_of_channel.0, squares_of_channel.1);
     }
-    let excess: IndexMap<String, f64> = channels.into_iter().map(|(name, left)| (name, left.rms().max(1.0))).collect();
+    let excess: IndexMap<String, f64> =
+        channels.into_iter().map(|(name, remaining)| (name, remaining.rms().max(1.0))).collect();
     let of_scenario = |scenario: usize| {
         let mut share = RemainingSquares::default();
-        for (name, own) in all().filter(|(of, _)| *of == scenario).flat_map(|(_, log)| log) {
-            share.add(own.0 / excess[name].powi(2), own.1);
+        for (name, squares_of_channel) in all().filter(|(of, _)| *of == scenario).flat_map(|(_, log)| log) {
+            share.add(squares_of_channel.0 / excess[name].powi(2), squares_of_channel.1);
         }
         if share.1 == 0 { 1.0 } else { share.rms() }
     };
@@ -68,13 +69,13 @@ pub(crate) fn raise(problem: &mut IdentificationProblem, u: &[f64]) -> Result<()
     Ok(())
 }
 
-/// The noise floor of a channel as its sensor has it.
+/// The noise floor of a channel's sensor.
 fn noise_of(problem: &IdentificationProblem, scenario: usize, name: &str) -> f64 {
     let values = problem.recorded()[scenario].channel(name).map_or(&[][..], |channel| &channel.values);
     problem.model().setup.noise.floor(name, values).unwrap_or(1.0)
 }
 
-/// The point with numbers in doubt that could be true as well.
+/// The point with other, equally plausible free parameters.
 fn plausible(problem: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> {
     let mut truth = u.to_vec();
     let mut rng = stream(SEED, &[draw]);
@@ -85,8 +86,8 @@ fn plausible(problem: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> 
     truth
 }
 
-/// By scenario, what remains of each channel of a reality that is the model at `truth`, in the sensors' noise; starts
-/// are seen by the model at `u`.
+/// Remaining squares of each channel by scenario, in multiples of the sensors' noise, if reality is the model at
+/// `truth`; initial states are estimated by the model at `u`.
 fn of_logs(
     problem: &IdentificationProblem,
     u: &[f64],
@@ -97,35 +98,35 @@ fn of_logs(
     model.setup.noise = noise(problem);
     let (values, effects) = (problem.inner(truth), problem.placed(truth));
     let record = |(scenario, recorded): (usize, &Log)| {
-        // With a finer step: the integrator's own error remains as well.
+        // With a finer step, so that the discretisation error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
         let step = TimeStep::USUAL.halved().halved().halved();
         let request = model.request(&values, scenario).effects(&effects).time_step(step).noise_seed(seed);
-        seen(&model.simulate(request)?, recorded)
+        recorded_channels(&model.simulate(request)?, recorded)
     };
     let logs: Vec<Log> = problem.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;
-    let twin = problem.beside_others(Arc::new(model), logs, u)?;
+    let twin = problem.with_logs(Arc::new(model), logs, u)?;
     let objective = Objective::at(&twin, truth);
-    let mut left = Vec::new();
+    let mut remaining = Vec::new();
     for (index, log) in twin.logs().iter().enumerate() {
         let residual = objective.residuals_of(&[truth.to_vec()], &[index]).pop().and_then(Result::ok);
         let Some(residual) = residual else { continue };
         let samples = log.present / log.channels.len();
-        let own = |channel: &btr_identify::residual_model::MeasuredChannel| {
+        let squares_of_channel = |channel: &btr_identify::residual_model::MeasuredChannel| {
             (channel.name.clone(), RemainingSquares(squares(&residual[channel.samples.clone()]), samples))
         };
-        left.push((twin.scenario(index), log.channels.iter().map(own).collect()));
+        remaining.push((twin.scenario(index), log.channels.iter().map(squares_of_channel).collect()));
     }
-    Ok(left)
+    Ok(remaining)
 }
 
-/// Sensors as noisy as those of the logs.
+/// Sensor noise of the logs.
 fn noise(problem: &IdentificationProblem) -> SensorNoise {
     let largest = |begin: &str| {
         let channels =
             problem.logs().iter().enumerate().flat_map(|(i, log)| log.channels.iter().map(move |c| (i, &c.name)));
-        let own = channels.filter(|(_, name)| name.starts_with(begin));
-        own.map(|(log, name)| noise_of(problem, problem.scenario(log), name)).fold(0.0, f64::max)
+        let matching = channels.filter(|(_, name)| name.starts_with(begin));
+        matching.map(|(log, name)| noise_of(problem, problem.scenario(log), name)).fold(0.0, f64::max)
     };
     let noise = problem.model().setup.noise;
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
@@ -134,7 +135,7 @@ fn noise(problem: &IdentificationProblem) -> SensorNoise {
 }
 
 /// The channels of a simulation that a recording has as well.
-fn seen(simulated: &Log, recorded: &Log) -> Result<Log, WorldError> {
+fn recorded_channels(simulated: &Log, recorded: &Log) -> Result<Log, WorldError> {
     let mut log = Log::new(simulated.clock_s().to_vec())?;
     for (name, channel) in simulated.channels().filter(|(name, _)| recorded.channel(name).is_some()) {
         log.insert(name, channel.unit.clone(), channel.role, channel.values.clone())?;

@@ -1,5 +1,5 @@
-//! How large a change must be to show on the ground. Contact answers a change that is too small with noise of its own,
-//! and the typical sizes of effects were made for a desk arm, whose motion shows the least of them.
+//! Size of changes that exceed the noise of contact. The response to a small change is dominated by contact noise, and
+//! the typical sizes of effects are for a desk arm, whose motion shows even small changes.
 
 use crate::identification::problem::IdentificationProblem;
 use btr_core::world::WorldError;
@@ -7,14 +7,15 @@ use btr_identify::fit::{rows_near, shared, squares};
 use btr_identify::residual_model::{FitParameter, Parametrisation, ResidualRequest, TimeStep};
 use rayon::prelude::*;
 
-/// What a unit of an amplitude should show, and what the reach of a difference, where it shows best: in noise floors.
+/// Target responses in the most sensitive channel, in noise floors: to a unit of an amplitude, and to the step of a
+/// finite difference.
 const UNIT: f64 = 3.0;
 const REACH: f64 = 0.3;
-/// How many times larger a unit may become, and how many standard deviations the reach of a number in doubt.
+/// Largest factor for a unit, and largest step of a free parameter in standard deviations.
 const LARGEST: f64 = 30.0;
 const WIDEST: f64 = 0.5;
 
-/// A knob that is moved by so much, from where its shapes put it.
+/// A change of one parameter, at given shapes.
 struct ParameterTrial {
     parameter: usize,
     near: Vec<String>,
@@ -22,34 +23,34 @@ struct ParameterTrial {
     by: f64,
 }
 
-/// Enlarges the units of amplitudes, and the reaches of what is in doubt, until they show in the log that the model as
-/// it stands explains least. Limits bind where they bind, whatever their unit.
+/// Enlarges the units of amplitudes and the steps of free parameters until their responses show in the log that the
+/// model explains least at its current values. The units of limits stay unchanged.
 pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) -> Result<(), WorldError> {
     let origin = vec![0.0; problem.parameters.len()];
-    let Some((log, usual)) = worst(problem, &origin)? else { return Ok(()) };
-    let tries = tries(problem);
-    let shots = shared(tries.iter().map(|attempt| attempt.near.as_slice()));
+    let Some((log, baseline)) = worst(problem, &origin)? else { return Ok(()) };
+    let trials = trials(problem);
+    let shots = shared(trials.iter().map(|trial| trial.near.as_slice()));
     let simulated = |shot: &Vec<usize>| {
         let mut u = origin.clone();
-        for ParameterTrial { parameter, shapes, by, .. } in shot.iter().map(|&i| &tries[i]) {
+        for ParameterTrial { parameter, shapes, by, .. } in shot.iter().map(|&i| &trials[i]) {
             shapes.iter().for_each(|&(parameter, shape)| u[parameter] = shape);
             u[*parameter] = *by;
         }
         problem.residual(ResidualRequest::of(&u, log), TimeStep::USUAL).ok()
     };
     let answers: Vec<Option<Vec<f64>>> = shots.par_iter().map(simulated).collect();
-    let mut shown = vec![None; tries.len()];
+    let mut shown = vec![None; trials.len()];
     for (shot, answer) in shots.iter().zip(&answers) {
         for &i in shot {
-            shown[i] = answer.as_ref().map(|there| shows(problem, log, &tries[i].near, &usual, there));
+            shown[i] = answer.as_ref().map(|changed| response(problem, log, &trials[i].near, &baseline, changed));
         }
     }
-    for (attempt, shown) in tries.iter().zip(shown) {
-        let parameter = &mut problem.parameters[attempt.parameter];
+    for (trial, shown) in trials.iter().zip(shown) {
+        let parameter = &mut problem.parameters[trial.parameter];
         match shown {
-            Some(shown) if parameter.amplitude => grow(parameter, UNIT * attempt.by / shown),
+            Some(shown) if parameter.amplitude => grow(parameter, UNIT * trial.by / shown),
             Some(shown) => {
-                parameter.reach = (REACH * attempt.by / shown).clamp(parameter.reach, WIDEST.max(parameter.reach))
+                parameter.reach = (REACH * trial.by / shown).clamp(parameter.reach, WIDEST.max(parameter.reach))
             }
             None => {}
         }
@@ -57,7 +58,7 @@ pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) ->
     Ok(())
 }
 
-/// The log to learn from that the model as it stands explains least, with its residual.
+/// The training log that the model explains least at its current values, with its residual.
 fn worst(problem: &IdentificationProblem, origin: &[f64]) -> Result<Option<(usize, Vec<f64>)>, WorldError> {
     let mut worst: Option<(f64, usize, Vec<f64>)> = None;
     for log in (0..problem.logs.len()).filter(|&log| !problem.logs[log].held_out) {
@@ -71,8 +72,8 @@ fn worst(problem: &IdentificationProblem, origin: &[f64]) -> Result<Option<(usiz
     Ok(worst.map(|(_, log, residual)| (log, residual)))
 }
 
-/// What is in doubt, by its reach, and the amplitudes of effects, by a unit.
-fn tries(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
+/// Changes of the free parameters by their steps, and of the amplitudes of effects by a unit.
+fn trials(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
     let free = problem.free.iter().map(|&parameter| {
         let by = problem.parameters[parameter].reach;
         ParameterTrial { parameter, near: Vec::new(), shapes: Vec::new(), by }
@@ -92,20 +93,20 @@ fn tries(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
     free.chain(of_candidates).collect()
 }
 
-/// What a change is to a log, in noise floors: the root mean square in the channel where it shows best.
-fn shows(problem: &IdentificationProblem, log: usize, near: &[String], usual: &[f64], there: &[f64]) -> f64 {
+/// Response of a log to a change, in noise floors: the root mean square in the most sensitive channel.
+fn response(problem: &IdentificationProblem, log: usize, near: &[String], baseline: &[f64], changed: &[f64]) -> f64 {
     let recorded = &problem.logs[log];
     let near = rows_near(recorded, near);
     let seen = recorded.channels.iter().filter(|channel| near.iter().any(|rows| rows.contains(&channel.samples.start)));
     let rms = |samples: std::ops::Range<usize>| {
-        let changes = samples.map(|row| there[row] - usual[row]).filter(|change| change.is_finite());
+        let changes = samples.map(|row| changed[row] - baseline[row]).filter(|change| change.is_finite());
         let (sum, count) = changes.fold((0.0, 0), |(sum, n), change| (sum + change * change, n + 1));
         (sum / f64::from(count.max(1))).sqrt()
     };
     seen.map(|channel| rms(channel.samples.clone())).fold(0.0, f64::max)
 }
 
-/// A larger unit for an amplitude, as far as its bounds allow.
+/// Enlarges the unit of an amplitude, as far as its bounds allow.
 fn grow(parameter: &mut FitParameter, factor: f64) {
     let widest = parameter.bounds.0.abs().max(parameter.bounds.1) / 2.0;
     let factor = factor.min(LARGEST).min(widest).max(1.0);
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_larger_unit_reaches_as_far_in_its_own_terms() {
+    fn a_larger_unit_keeps_the_bounds_in_physical_units() {
         let mut parameter = FitParameter {
             name: "payload.mass@leg".to_owned(),
             unit: "kg".to_owned(),
@@ -133,7 +134,7 @@ mod tests {
         grow(&mut parameter, 8.0);
         assert!((parameter.size - 0.08).abs() < 1e-12);
         assert!((parameter.value(parameter.bounds.1) - 0.5).abs() < 1e-12);
-        // Never smaller, and never so large that its bounds leave no room for two.
+        // A unit never shrinks, and its bounds always leave room for two units.
         grow(&mut parameter, 0.1);
         assert!((parameter.size - 0.08).abs() < 1e-12);
         grow(&mut parameter, 1e3);

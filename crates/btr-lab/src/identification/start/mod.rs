@@ -1,4 +1,4 @@
-//! Where logs begin: what moves that, robots that stand before their log, and logs cut into windows.
+//! Initial states of logs: their changes, standing starts, and windows for multiple shooting.
 
 pub(super) mod moved;
 mod standing;

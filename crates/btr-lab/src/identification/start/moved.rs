@@ -1,4 +1,4 @@
-//! Where a robot's logs begin: what moves that, and what a model that stands there has to say of it.
+//! Changes of the initial states of logs, and initial states estimated by the model.
 
 use super::windows;
 use crate::identification::log_parts::whole;
@@ -11,32 +11,31 @@ use btr_physics::robot::Base;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Positions at the start are moved by so many noise floors, velocities by what comes to as much after so many seconds.
+/// A nudge moves an initial position by this many noise floors, and an initial velocity by as much per this time in s.
 const NUDGE: (f64, f64) = (3.0, 0.05);
-/// What the first readings of a fixed robot leave open, in these: the standard deviation of positions and of
-/// velocities.
+/// Standard deviations of the initial positions and velocities of a fixed robot, given its first readings, in nudges.
 pub(crate) const OPEN: [f64; 2] = [1.0, 30.0];
-/// A log whose squares fall to this share, or to noise, began elsewhere than its readings seem to say.
+/// If the squares of a log fall to this share, or to noise, its initial state differs from its first readings.
 const MOST: f64 = 0.5;
 
-/// The situations of a fixed robot's logs with starts as the model that stands there sees them, where these explain all
-/// or most of what it is off. `None` where there are no such.
+/// The scenarios of a fixed robot's logs with initial states estimated by the model, where these explain all or most of
+/// the error. `None` if there are none.
 pub(crate) fn seen_starts(model: &Model, recorded: &[Log]) -> Option<Vec<Scenario>> {
     if model.robot.base != Base::Fixed {
         return None;
     }
-    let own = Arc::new(model.in_situations(model.scenarios.clone()));
-    let mut problem = IdentificationProblem::without_effects(own, recorded.to_vec(), whole(recorded)).ok()?;
+    let shared_model = Arc::new(model.in_situations(model.scenarios.clone()));
+    let mut problem = IdentificationProblem::without_effects(shared_model, recorded.to_vec(), whole(recorded)).ok()?;
     problem.measure().ok()?;
     let origin = vec![0.0; problem.parameters.len()];
     let (mut moved, _) = nearest_starts(&problem, &problem.description(), &origin, 0.0);
     moved.retain(|start| problem.is_explained_from(&origin, start.log, &start.by));
-    (!moved.is_empty()).then(|| problem.begun_elsewhere(&moved).situations)
+    (!moved.is_empty()).then(|| problem.with_initial_states(&moved).situations)
 }
 
 impl IdentificationProblem {
-    /// The same where the recordings of some logs begin elsewhere.
-    pub fn begun_elsewhere(&self, moved: &[MovedStart]) -> IdentificationProblem {
+    /// The same problem with other initial states of some logs.
+    pub fn with_initial_states(&self, moved: &[MovedStart]) -> IdentificationProblem {
         let mut other = self.clone();
         for MovedStart { log, by } in moved {
             other.situations[self.parts[*log].scenario] = self.begun_from(*log, by).into_owned();
@@ -44,7 +43,7 @@ impl IdentificationProblem {
         other
     }
 
-    /// The situation of a log whose start is moved.
+    /// The scenario of a log whose initial state is moved.
     pub fn begun_from(&self, log: usize, moved: &[f64]) -> Cow<'_, Scenario> {
         let mut scenario = Cow::Borrowed(&self.situations[self.parts[log].scenario]);
         if moved.iter().all(|by| *by == 0.0) {
@@ -61,9 +60,9 @@ impl IdentificationProblem {
         scenario
     }
 
-    /// The start of a log, in which a number is moved by so many nudges.
+    /// Moves one coordinate of a log's initial state by a number of nudges.
     fn nudge(&self, log: usize, scenario: &mut Scenario, number: usize, by: f64) {
-        // Where one rests nothing moves, so that positions are all there is.
+        // At rest all velocities are zero, so that only positions are uncertain.
         let numbers = if self.rests { 1 } else { 2 };
         let Some((joint, sigma)) = self.nudged(log).nth(number / numbers) else { return };
         let start = &mut scenario.start[joint];
@@ -73,11 +72,11 @@ impl IdentificationProblem {
         }
     }
 
-    /// Whether a start explains all or most of what the model is off in a log.
+    /// Whether an initial state explains all or most of the model's error in a log.
     fn is_explained_from(&self, u: &[f64], log: usize, by: &[f64]) -> bool {
         let chi = |residual: &Vec<f64>| {
-            let there: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
-            (squares(&there) / there.len().max(1) as f64).sqrt()
+            let finite: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
+            (squares(&finite) / finite.len().max(1) as f64).sqrt()
         };
         let both =
             self.residuals(&[ResidualRequest::of(u, log), ResidualRequest { u, log, moved: by }], TimeStep::USUAL);

@@ -1,9 +1,9 @@
-//! Logs of a robot that stands on its own feet, cut into short windows. Contact makes motion chaotic: a whole rollout
-//! leaves its log for good at the first foot that touches down a sample too late. So the robot is moved, at the
-//! beginning of every window, to where the log says it is. Joints are read by local parabolas. What nobody reads, the
-//! base's velocity and height, comes from a run of the model that is pulled towards all that is measured (an observer
-//! after D. G. Luenberger, "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964,
-//! with constant gains).
+//! Multiple shooting: logs of a legged robot, cut into short windows. Contact makes motion chaotic: a whole rollout
+//! leaves its log for good at the first foot that touches down a sample too late. So the state is reset at the
+//! beginning of every window to that of the log. Joints are smoothed by local parabolas. The unmeasured velocity and
+//! height of the base come from a simulation that is corrected towards the measurements (an observer after D. G.
+//! Luenberger, "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964, with
+//! constant gains).
 
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth::{Motion, smooth};
@@ -17,28 +17,29 @@ use std::ops::Range;
 
 /// Length of a window in s; all windows of a log are about equally long.
 const WINDOW_S: f64 = 0.4;
-/// How long the observer takes to find the robot, at the log's beginning, in s.
+/// Time in which the observer converges at the log's beginning, in s.
 const SETTLE_S: f64 = 0.2;
-/// What a window's start does for so long is not compared, in s.
+/// Time after a window's start that is not compared, in s.
 const BURN_IN_S: f64 = 0.05;
-/// Time between two pulls of the observer in s, and what share of the error each takes: of joints, of the gyroscope.
+/// Time between two corrections of the observer in s, and their gains: for joints, for the gyroscope.
 const PULL_S: f64 = 0.01;
 const PULL: (f64, f64) = (0.5, 0.5);
 
-/// How uncertain the observer leaves the base: velocity in m/s, height in m, roll and pitch in rad, turning in rad/s.
+/// Standard deviations of the observed base: velocity in m/s, height in m, roll and pitch in rad, angular velocity in
+/// rad/s.
 const BASE: [f64; 9] = [0.05, 0.05, 0.05, 0.003, 0.01, 0.01, 0.03, 0.03, 0.03];
-/// The same for a joint's velocity: what one noise floor comes to within so many seconds.
+/// The standard deviation of a joint's velocity is one noise floor per this time, in s.
 const REACH_S: f64 = 0.03;
 
 /// The windows of a log.
 pub(crate) struct Windows {
     pub restarts: Vec<Restart>,
-    /// What is compared of each.
+    /// The compared samples of each.
     pub samples: Vec<Range<usize>>,
 }
 
-/// Cuts a log, as the model sees it that has the values `s` and these effects. A log that is too short for a window has
-/// none.
+/// Cuts a log into windows, with initial states observed by the model with values `s` and these effects. A log that is
+/// too short for a window has none.
 pub(crate) fn cut(
     model: &Model,
     s: &[f64],
@@ -59,7 +60,7 @@ pub(crate) fn cut(
     Ok(Windows { samples: samples.collect(), restarts })
 }
 
-/// What is measured of a robot's state, smoothed.
+/// The measured part of a robot's state, smoothed.
 struct MeasuredState<'a> {
     clock_s: &'a [f64],
     joints: Vec<Option<Vec<Motion>>>,
@@ -88,7 +89,7 @@ impl<'a> MeasuredState<'a> {
             (q, motion.velocity + ahead * motion.acceleration)
         };
         let share = if after.0 > before.0 { ((at - before.0) / (after.0 - before.0)).clamp(0.0, 1.0) } else { 1.0 };
-        // The nearer of the two where they are the same sample, or where one is missing.
+        // The nearer of the two if they are the same sample, or if one is missing.
         let (a, b) = (along(before), along(after));
         let mixed = |a: f64, b: f64| match (a.is_finite(), b.is_finite()) {
             (true, false) => a,
@@ -107,7 +108,7 @@ impl<'a> MeasuredState<'a> {
         turning.iter().all(|w| w.is_finite()).then_some(turning)
     }
 
-    /// Takes shares of the errors of a state away.
+    /// Corrects a state by shares of its errors.
     fn pull(&self, state: &mut RobotState, time_s: f64, (joints, gyro): (f64, f64)) {
         for (i, (q, dq)) in state.joints.iter_mut().enumerate() {
             if let Some((measured, velocity)) = self.joint(i, time_s) {
@@ -116,13 +117,13 @@ impl<'a> MeasuredState<'a> {
             }
         }
         if let Some(turning) = self.turning(time_s) {
-            let there = state.base.pose.rotation * turning;
-            state.base.angular_rad_s += gyro * (there - state.base.angular_rad_s);
+            let in_world = state.base.pose.rotation * turning;
+            state.base.angular_rad_s += gyro * (in_world - state.base.angular_rad_s);
         }
     }
 }
 
-/// The states at some times: of the joints as measured, of the base as the model has it that is pulled along.
+/// The states at the given times: joints as measured, the base as observed.
 fn observe(
     model: &Model,
     s: &[f64],
@@ -151,18 +152,18 @@ fn observe(
     Ok(restarts)
 }
 
-/// In how many ways the start of a robot with so many joints may be other than it seems.
+/// Number of uncertain coordinates of the initial state of a robot with this many joints.
 pub(crate) fn nudges(joints: usize) -> usize {
     2 * joints + BASE.len()
 }
 
-/// The joint that one of those numbers is about.
+/// The joint of one of those coordinates.
 pub(crate) fn nudged_joint(number: usize, joints: usize) -> Option<usize> {
     (number / 2 < joints).then_some(number / 2)
 }
 
-/// Moves the starts of all windows by so many times what is not known of one of their numbers; `sigmas` are the joints'
-/// noise floors.
+/// Moves one coordinate of the initial states of all windows by a number of standard deviations; `sigmas` are the
+/// joints' noise floors.
 pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[f64]) {
     for Restart { state: RobotState { joints, base }, .. } in restarts {
         if let Some((sigma, joint)) = sigmas.get(number / 2).zip(joints.get_mut(number / 2)) {
@@ -178,7 +179,7 @@ pub(crate) fn nudge(restarts: &mut [Restart], number: usize, by: f64, sigmas: &[
             0..3 => base.velocity_m_s += along(number),
             3 => base.pose.translation.vector += along(2),
             4 | 5 => {
-                // About the root itself, so that it stays where it is.
+                // About the root itself, so that its position stays unchanged.
                 let turn = UnitQuaternion::from_scaled_axis(along(number - 4));
                 base.pose = Isometry3::from_parts(base.pose.translation, turn * base.pose.rotation);
             }
