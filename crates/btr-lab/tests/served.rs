@@ -126,7 +126,8 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     Ok(())
 }
 
-/// A log of the ant that begins at rest has a standing start; one that begins in motion has starts estimated by the model.
+/// A log of the ant that begins at rest has a standing start; one that begins in motion has starts estimated by the
+/// model.
 #[test]
 fn derived_residual_models() -> Tested<()> {
     let mut source = robots("ant.toml")?;
