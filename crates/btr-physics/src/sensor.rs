@@ -60,7 +60,7 @@ impl SensorNoise {
 }
 
 /// Adds noise of this standard deviation, then rounds to multiples of `quantum` where that is positive.
-pub(crate) fn disturb(values: &mut [f64], deviation: f64, quantum: f64, rng: &mut Rng) {
+pub(crate) fn add_noise(values: &mut [f64], deviation: f64, quantum: f64, rng: &mut Rng) {
     for value in values {
         if deviation > 0.0 {
             *value += deviation * gaussian(rng);

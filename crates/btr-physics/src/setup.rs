@@ -144,15 +144,15 @@ impl Setup {
             )));
         }
         let ratio = self.sample_s.map_or(1.0, |sample| sample / self.dt_s);
-        let every = ratio.round();
-        if !(every >= 1.0 && (ratio - every).abs() < 1e-6 * every) {
+        let steps = ratio.round();
+        if !(steps >= 1.0 && (ratio - steps).abs() < 1e-6 * steps) {
             return Err(setup_error(format!("sample_s must be a multiple of dt_s, not {ratio} times it")));
         }
-        let samples = (self.duration_s / (self.dt_s * every) + 1e-9).floor() as usize;
+        let samples = (self.duration_s / (self.dt_s * steps) + 1e-9).floor() as usize;
         if samples == 0 {
             return Err(setup_error(format!("duration_s = {} is shorter than one sample", self.duration_s)));
         }
-        Ok((samples + 1, every as usize))
+        Ok((samples + 1, steps as usize))
     }
 }
 

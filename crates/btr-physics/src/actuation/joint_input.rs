@@ -14,7 +14,7 @@ pub struct JointInput {
     /// Mean acceleration over the last step, in rad/s² (m/s²).
     pub acceleration: f64,
     /// Whether the engine solves for the step's middle, instead of its end.
-    pub midway: bool,
+    pub midpoint: bool,
     /// Estimate of the inertia that the joint moves, in kg·m² (kg).
     pub inertia: f64,
     /// Torque of this joint's motor in the last step, in N·m (N).
@@ -28,7 +28,7 @@ pub struct JointInput {
 
 impl JointInput {
     /// Extrapolated velocity in the middle of the step: speed-dependent forces are second-order accurate there.
-    pub fn dq_midway(&self) -> f64 {
+    pub fn dq_midpoint(&self) -> f64 {
         self.dq + 0.5 * self.dt_s * self.acceleration
     }
 }

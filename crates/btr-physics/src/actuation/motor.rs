@@ -49,10 +49,10 @@ impl Motor {
         let command = state.command;
         if command.is_nan() {
             self.integral = 0.0;
-            self.sampled.iter_mut().for_each(SampledServo::forget);
+            self.sampled.iter_mut().for_each(SampledServo::reset);
             return MotorTorque::OFF;
         }
-        if let Some(torque) = self.held(state) {
+        if let Some(torque) = self.held_torque(state) {
             return torque;
         }
         match self.actuator {
@@ -64,21 +64,21 @@ impl Motor {
             }
             Actuator::Torque { max_torque } => MotorTorque::within(max_torque, Affine::constant(command)),
             Actuator::Voltage { kt, resistance, ref servo } => {
-                let wanted = match servo {
+                let requested = match servo {
                     Some(servo) => duty_torque(kt, resistance, servo, state),
                     None => Affine { constant: kt / resistance * command, ..back_emf(kt, resistance) },
                 };
-                MotorTorque::within(f64::INFINITY, wanted)
+                MotorTorque::within(f64::INFINITY, requested)
             }
             Actuator::Prescribed => {
-                let wanted = Affine { constant: self.hold * command, stiffness: self.hold, damping: 0.0 };
-                MotorTorque::within(f64::INFINITY, wanted)
+                let requested = Affine { constant: self.hold * command, stiffness: self.hold, damping: 0.0 };
+                MotorTorque::within(f64::INFINITY, requested)
             }
         }
     }
 
     /// The held output of a digital servo; `None` for all other motors.
-    fn held(&mut self, state: &JointInput) -> Option<MotorTorque> {
+    fn held_torque(&mut self, state: &JointInput) -> Option<MotorTorque> {
         let Motor { actuator, sampled: Some(sampled), integral, .. } = self else { return None };
         let command = state.command;
         match *actuator {
@@ -94,8 +94,8 @@ impl Motor {
                 let duty = sampled.hold(state, |read| servo.gain * (command - read.q));
                 let duty = duty.min(servo.max_duty).max(-servo.max_duty);
                 let constant = kt / resistance * servo.supply * duty;
-                let wanted = Affine { constant, ..back_emf(kt, resistance) };
-                Some(MotorTorque::within(f64::INFINITY, wanted))
+                let requested = Affine { constant, ..back_emf(kt, resistance) };
+                Some(MotorTorque::within(f64::INFINITY, requested))
             }
             _ => None,
         }
@@ -111,11 +111,11 @@ fn back_emf(kt: f64, resistance: f64) -> Affine {
 fn duty_torque(kt: f64, resistance: f64, servo: &DutyLoop, state: &JointInput) -> Affine {
     let full = kt / resistance * servo.supply;
     let stiffness = full * servo.gain;
-    let wanted = Affine { constant: stiffness * state.command, stiffness, ..back_emf(kt, resistance) };
-    let (q, _) = wanted.step(state.q, state.dq, state.dt_s, state.inertia);
+    let requested = Affine { constant: stiffness * state.command, stiffness, ..back_emf(kt, resistance) };
+    let (q, _) = requested.step(state.q, state.dq, state.dt_s, state.inertia);
     let duty = servo.gain * (state.command - q);
     if duty.abs() > servo.max_duty {
         return Affine { constant: full * servo.max_duty.copysign(duty), ..back_emf(kt, resistance) };
     }
-    wanted
+    requested
 }

@@ -37,7 +37,7 @@ impl SampledServo {
     }
 
     /// The output held during the coming step; `law` computes it from the readings at every sampling instant.
-    pub(crate) fn hold(&mut self, state: &JointInput, work: impl FnOnce(&Reading) -> f64) -> f64 {
+    pub(crate) fn hold(&mut self, state: &JointInput, law: impl FnOnce(&Reading) -> f64) -> f64 {
         // The offset absorbs rounding, as for references.
         let instant = (state.time_s / self.period_s + 1e-6).floor() as usize;
         if instant != self.instant {
@@ -46,13 +46,13 @@ impl SampledServo {
             let periods = (self.readings.len() - 1) as f64;
             let oldest = self.readings.last().copied().unwrap_or(state.q);
             let dq = (state.q - oldest) / (periods * self.period_s);
-            self.held = work(&Reading { period_s: self.period_s, q: state.q, dq });
+            self.held = law(&Reading { period_s: self.period_s, q: state.q, dq });
         }
         self.held
     }
 
     /// Resets the readings, for a servo that is switched off.
-    pub(crate) fn forget(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.instant = usize::MAX;
     }
 

@@ -47,8 +47,8 @@ impl TorqueBound {
     }
 
     /// The torque closest to `requested` within the bound at the velocity `dq`.
-    pub fn clamp(&self, wanted: f64, dq: f64) -> f64 {
-        wanted.min(self.at(dq)).max(-self.at(-dq))
+    pub fn clamp(&self, requested: f64, dq: f64) -> f64 {
+        requested.min(self.at(dq)).max(-self.at(-dq))
     }
 }
 
@@ -56,7 +56,7 @@ impl TorqueBound {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorTorque {
     /// Torque without the bound.
-    pub wanted: Affine,
+    pub requested: Affine,
     /// The bound.
     pub bound: TorqueBound,
 }
@@ -66,8 +66,8 @@ impl MotorTorque {
         MotorTorque::within(f64::INFINITY, Affine { constant: 0.0, stiffness: 0.0, damping: 0.0 });
 
     /// A requested torque within a bound that is the same at every speed.
-    pub(super) const fn within(limit: f64, wanted: Affine) -> Self {
-        MotorTorque { wanted, bound: TorqueBound::at_any_speed(limit) }
+    pub(super) const fn within(limit: f64, requested: Affine) -> Self {
+        MotorTorque { requested, bound: TorqueBound::at_any_speed(limit) }
     }
 
     /// Lowers the ceiling to `torque`, unless it is lower already.
@@ -84,22 +84,23 @@ impl MotorTorque {
 
     /// Scales the torque and its bound: the same command gives this multiple of the torque.
     pub(crate) fn scale(&mut self, factor: f64) {
-        let Affine { constant, stiffness, damping } = self.wanted;
-        self.wanted = Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
+        let Affine { constant, stiffness, damping } = self.requested;
+        self.requested =
+            Affine { constant: constant * factor, stiffness: stiffness * factor, damping: damping * factor };
         self.bound.ceiling *= factor;
         self.bound.stall *= factor;
     }
 
     /// The torque in a state, within its bound.
     pub fn at(&self, q: f64, dq: f64) -> f64 {
-        self.bound.clamp(self.wanted.at(q, dq), dq)
+        self.bound.clamp(self.requested.at(q, dq), dq)
     }
 
     /// The upper and the lower bound, linear in the velocity around the extrapolated one in the coming step's middle.
     fn bounds(&self, state: &JointInput) -> [Affine; 2] {
-        let dq = state.dq_midway();
-        let least = self.bound.around(-dq);
-        [self.bound.around(dq), Affine { constant: -least.constant, ..least }]
+        let dq = state.dq_midpoint();
+        let lower = self.bound.around(-dq);
+        [self.bound.around(dq), Affine { constant: -lower.constant, ..lower }]
     }
 
     /// For an engine that enforces bounds within the step; `None` without a bound.
@@ -107,8 +108,8 @@ impl MotorTorque {
         if self.bound.is_none() {
             return None;
         }
-        let [most, least] = self.bounds(state);
-        Some(Bounded { wanted: self.wanted, most, least })
+        let [upper, lower] = self.bounds(state);
+        Some(Bounded { requested: self.requested, upper, lower })
     }
 
     /// For an engine that does not: the bound if the requested torque would exceed it at the step's end, judged by the
@@ -118,26 +119,26 @@ impl MotorTorque {
     /// between its bounds.
     pub fn saturated(&self, state: &JointInput) -> Affine {
         if self.bound.is_none() {
-            return self.wanted;
+            return self.requested;
         }
         // The torque at the end of an implicit step (see `Affine::step`) is push·inertia/(inertia + dt·resistance).
-        let Affine { constant, stiffness, damping } = self.wanted;
+        let Affine { constant, stiffness, damping } = self.requested;
         let resistance = damping + state.dt_s * stiffness;
         let push = constant - stiffness * state.q - resistance * state.dq;
-        let limit = self.bound.at(state.dq_midway().copysign(state.dq_midway() * push));
+        let limit = self.bound.at(state.dq_midpoint().copysign(state.dq_midpoint() * push));
         if push.abs() * state.inertia <= limit * (state.inertia + state.dt_s * resistance) {
-            return self.wanted;
+            return self.requested;
         }
-        let [most, least] = self.bounds(state);
-        if push > 0.0 { most } else { least }
+        let [upper, lower] = self.bounds(state);
+        if push > 0.0 { upper } else { lower }
     }
 
     /// The bound that `torque` exceeds at the velocity `dq`, if any.
-    pub(crate) fn beyond(&self, torque: f64, dq: f64, state: &JointInput) -> Option<Affine> {
-        let [most, least] = self.bounds(state);
+    pub(crate) fn exceeded_bound(&self, torque: f64, dq: f64, state: &JointInput) -> Option<Affine> {
+        let [upper, lower] = self.bounds(state);
         if torque > self.bound.at(dq) {
-            return Some(most);
+            return Some(upper);
         }
-        (torque < -self.bound.at(-dq)).then_some(least)
+        (torque < -self.bound.at(-dq)).then_some(lower)
     }
 }

@@ -72,9 +72,9 @@ pub(super) fn transmit(
     state: &JointInput,
 ) -> Affine {
     let [_, angle, velocity, a, b, constant, damping, kept, _] = memory else { return *motor };
-    let dt_s = if state.midway { 0.5 * state.dt_s } else { state.dt_s };
+    let dt_s = if state.midpoint { 0.5 * state.dt_s } else { state.dt_s };
     // If the stiffness would let the rotor overshoot in the second half of the step, damping is added to prevent it.
-    let damped = |stiffness: f64, damping: f64| match state.midway {
+    let damped = |stiffness: f64, damping: f64| match state.midpoint {
         true => damping.max(dt_s * stiffness - inertia / dt_s),
         false => damping,
     };
@@ -85,9 +85,9 @@ pub(super) fn transmit(
     let push = motor.constant - motor.stiffness * *angle;
     // A rotor with very little inertia would oscillate from step to step. It continues from the middle of the last
     // step, a whole step instead of half a step before the middle of this one.
-    let light = state.midway && inertia < 0.5 * dt_s * (servo + impedance);
+    let light = state.midpoint && inertia < 0.5 * dt_s * (servo + impedance);
     let inertia = if light { 0.5 * inertia } else { inertia };
-    *kept = if light || !state.midway { 0.0 } else { 1.0 };
+    *kept = if light || !state.midpoint { 0.0 } else { 1.0 };
     let resistance = inertia + dt_s * (servo + impedance);
     *a = (inertia * *velocity + dt_s * (push - pull)) / resistance;
     *b = dt_s * impedance / resistance;

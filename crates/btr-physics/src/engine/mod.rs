@@ -51,15 +51,15 @@ impl Affine {
     }
 }
 
-/// A motor's torque over one step: the requested torque, at most `most` and at least `least`.
+/// A motor's torque over one step: the requested torque, at most `upper` and at least `lower`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounded {
     /// The requested torque.
-    pub wanted: Affine,
+    pub requested: Affine,
     /// The largest torque; it may depend on the velocity.
-    pub most: Affine,
+    pub upper: Affine,
     /// The lowest torque; it may depend on the velocity.
-    pub least: Affine,
+    pub lower: Affine,
 }
 
 /// Joint-level forces on one joint during one step.
@@ -74,7 +74,7 @@ pub struct Dof {
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
     /// The joint's motion over the coming step, if it is prescribed.
-    pub course: Option<PrescribedMotion>,
+    pub prescribed: Option<PrescribedMotion>,
 }
 
 /// A prescribed motion over one step.
@@ -123,7 +123,7 @@ pub trait Dynamics {
         1
     }
     /// Selects the candidate that all methods but [`step`](Self::step) refer to; initially the first one.
-    fn turn_to(&mut self, lane: usize) {
+    fn select_lane(&mut self, lane: usize) {
         let _ = lane;
     }
     /// Joint positions in rad (m).
@@ -135,7 +135,7 @@ pub trait Dynamics {
     /// Sets the forces on a joint from now on.
     fn set_joint(&mut self, joint: usize, dof: &Dof);
     /// Whether steps are solved for their middle, which is second order, instead of their end.
-    fn midway(&self) -> bool {
+    fn midpoint(&self) -> bool {
         false
     }
     /// Whether it enforces motor bounds within the step; if not, it is never given any.
@@ -143,12 +143,12 @@ pub trait Dynamics {
         false
     }
     /// Whether it supports joints with a [`PrescribedMotion`]; if not, it is never given any.
-    fn leads(&self) -> bool {
+    fn supports_prescribed(&self) -> bool {
         false
     }
     /// Writes the torque that every prescribed joint requires at the beginning of the coming step; leaves the others
     /// unchanged.
-    fn needed(&mut self, torques: &mut [f64]) {
+    fn prescribed_torques(&mut self, torques: &mut [f64]) {
         let _ = torques;
     }
     /// Advances all candidates by the setup's `dt_s`.

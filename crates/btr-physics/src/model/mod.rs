@@ -128,10 +128,10 @@ impl Model {
     /// # Errors
     /// A point outside C.
     pub fn beginning(&self, c: &[f64], scenario: usize) -> Result<Robot, WorldError> {
-        let (mut robot, situation) = (self.robot.clone(), &self.scenarios[scenario]);
-        match situation.replay {
-            Some(_) => place(&mut robot, &situation.start),
-            None => self.drive_at(c, situation)?.place(&mut robot),
+        let (mut robot, scenario) = (self.robot.clone(), &self.scenarios[scenario]);
+        match scenario.replay {
+            Some(_) => place(&mut robot, &scenario.start),
+            None => self.drive_at(c, scenario)?.place(&mut robot),
         }
         Ok(robot)
     }
@@ -150,39 +150,39 @@ impl Model {
             let turned = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
             self.robot.start = Isometry3::from_parts(Translation3::new(x, y, z), turned);
         }
-        if let Some(situation) = self.scenarios.first_mut() {
+        if let Some(scenario) = self.scenarios.first_mut() {
             // The joints' start positions are true values, not recorded readings.
-            situation.start.clear();
-            situation.duration_s = duration_s;
+            scenario.start.clear();
+            scenario.duration_s = duration_s;
         }
         self
     }
 
     /// The robot, effects and setup of simulation `s` in a scenario. A scenario's known values override S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
-        self.in_situation(&self.scenarios[scenario], s)
+        self.in_scenario(&self.scenarios[scenario], s)
     }
 
-    fn in_situation(&self, situation: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
+    fn in_scenario(&self, scenario: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
         let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
-        let known = situation.settings.iter().map(|(target, value)| (target, *value));
+        let known = scenario.settings.iter().map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
             target.set(value, &mut robot, &mut effects, &mut setup);
         }
-        setup.duration_s = situation.duration_s;
-        setup.begins_s = situation.begins_s;
-        setup.rest_s = situation.rest_s;
-        setup.start_velocities = situation.start.iter().map(|(_, dq)| *dq).collect();
-        place(&mut robot, &situation.start);
+        setup.duration_s = scenario.duration_s;
+        setup.begins_s = scenario.begins_s;
+        setup.rest_s = scenario.rest_s;
+        setup.start_velocities = scenario.start.iter().map(|(_, dq)| *dq).collect();
+        place(&mut robot, &scenario.start);
         (robot, effects, setup)
     }
 
     /// The drive of a scenario. References depend on the controller alone: they are computed for the robot at its
     /// nominal values, as a real robot's controller would, whatever is simulated.
-    fn drive_at(&self, c: &[f64], situation: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
-        match &situation.replay {
+    fn drive_at(&self, c: &[f64], scenario: &Scenario) -> Result<Box<dyn Drive>, WorldError> {
+        match &scenario.replay {
             Some(replay) => Ok(Box::new(replay.clone())),
-            None => self.drive.at(&self.robot, c, situation.duration_s),
+            None => self.drive.at(&self.robot, c, scenario.duration_s),
         }
     }
 }

@@ -136,8 +136,8 @@ impl Target {
                 self.links.iter().filter_map(|&link| value.of(&mut robot.links[link].joint.actuator.clone()).copied()),
             ),
             Quantity::Effect(effect, param) => {
-                let there = placed.iter().find(|p| self.is_at(effect, p));
-                let value = there.map_or(effect.spec().params[param].off, |p| p.values[param]);
+                let placed_effect = placed.iter().find(|p| self.is_at(effect, p));
+                let value = placed_effect.map_or(effect.spec().params[param].off, |p| p.values[param]);
                 value.is_finite().then_some(value)
             }
             Quantity::Formula => common(placed.iter().filter_map(|p| Some(p.values[self.of_formula(p)?]))),
@@ -181,9 +181,9 @@ impl Target {
                 placed[index].values[param] = value;
             }
             Quantity::Formula => {
-                for there in placed {
-                    if let Some(param) = self.of_formula(there) {
-                        there.values[param] = value;
+                for placed_effect in placed {
+                    if let Some(param) = self.of_formula(placed_effect) {
+                        placed_effect.values[param] = value;
                     }
                 }
             }
@@ -195,8 +195,8 @@ impl Target {
         let spec = placed.effect.spec();
         let (what, _) = self.name.split_once('@').unwrap_or((&self.name, ""));
         let (effect, name) = what.split_once('.')?;
-        let meant = spec.name == effect && placed.site == self.site;
-        meant.then(|| spec.params.iter().position(|param| param.name == name))?
+        let matching = spec.name == effect && placed.site == self.site;
+        matching.then(|| spec.params.iter().position(|param| param.name == name))?
     }
 
     fn is_at(&self, effect: &dyn Effect, placed: &PlacedEffect) -> bool {
@@ -267,8 +267,8 @@ impl Quantity {
         } else {
             robot.links.iter().enumerate().map(|(i, link)| (i, link.name.as_str())).collect()
         };
-        let meant = |i: usize, name: &str| matches(site, name) || (!of_joints && i == 0 && site == "base");
-        let found: Vec<usize> = names.iter().filter(|(i, name)| meant(*i, name)).map(|(i, _)| *i).collect();
+        let matching = |i: usize, name: &str| matches(site, name) || (!of_joints && i == 0 && site == "base");
+        let found: Vec<usize> = names.iter().filter(|(i, name)| matching(*i, name)).map(|(i, _)| *i).collect();
         if found.is_empty() {
             let near = near(site, names.iter().map(|(_, name)| (*name).to_owned()));
             let what = if of_joints { "movable joint" } else { "link" };

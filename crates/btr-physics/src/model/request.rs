@@ -9,7 +9,7 @@ use btr_core::world::{Job, TimeStep};
 /// and no hook unless stated. See [`Model::request`].
 pub struct ModelRequest<'a> {
     pub(super) s: &'a [f64],
-    pub(super) situation: &'a Scenario,
+    pub(super) scenario: &'a Scenario,
     pub(super) controller: Option<&'a [f64]>,
     pub(super) effects: &'a [PlacedEffect],
     pub(super) time_step: TimeStep,
@@ -19,9 +19,9 @@ pub struct ModelRequest<'a> {
 
 impl<'a> ModelRequest<'a> {
     /// A rollout of point `s` of S in a scenario.
-    pub fn new(s: &'a [f64], situation: &'a Scenario) -> Self {
+    pub fn new(s: &'a [f64], scenario: &'a Scenario) -> Self {
         let (controller, effects, time_step, noise_seed, hook) = (None, &[][..], TimeStep::USUAL, None, None);
-        ModelRequest { s, situation, controller, effects, time_step, noise_seed, hook }
+        ModelRequest { s, scenario, controller, effects, time_step, noise_seed, hook }
     }
 
     /// A point of C.

@@ -26,7 +26,7 @@ impl Model {
     /// # Errors
     /// A point outside its space, an effect whose site matches nothing, or a simulation that diverged.
     pub fn simulate(&self, request: ModelRequest) -> Result<Log, WorldError> {
-        self.simulate_all(vec![request]).pop().unwrap_or_else(nothing)
+        self.simulate_all(vec![request]).pop().unwrap_or_else(no_rollout)
     }
 
     /// Simulates several rollouts on the calling thread. Each log is what [`simulate`](Self::simulate) gives for its
@@ -42,8 +42,8 @@ impl Model {
         let mut logs = rollout::simulate_all(valid.collect()).into_iter();
         let finish = |inputs: &Result<RunInputs, WorldError>| {
             let inputs = inputs.as_ref().map_err(Clone::clone)?;
-            let mut log = logs.next().unwrap_or_else(nothing)?;
-            self.smooth_required_torques(&mut log, inputs.situation);
+            let mut log = logs.next().unwrap_or_else(no_rollout)?;
+            self.smooth_required_torques(&mut log, inputs.scenario);
             Ok(log)
         };
         inputs.iter().map(finish).collect()
@@ -72,31 +72,31 @@ impl Model {
 
     /// Everything that a rollout needs.
     fn inputs<'a>(&self, request: &ModelRequest<'a>) -> Result<RunInputs<'a>, WorldError> {
-        let &ModelRequest { s, situation, effects: further, time_step: step, .. } = request;
+        let &ModelRequest { s, scenario, effects: further, time_step: step, .. } = request;
         let nominal = self.drive.space().nominal();
         let c = request.controller.unwrap_or(&nominal);
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, mut effects, mut setup) = self.in_situation(situation, s);
+        let (mut robot, mut effects, mut setup) = self.in_scenario(scenario, s);
         effects.extend_from_slice(further);
-        if situation.replay.is_some() {
-            read_back(&mut robot, &effects, situation.start.len())?;
+        if scenario.replay.is_some() {
+            undo_encoder_effects(&mut robot, &effects, scenario.start.len())?;
         }
         if step != TimeStep::USUAL {
             setup.sample_s = setup.sample_s.or(Some(setup.dt_s));
             setup.dt_s /= f64::from(step.divides_by());
         }
-        let drive = self.drive_at(c, situation)?;
+        let drive = self.drive_at(c, scenario)?;
         drive.place(&mut robot);
-        let restarts = restart::read_back(&situation.restarts, &robot, &effects)?;
-        Ok(RunInputs { robot, effects, setup, drive, noise_seed: request.noise_seed, restarts, situation })
+        let restarts = restart::undo_encoder_effects(&scenario.restarts, &robot, &effects)?;
+        Ok(RunInputs { robot, effects, setup, drive, noise_seed: request.noise_seed, restarts, scenario })
     }
 
     /// Smooths the torques that measured motions require, which are as noisy as these; measured torques are smoothed
     /// alike.
-    fn smooth_required_torques(&self, log: &mut Log, situation: &Scenario) {
-        let Some(replay) = &situation.replay else { return };
+    fn smooth_required_torques(&self, log: &mut Log, scenario: &Scenario) {
+        let Some(replay) = &scenario.replay else { return };
         let joints = self.robot.movable().enumerate().filter(|(i, _)| replay.follows(*i));
         for (_, (_, link)) in joints {
             let clock_s = log.clock_s().to_vec();
@@ -133,7 +133,7 @@ impl Simulator for Model {
     }
 
     fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
-        self.run_all(&[Job { s, c, scenario }]).pop().unwrap_or_else(nothing)
+        self.run_all(&[Job { s, c, scenario }]).pop().unwrap_or_else(no_rollout)
     }
 }
 
@@ -145,13 +145,13 @@ struct RunInputs<'a> {
     drive: Box<dyn Drive>,
     noise_seed: Option<u64>,
     restarts: Vec<Restart>,
-    situation: &'a Scenario,
+    scenario: &'a Scenario,
 }
 
 impl RunInputs<'_> {
     /// The rollout's request. Restarts are applied before the hook is called.
     fn rollout<'a>(&'a self, hook: Option<StateHook<'a>>) -> RolloutRequest<'a> {
-        let mut restarts = restart::lead(&self.restarts, self.setup.dt_s);
+        let mut restarts = restart::apply_restarts(&self.restarts, self.setup.dt_s);
         let with_hook: StateHook<'a> = match hook {
             Some(mut hook) => Box::new(move |time_s, engine| {
                 restarts(time_s, engine);
@@ -164,13 +164,13 @@ impl RunInputs<'_> {
     }
 }
 
-fn nothing<T>() -> Result<T, WorldError> {
+fn no_rollout<T>() -> Result<T, WorldError> {
     Err(setup_error("nothing was simulated".to_owned()))
 }
 
 /// Converts recorded start positions, which are encoder readings, to true positions, by inverting the effects on
 /// encoders.
-fn read_back(robot: &mut Robot, effects: &[PlacedEffect], recorded: usize) -> Result<(), WorldError> {
+fn undo_encoder_effects(robot: &mut Robot, effects: &[PlacedEffect], recorded: usize) -> Result<(), WorldError> {
     for placed in effects.iter().filter(|placed| !placed.is_off()) {
         let joints = placed.joints(robot)?;
         let moving = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);

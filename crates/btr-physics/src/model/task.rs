@@ -178,8 +178,9 @@ fn peak(log: &Log, prefix: &str) -> Result<f64, LogError> {
     if names.peek().is_none() {
         log.values(&format!("{prefix}<joint>"))?;
     }
-    let mut sizes = names.map(|name| Ok(log.values(&name)?.iter().fold(0.0, |most: f64, value| most.max(value.abs()))));
-    sizes.try_fold(0.0, |most: f64, size| Ok(most.max(size?)))
+    let mut sizes =
+        names.map(|name| Ok(log.values(&name)?.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()))));
+    sizes.try_fold(0.0, |largest: f64, size| Ok(largest.max(size?)))
 }
 
 fn upright_time(log: &Log) -> Result<f64, LogError> {

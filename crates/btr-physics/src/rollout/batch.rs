@@ -14,19 +14,20 @@ use pulp::Arch;
 /// number of SIMD lanes; each result equals that of the rollout alone.
 pub(super) fn simulate_all(runs: Vec<Result<PreparedRollout, WorldError>>) -> Vec<Result<Log, WorldError>> {
     let mut logs = Vec::with_capacity(runs.len());
-    let (most, mut group) = (lanes(), Vec::<PreparedRollout>::new());
+    let (max_lanes, mut group) = (lanes(), Vec::<PreparedRollout>::new());
     for run in runs {
-        let joins = |run: &PreparedRollout| group.len() < most && group.iter().all(|first| first.is_like(run));
+        let joins =
+            |run: &PreparedRollout| group.len() < max_lanes && group.iter().all(|first| first.can_batch_with(run));
         match run {
             Ok(run) if joins(&run) => group.push(run),
-            Ok(run) => logs.extend(side_by_side(std::mem::replace(&mut group, vec![run]))),
+            Ok(run) => logs.extend(run_group(std::mem::replace(&mut group, vec![run]))),
             Err(error) => {
-                logs.extend(side_by_side(std::mem::take(&mut group)));
+                logs.extend(run_group(std::mem::take(&mut group)));
                 logs.push(Err(error));
             }
         }
     }
-    logs.extend(side_by_side(group));
+    logs.extend(run_group(group));
     logs
 }
 
@@ -36,67 +37,67 @@ pub fn lanes() -> usize {
 }
 
 /// Simulates rollouts with equally many steps of equal length.
-fn side_by_side(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
+fn run_group(runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
     let candidates: Vec<(&Robot, &Setup)> = runs.iter().map(|run| (&*run.robot, &*run.setup)).collect();
     // The narrowest registers that are wide enough.
     let fits = |arch: &Arch| articulated::width(*arch) >= runs.len();
     let arch = articulated::widths().into_iter().rfind(fits).filter(|_| runs.len() > 1);
     match arch.and_then(|arch| articulated::engine_of_several(arch, &candidates)) {
-        Some(mut engine) => together(engine.as_mut(), runs),
-        None => runs.into_iter().flat_map(alone).collect(),
+        Some(mut engine) => run_batch(engine.as_mut(), runs),
+        None => runs.into_iter().flat_map(run_single).collect(),
     }
 }
 
 /// Simulates a single rollout on its own engine.
-fn alone(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
+fn run_single(run: PreparedRollout) -> Vec<Result<Log, WorldError>> {
     match run.engine() {
-        Ok(mut engine) => together(engine.as_mut(), vec![run]),
+        Ok(mut engine) => run_batch(engine.as_mut(), vec![run]),
         Err(error) => vec![Err(error)],
     }
 }
 
 /// Simulates a batch, each rollout in its lane of an engine. Rollouts that diverge are dropped; the others continue.
-pub(super) fn together(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
-    rest(engine, &mut runs);
+pub(super) fn run_batch(engine: &mut dyn Dynamics, mut runs: Vec<PreparedRollout>) -> Vec<Result<Log, WorldError>> {
+    settle(engine, &mut runs);
     for step in 0..=runs.first().map_or(0, PreparedRollout::steps) {
         if runs.iter().all(|run| run.failed.is_some()) {
             break;
         }
         if step > 0 {
-            each(engine, &mut runs, &mut |run, engine| run.prepare(step, engine));
+            for_each_running(engine, &mut runs, &mut |run, engine| run.before_step(step, engine));
             engine.step();
         }
-        each(engine, &mut runs, &mut |run, engine| run.observe(step, engine));
+        for_each_running(engine, &mut runs, &mut |run, engine| run.after_step(step, engine));
     }
     let finish = |(lane, run): (usize, PreparedRollout)| {
-        engine.turn_to(lane);
+        engine.select_lane(lane);
         run.finish(engine)
     };
     runs.into_iter().enumerate().map(finish).collect()
 }
 
 /// Calls `action` for each rollout that has not failed, with its lane selected.
-fn each(
+fn for_each_running(
     engine: &mut dyn Dynamics,
     runs: &mut [PreparedRollout],
-    act: &mut dyn FnMut(&mut PreparedRollout, &mut dyn Dynamics),
+    action: &mut dyn FnMut(&mut PreparedRollout, &mut dyn Dynamics),
 ) {
     for (lane, run) in runs.iter_mut().enumerate().filter(|(_, run)| run.failed.is_none()) {
-        engine.turn_to(lane);
-        act(run, engine);
+        engine.select_lane(lane);
+        action(run, engine);
     }
 }
 
 /// Lets servos, friction and the floor settle before time zero.
-fn rest(engine: &mut dyn Dynamics, runs: &mut [PreparedRollout]) {
-    for left in (1..=runs.first().map_or(0, |run| run.rests)).rev() {
-        each(engine, runs, &mut |run, engine| {
+fn settle(engine: &mut dyn Dynamics, runs: &mut [PreparedRollout]) {
+    for left in (1..=runs.first().map_or(0, |run| run.rest_steps)).rev() {
+        for_each_running(engine, runs, &mut |run, engine| {
             let time_s = -(left as f64) * run.setup.dt_s;
-            run.control.listen(time_s, engine);
+            run.control.update_references(time_s, engine);
             run.control.act(time_s, engine);
         });
         engine.step();
-        each(engine, runs, &mut |run, engine| run.check(engine, -(left as f64) * run.setup.dt_s));
+        for_each_running(engine, runs, &mut |run, engine| run.check(engine, -(left as f64) * run.setup.dt_s));
     }
 }
 
@@ -117,7 +118,7 @@ mod tests {
 
     const CANDIDATES: usize = 8;
     /// The candidate that diverges.
-    const TORN: usize = 4;
+    const DIVERGING: usize = 4;
 
     fn scene(name: &str) -> Scene {
         let setup = Setup { dt_s: 0.002, duration_s: 0.6, control_s: 0.055, interpolate: true, ..Setup::default() };
@@ -151,7 +152,7 @@ mod tests {
         for (i, link) in robot.links.iter_mut().enumerate() {
             link.mass_kg *= 1.0 + 0.2 * share * (i as f64).sin();
             link.joint.dry_friction = if number % 3 == 1 { 0.02 } else { 0.0 };
-            if number == TORN {
+            if number == DIVERGING {
                 link.joint.damping = -40.0;
             }
         }
@@ -167,28 +168,28 @@ mod tests {
     }
 
     #[test]
-    fn side_by_side_everyone_does_bit_by_bit_what_it_does_alone() {
+    fn batched_rollouts_equal_single_ones_bit_by_bit() {
         for name in ["ant", "nao", "nao with a ball", "bolted"] {
             let scenes: Vec<Scene> = (0..CANDIDATES).map(|number| candidate(name, number)).collect();
             let log = |(robot, setup, drive): &Scene| simulate(RolloutRequest::new(robot, &**drive).setup(setup));
-            let alone: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
-            assert!(alone.iter().enumerate().all(|(i, log)| log.is_err() == (i == TORN)), "{name}");
+            let single: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
+            assert!(single.iter().enumerate().all(|(i, log)| log.is_err() == (i == DIVERGING)), "{name}");
             let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, _)| (robot, setup)).collect();
             for arch in articulated::widths() {
                 let lanes = articulated::width(arch);
                 let few = |from: usize| from..(from + lanes).min(CANDIDATES);
-                let together = |from: usize| {
+                let run_batch = |from: usize| {
                     let mut engine = articulated::engine_of_several(arch, &worlds[few(from)]).unwrap();
-                    together(engine.as_mut(), scenes[few(from)].iter().map(run).collect())
+                    run_batch(engine.as_mut(), scenes[few(from)].iter().map(run).collect())
                 };
-                let logs: Vec<_> = (0..CANDIDATES).step_by(lanes).flat_map(together).collect();
-                assert!(logs == alone, "{name} in {lanes} lanes");
+                let logs: Vec<_> = (0..CANDIDATES).step_by(lanes).flat_map(run_batch).collect();
+                assert!(logs == single, "{name} in {lanes} lanes");
             }
         }
     }
 
     #[test]
-    fn robots_of_several_kinds_come_out_in_their_order() {
+    fn logs_of_different_robots_keep_their_order() {
         let scenes: Vec<Scene> = ["ant", "ant", "nao", "bolted", "ant"].into_iter().map(scene).collect();
         let logs = simulate_all(scenes.iter().map(|scene| Ok(run(scene))).collect());
         for ((robot, setup, drive), log) in scenes.iter().zip(logs) {

@@ -22,7 +22,7 @@ pub(crate) struct Control<'a> {
     /// Sum of the absolute values of all motors' torques in the last step.
     load: f64,
     /// Torques that prescribed motions require; empty if there are none.
-    needed: Vec<f64>,
+    prescribed_torques: Vec<f64>,
     /// Positions and velocities of the joints at the beginning of the step.
     states: Vec<(f64, f64)>,
 }
@@ -45,17 +45,17 @@ struct JointControl {
     /// Estimate of the inertia that it moves, in kg·m² (kg).
     inertia: f64,
     /// Whether its references are interpolated.
-    led: bool,
+    interpolated: bool,
     /// The last command, before any effect.
     command: f64,
     /// The motor's torque as it reaches the link during the step, without the motor's bound.
-    acting: Affine,
+    transmitted: Affine,
     bound: TorqueBound,
     /// Whether the motor has a rotor of its own behind an elastic or loose transmission.
     rotor: bool,
     /// The motor's torque at the beginning of the coming step, where it is known independently of the step: computed by
     /// a digital servo, or required by a prescribed motion.
-    told: Option<f64>,
+    known_torque: Option<f64>,
     /// Its velocity at the beginning of the last step.
     before: Option<f64>,
 }
@@ -91,18 +91,19 @@ impl<'a> Control<'a> {
         let reference = ReferenceTracker::new(drive, setup.control_s, joints.len());
         let coupled = effects.iter().any(|placed| placed.effect.spec().site == SiteKind::Robot);
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
-        let needed = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
+        let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
         let states = Vec::with_capacity(joints.len());
-        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, needed, states })
+        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, prescribed_torques, states })
     }
 
     /// Updates the commands to the references at the present time `time_s`.
-    pub(crate) fn listen(&mut self, time_s: f64, engine: &dyn Dynamics) {
+    pub(crate) fn update_references(&mut self, time_s: f64, engine: &dyn Dynamics) {
         self.reference.advance(time_s, engine);
-        let share = self.reference.share(time_s);
+        let fraction = self.reference.fraction(time_s);
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            joint.command = if joint.led { self.reference.led(i, share) } else { self.reference.last[i] };
+            joint.command =
+                if joint.interpolated { self.reference.interpolated(i, fraction) } else { self.reference.last[i] };
         }
     }
 
@@ -114,18 +115,22 @@ impl<'a> Control<'a> {
             let states = self.joints.iter().zip(&self.states);
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
-        let (midway, leads, enforces_bounds) = (engine.midway(), engine.leads(), engine.enforces_bounds());
+        let (midpoint, supports_prescribed, enforces_bounds) =
+            (engine.midpoint(), engine.supports_prescribed(), engine.enforces_bounds());
         let (in_the_middle, at_the_end) =
-            (self.reference.share(time_s + 0.5 * self.dt_s), self.reference.share(time_s + self.dt_s));
+            (self.reference.fraction(time_s + 0.5 * self.dt_s), self.reference.fraction(time_s + self.dt_s));
         for (i, (joint, &(q, dq))) in self.joints.iter_mut().zip(&self.states).enumerate() {
-            let course = if joint.motor.is_prescribed() { self.reference.course(i, time_s, self.dt_s) } else { None };
+            let prescribed =
+                if joint.motor.is_prescribed() { self.reference.prescribed(i, time_s, self.dt_s) } else { None };
             // A prescribed joint must be at its reference when the step ends.
-            let command = match course {
-                Some(course) => course.to.value,
-                None if joint.motor.is_prescribed() => self.reference.led(i, at_the_end),
+            let command = match prescribed {
+                Some(prescribed) => prescribed.to.value,
+                None if joint.motor.is_prescribed() => self.reference.interpolated(i, at_the_end),
                 // An engine that solves for the step's middle gets the reference there; a digital servo samples at its
                 // own instants.
-                None if joint.led && midway && !joint.motor.is_sampled() => self.reference.led(i, in_the_middle),
+                None if joint.interpolated && midpoint && !joint.motor.is_sampled() => {
+                    self.reference.interpolated(i, in_the_middle)
+                }
                 None => joint.command,
             };
             let (inertia, dt_s, load) = (joint.inertia, self.dt_s, self.load);
@@ -140,30 +145,32 @@ impl<'a> Control<'a> {
                 q,
                 dq,
                 acceleration,
-                midway,
+                midpoint,
                 inertia,
                 torque,
                 load,
                 command,
             };
-            let dof = match course.filter(|_| leads) {
-                Some(course) => joint.follow(course, &state),
+            let dof = match prescribed.filter(|_| supports_prescribed) {
+                Some(prescribed) => joint.follow_prescribed(prescribed, &state),
                 None => joint.act(&state, enforces_bounds),
             };
             engine.set_joint(i, &dof);
         }
-        if !self.needed.is_empty() {
-            self.ask_needed(engine);
+        if !self.prescribed_torques.is_empty() {
+            self.read_prescribed_torques(engine);
         }
     }
 
     /// Reads the torques that prescribed motions require, which count as their motors' torques.
-    fn ask_needed(&mut self, engine: &mut dyn Dynamics) {
-        self.needed.fill(f64::NAN);
-        engine.needed(&mut self.needed);
-        for (joint, &torque) in self.joints.iter_mut().zip(&self.needed).filter(|(_, torque)| !torque.is_nan()) {
-            (joint.acting, joint.bound) = (Affine::constant(torque), TorqueBound::NONE);
-            joint.told = Some(torque);
+    fn read_prescribed_torques(&mut self, engine: &mut dyn Dynamics) {
+        self.prescribed_torques.fill(f64::NAN);
+        engine.prescribed_torques(&mut self.prescribed_torques);
+        for (joint, &torque) in
+            self.joints.iter_mut().zip(&self.prescribed_torques).filter(|(_, torque)| !torque.is_nan())
+        {
+            (joint.transmitted, joint.bound) = (Affine::constant(torque), TorqueBound::NONE);
+            joint.known_torque = Some(torque);
         }
     }
 
@@ -177,19 +184,19 @@ impl<'a> Control<'a> {
     }
 
     /// Whether any joint's motion is prescribed.
-    pub(crate) fn follows(&self) -> bool {
-        !self.needed.is_empty()
+    pub(crate) fn has_prescribed(&self) -> bool {
+        !self.prescribed_torques.is_empty()
     }
 
     /// Whether any motor's torque is known at the beginning of a step.
-    pub(crate) fn tells(&self) -> bool {
-        self.joints.iter().any(|joint| joint.told.is_some())
+    pub(crate) fn knows_torques(&self) -> bool {
+        self.joints.iter().any(|joint| joint.known_torque.is_some())
     }
 
     /// The torque of joint `i`'s motor at the beginning of the last prepared step, where it is known independently of
     /// the step.
-    pub(crate) fn told(&self, i: usize) -> Option<f64> {
-        self.joints[i].told
+    pub(crate) fn known_torque(&self, i: usize) -> Option<f64> {
+        self.joints[i].known_torque
     }
 
     /// The command of joint `i`, before any effect; NaN when it is not driven.
@@ -219,15 +226,15 @@ impl<'a> ReferenceTracker<'a> {
         if self.tick.checked_add(1) == Some(tick) {
             std::mem::swap(&mut self.last, &mut self.next);
         } else {
-            self.ask(tick, engine);
+            self.query(tick, engine);
             std::mem::swap(&mut self.last, &mut self.next);
         }
-        self.ask(tick + 1, engine);
+        self.query(tick + 1, engine);
         self.tick = tick;
     }
 
     /// Queries the reference from this tick to the next one, into `next`.
-    fn ask(&mut self, tick: usize, engine: &dyn Dynamics) {
+    fn query(&mut self, tick: usize, engine: &dyn Dynamics) {
         let (start_s, end_s) = (tick as f64 * self.control_s, (tick + 1) as f64 * self.control_s);
         self.drive.over(start_s, end_s, &mut self.next);
         if self.drive.senses() {
@@ -236,27 +243,27 @@ impl<'a> ReferenceTracker<'a> {
     }
 
     /// The prescribed motion of joint `i` in the step that begins at `time_s`.
-    fn course(&self, i: usize, time_s: f64, dt_s: f64) -> Option<PrescribedMotion> {
+    fn prescribed(&self, i: usize, time_s: f64, dt_s: f64) -> Option<PrescribedMotion> {
         let (from, to) = (self.drive.motion(i, time_s)?, self.drive.motion(i, time_s + dt_s)?);
         Some(PrescribedMotion { from, to })
     }
 
     /// Fraction of the control period since the previous tick.
-    fn share(&self, time_s: f64) -> f64 {
+    fn fraction(&self, time_s: f64) -> f64 {
         // Before time zero the first reference is held.
         (time_s / self.control_s - self.tick as f64).max(0.0)
     }
 
     /// The reference of joint `i`, interpolated linearly.
-    fn led(&self, i: usize, share: f64) -> f64 {
-        self.last[i] + share * (self.next[i] - self.last[i])
+    fn interpolated(&self, i: usize, fraction: f64) -> f64 {
+        self.last[i] + fraction * (self.next[i] - self.last[i])
     }
 }
 
 impl JointControl {
     fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
         let motor = Motor::new(joint, inertia, setup.dt_s);
-        let led = setup.interpolate || motor.is_prescribed();
+        let interpolated = setup.interpolate || motor.is_prescribed();
         let torque = Affine { damping: joint.damping, ..Affine::default() };
         let (dry_friction, armature) = (joint.dry_friction, joint.armature);
         let passive = Dof { torque, dry_friction, armature, ..Dof::default() };
@@ -265,12 +272,12 @@ impl JointControl {
             passive,
             instances: Vec::new(),
             inertia,
-            led,
+            interpolated,
             command: f64::NAN,
-            acting: Affine::default(),
+            transmitted: Affine::default(),
             bound: TorqueBound::NONE,
             rotor: false,
-            told: None,
+            known_torque: None,
             before: None,
         }
     }
@@ -291,7 +298,7 @@ impl JointControl {
 
     /// The motor's torque without its bound, and its velocity, both on the motor side of the transmission.
     fn motor_side(&self, q: f64, dq: f64) -> (f64, f64) {
-        let mut side = (self.acting.at(q, dq), dq);
+        let mut side = (self.transmitted.at(q, dq), dq);
         for instance in &self.instances {
             side = instance.effect.motor_side(&instance.memory, side.1).unwrap_or(side);
         }
@@ -317,39 +324,40 @@ impl JointControl {
         }
         let mut dof = self.passive;
         self.bound = motor.bound;
-        self.told = self.motor.is_sampled().then(|| motor.at(servo.q, servo.dq));
+        self.known_torque = self.motor.is_sampled().then(|| motor.at(servo.q, servo.dq));
         let enforces_bounds = enforces_bounds && !self.rotor;
         if self.rotor {
-            self.turn_rotor(&motor, &mut dof, [state, &servo]);
+            self.solve_rotor(&motor, &mut dof, [state, &servo]);
         } else {
-            let law = if enforces_bounds { motor.wanted } else { motor.saturated(&servo) };
+            let law = if enforces_bounds { motor.requested } else { motor.saturated(&servo) };
             self.transmit(law, &mut dof, state);
         }
         for instance in &mut self.instances {
             instance.effect.torque(&instance.values, &mut instance.memory, &mut dof, state);
         }
         // Encoder errors do not affect the speed that bounds the motor.
-        self.push(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
+        self.add_motor(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
         dof
     }
 
     /// Transmits a motor law through the transmissions to the link.
     fn transmit(&mut self, law: Affine, dof: &mut Dof, state: &JointInput) {
-        self.acting = law;
+        self.transmitted = law;
         for instance in self.instances.iter_mut().rev() {
             let (q, dq) = instance.link_side;
             let (values, memory) = (&instance.values, &mut instance.memory);
-            self.acting = instance.effect.transmit(values, memory, self.acting, dof, &JointInput { q, dq, ..*state });
+            self.transmitted =
+                instance.effect.transmit(values, memory, self.transmitted, dof, &JointInput { q, dq, ..*state });
         }
     }
 
     /// Solves a motor with a rotor of its own, outside the engine and at the link's present motion: where it would
     /// exceed its bound, it is solved again at its bound. The second state is the servo's.
-    fn turn_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointInput; 2]) {
+    fn solve_rotor(&mut self, motor: &MotorTorque, dof: &mut Dof, [state, servo]: [&JointInput; 2]) {
         let before = *dof;
-        self.transmit(motor.wanted, dof, state);
+        self.transmit(motor.requested, dof, state);
         let (torque, dq) = self.motor_side(state.q, state.dq);
-        if let Some(law) = motor.beyond(torque, dq, servo) {
+        if let Some(law) = motor.exceeded_bound(torque, dq, servo) {
             *dof = before;
             self.transmit(law, dof, state);
         }
@@ -358,25 +366,25 @@ impl JointControl {
     /// Forces of a joint without effects.
     fn drive(&mut self, state: &JointInput, enforces_bounds: bool) -> Dof {
         let motor = self.motor.torque(state);
-        self.acting = if enforces_bounds { motor.wanted } else { motor.saturated(state) };
+        self.transmitted = if enforces_bounds { motor.requested } else { motor.saturated(state) };
         self.bound = motor.bound;
-        self.told = self.motor.is_sampled().then(|| motor.at(state.q, state.dq));
+        self.known_torque = self.motor.is_sampled().then(|| motor.at(state.q, state.dq));
         let mut dof = self.passive;
-        self.push(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
+        self.add_motor(&mut dof, motor.bounded(state).filter(|_| enforces_bounds));
         dof
     }
 
     /// Adds the motor's torque; `bounded` if the engine is to enforce its bounds.
-    fn push(&self, dof: &mut Dof, bounded: Option<Bounded>) {
-        dof.motor = bounded.map(|bounded| Bounded { wanted: self.acting, ..bounded });
+    fn add_motor(&self, dof: &mut Dof, bounded: Option<Bounded>) {
+        dof.motor = bounded.map(|bounded| Bounded { requested: self.transmitted, ..bounded });
         if dof.motor.is_none() {
-            dof.torque.add(&self.acting);
+            dof.torque.add(&self.transmitted);
         }
     }
 
     /// Forces on a joint with a prescribed motion, other than the required torque: no motor, no transmission.
-    fn follow(&mut self, course: PrescribedMotion, state: &JointInput) -> Dof {
-        let mut dof = Dof { course: Some(course), ..self.passive };
+    fn follow_prescribed(&mut self, prescribed: PrescribedMotion, state: &JointInput) -> Dof {
+        let mut dof = Dof { prescribed: Some(prescribed), ..self.passive };
         for instance in &mut self.instances {
             instance.effect.torque(&instance.values, &mut instance.memory, &mut dof, state);
         }

@@ -1,7 +1,7 @@
 //! One rollout: from its request to its log, step by step.
 
 use super::control::Control;
-use super::prepare::{check, check_linkages, check_sampling, planted, sense};
+use super::prepare::{apply_static_effects, check, check_linkages, check_sampling, sense};
 use super::record::Recorder;
 use super::request::{RolloutRequest, StateHook};
 use crate::effects;
@@ -27,8 +27,8 @@ pub(super) struct PreparedRollout<'a> {
     hook: Option<StateHook<'a>>,
     samples: usize,
     /// Physics steps per sample, and of the rest before time zero.
-    every: usize,
-    pub(super) rests: usize,
+    steps_per_sample: usize,
+    pub(super) rest_steps: usize,
     pub(super) failed: Option<WorldError>,
 }
 
@@ -39,14 +39,14 @@ impl<'a> PreparedRollout<'a> {
     /// See [`simulate`](super::simulate).
     pub(super) fn new(request: RolloutRequest<'a>) -> Result<Self, WorldError> {
         let RolloutRequest { robot, drive, effects, setup, noise_seed, hook } = request;
-        let (samples, every) = setup.samples()?;
+        let (samples, steps_per_sample) = setup.samples()?;
         let effects = effects::in_force(effects)?;
-        let (robot, setup) = planted(robot, &effects, setup)?;
+        let (robot, setup) = apply_static_effects(robot, &effects, setup)?;
         let control = Control::new(&robot, &effects, &setup, drive)?;
         check_sampling(&robot, &setup)?;
         check_linkages(&robot, &setup)?;
         let recorder = Recorder::new(&robot, &setup, samples);
-        let rests = (setup.rest_s / setup.dt_s).round() as usize;
+        let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
         Ok(PreparedRollout {
             robot,
             effects,
@@ -56,8 +56,8 @@ impl<'a> PreparedRollout<'a> {
             noise_seed,
             hook,
             samples,
-            every,
-            rests,
+            steps_per_sample,
+            rest_steps,
             failed: None,
         })
     }
@@ -80,26 +80,27 @@ impl<'a> PreparedRollout<'a> {
 
     /// Whether both can be simulated in one batch: equally many steps of equal length, on the default engine, without
     /// prescribed joints.
-    pub(super) fn is_like(&self, other: &PreparedRollout) -> bool {
-        let steps = |run: &PreparedRollout| (run.samples, run.every, run.rests, run.setup.dt_s.to_bits());
-        let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.follows();
+    pub(super) fn can_batch_with(&self, other: &PreparedRollout) -> bool {
+        let steps =
+            |run: &PreparedRollout| (run.samples, run.steps_per_sample, run.rest_steps, run.setup.dt_s.to_bits());
+        let own = |run: &PreparedRollout| run.setup.engine == EngineName::Auto && !run.control.has_prescribed();
         steps(self) == steps(other) && own(self) && own(other)
     }
 
     /// Number of physics steps from time zero.
     pub(super) fn steps(&self) -> usize {
-        (self.samples - 1) * self.every
+        (self.samples - 1) * self.steps_per_sample
     }
 
-    pub(super) fn prepare(&mut self, step: usize, engine: &mut dyn Dynamics) {
+    pub(super) fn before_step(&mut self, step: usize, engine: &mut dyn Dynamics) {
         self.control.act(step as f64 * self.setup.dt_s - self.setup.dt_s, engine);
-        if (step - 1).is_multiple_of(self.every) {
-            self.recorder.told(&self.control);
+        if (step - 1).is_multiple_of(self.steps_per_sample) {
+            self.recorder.correct_torques(&self.control);
         }
         self.recorder.before_step(engine);
     }
 
-    pub(super) fn observe(&mut self, step: usize, engine: &mut dyn Dynamics) {
+    pub(super) fn after_step(&mut self, step: usize, engine: &mut dyn Dynamics) {
         let time_s = step as f64 * self.setup.dt_s;
         if step > 0 {
             self.check(engine, time_s);
@@ -107,11 +108,11 @@ impl<'a> PreparedRollout<'a> {
                 return;
             }
         }
-        self.control.listen(time_s, engine);
+        self.control.update_references(time_s, engine);
         if step == 1 {
             self.recorder.forces(engine, &self.control);
         }
-        if step.is_multiple_of(self.every) {
+        if step.is_multiple_of(self.steps_per_sample) {
             self.recorder.state(engine, &self.control);
             if step > 0 {
                 self.recorder.forces(engine, &self.control);
@@ -134,11 +135,11 @@ impl<'a> PreparedRollout<'a> {
         if let Some(error) = self.failed.or_else(|| self.control.trouble(&self.robot)) {
             return Err(error);
         }
-        if self.control.tells() {
-            self.control.act((self.samples - 1) as f64 * self.every as f64 * self.setup.dt_s, engine);
-            self.recorder.told(&self.control);
+        if self.control.knows_torques() {
+            self.control.act((self.samples - 1) as f64 * self.steps_per_sample as f64 * self.setup.dt_s, engine);
+            self.recorder.correct_torques(&self.control);
         }
-        let sample_s = self.setup.dt_s * self.every as f64;
+        let sample_s = self.setup.dt_s * self.steps_per_sample as f64;
         self.recorder.finish(sample_s, self.noise_seed, |log| sense(&self.robot, &self.effects, log))
     }
 }

@@ -3,7 +3,7 @@
 use super::control::Control;
 use crate::engine::Dynamics;
 use crate::robot::{Base, Joint, Robot};
-use crate::sensor::{SensorNoise, disturb};
+use crate::sensor::{SensorNoise, add_noise};
 use crate::setup::{Sensors, Setup};
 use btr_core::log::{Log, Role};
 use btr_core::random::stream;
@@ -138,16 +138,16 @@ impl Recorder {
     /// Records the forces of the last step.
     pub(crate) fn forces(&mut self, engine: &dyn Dynamics, control: &Control) {
         let torque = |i: usize| {
-            let worked_out = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
-            control.told(i).unwrap_or_else(worked_out)
+            let computed = || control.torque(i, engine.positions()[i], engine.velocities()[i]);
+            control.known_torque(i).unwrap_or_else(computed)
         };
         let motors = self.torques.names.len();
         self.torques.push((0..motors).map(torque));
         if self.sensors.imu {
             let base = engine.base();
             let acceleration = (base.velocity_m_s - self.velocity_before_m_s) / self.dt_s;
-            let felt = base.pose.rotation.inverse() * (acceleration - self.gravity_m_s2);
-            self.accelerometer.push(felt.iter().copied());
+            let specific_force = base.pose.rotation.inverse() * (acceleration - self.gravity_m_s2);
+            self.accelerometer.push(specific_force.iter().copied());
         }
         let feet = self.feet.names.len();
         self.feet.push((0..feet).map(|foot| engine.foot_force_n(foot)));
@@ -155,9 +155,9 @@ impl Recorder {
 
     /// Corrects the torques of the sample at which the last prepared step begins: the torque that a digital servo
     /// computes at an instant is logged at that instant.
-    pub(crate) fn told(&mut self, control: &Control) {
+    pub(crate) fn correct_torques(&mut self, control: &Control) {
         for (i, last) in self.torques.last_mut().iter_mut().enumerate() {
-            if let Some(torque) = control.told(i) {
+            if let Some(torque) = control.known_torque(i) {
                 *last = torque;
             }
         }
@@ -196,7 +196,7 @@ impl Recorder {
         let Some(seed) = noise_seed else { return Ok(log) };
         for (name, key, deviation, quantum) in noise {
             if let Some(values) = log.values_mut(&name) {
-                disturb(values, deviation, quantum, &mut stream(seed, &key));
+                add_noise(values, deviation, quantum, &mut stream(seed, &key));
             }
         }
         Ok(log)

@@ -16,7 +16,7 @@ pub struct Restart {
 }
 
 /// Converts restarts from encoder readings to true joint states, by inverting the effects on encoders.
-pub(crate) fn read_back(
+pub(crate) fn undo_encoder_effects(
     restarts: &[Restart],
     robot: &Robot,
     effects: &[PlacedEffect],
@@ -38,7 +38,7 @@ pub(crate) fn read_back(
 }
 
 /// A hook that sets the robot's state when a restart is due; `dt_s` is the simulation's step.
-pub(crate) fn lead(restarts: &[Restart], dt_s: f64) -> impl FnMut(f64, &mut dyn Dynamics) + '_ {
+pub(crate) fn apply_restarts(restarts: &[Restart], dt_s: f64) -> impl FnMut(f64, &mut dyn Dynamics) + '_ {
     let mut due = restarts.iter().peekable();
     move |time_s, engine| {
         while let Some(restart) = due.next_if(|restart| restart.time_s <= time_s + 0.5 * dt_s) {
@@ -74,17 +74,17 @@ mod tests {
 
     /// The log of a rollout, and the state at `AT_S`.
     fn run(robot: &Robot, engine: EngineName, restarts: &[Restart], drive: &dyn Drive) -> (Log, RobotState) {
-        let mut restarted = lead(restarts, DT_S);
-        let mut there = None;
-        let mut lead = |time_s: f64, engine: &mut dyn Dynamics| {
-            if there.is_none() && time_s > AT_S - 0.5 * DT_S {
-                there = Some(RobotState::of(engine));
+        let mut restarted = apply_restarts(restarts, DT_S);
+        let mut state_at_s = None;
+        let mut hook = |time_s: f64, engine: &mut dyn Dynamics| {
+            if state_at_s.is_none() && time_s > AT_S - 0.5 * DT_S {
+                state_at_s = Some(RobotState::of(engine));
             }
             restarted(time_s, engine);
         };
         let setup = Setup { engine, ..setup(robot) };
-        let log = simulate(RolloutRequest::new(robot, drive).setup(&setup).hook(Box::new(&mut lead))).unwrap();
-        (log, there.unwrap())
+        let log = simulate(RolloutRequest::new(robot, drive).setup(&setup).hook(Box::new(&mut hook))).unwrap();
+        (log, state_at_s.unwrap())
     }
 
     /// Largest difference of joint positions in the `for_s` seconds after `from_s`.
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn its_own_state_changes_nothing() {
+    fn restarting_in_the_present_state_changes_nothing() {
         for base in [Base::Fixed, Base::Floating] {
             let (robot, drive) = (robot(base), ant::tripod());
             let (log, state) = run(&robot, EngineName::Auto, &[], &drive);
@@ -108,13 +108,13 @@ mod tests {
     }
 
     #[test]
-    fn whatever_was_before_is_forgotten() {
-        let elsewhere = |mut robot: Robot| {
+    fn a_restart_erases_earlier_differences() {
+        let displaced = |mut robot: Robot| {
             robot.links.iter_mut().for_each(|link| link.joint.start += 0.1);
             robot.start.translation.z += 0.01;
             robot
         };
-        let unhurried = |mut robot: Robot| {
+        let without_integral = |mut robot: Robot| {
             for link in &mut robot.links {
                 if let crate::robot::Actuator::Position { ki, .. } = &mut link.joint.actuator {
                     *ki = 0.0;
@@ -124,23 +124,23 @@ mod tests {
         };
         // With contact, only briefly: the impulses with which Rapier's few sweeps start are not part of the state, and
         // in another order the sweeps give another result.
-        for (base, engine, for_s, most) in [
+        for (base, engine, for_s, tolerance) in [
             (Base::Fixed, EngineName::Auto, 0.2, 1e-9),
             (Base::Fixed, EngineName::Rapier, 0.2, 1e-12),
             (Base::Floating, EngineName::Rapier, 0.01, 1e-3),
         ] {
-            let (robot, drive) = (unhurried(robot(base)), ant::tripod());
+            let (robot, drive) = (without_integral(robot(base)), ant::tripod());
             let (log, state) = run(&robot, engine, &[], &drive);
-            let moved = elsewhere(robot);
+            let moved = displaced(robot);
             let (other, _) = run(&moved, engine, &[], &drive);
             let (again, _) = run(&moved, engine, &[Restart { time_s: AT_S, state }], &drive);
             let [before, after] = [&other, &again].map(|late| apart(&log, late, AT_S + DT_S, for_s));
-            assert!(after < most, "{base:?} {engine:?}: {after}, without {before}");
+            assert!(after < tolerance, "{base:?} {engine:?}: {after}, without {before}");
         }
     }
 
     #[test]
-    fn shapes_come_along() {
+    fn collision_shapes_move_with_the_bodies() {
         let standing = ant::ant();
         let setup = setup(&standing);
         let on_the_floor = RobotState::of(&Rapier::new(&standing, &setup));

@@ -249,7 +249,7 @@ impl Effect for Formula {
                 q: q[i],
                 dq: dq[i],
                 acceleration: 0.0,
-                midway: false,
+                midpoint: false,
                 inertia: 0.0,
                 torque,
                 load: 0.0,

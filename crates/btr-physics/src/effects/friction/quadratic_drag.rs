@@ -24,6 +24,6 @@ impl Effect for QuadraticDrag {
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
-        dof.torque.damping += p[0] * state.dq_midway().abs();
+        dof.torque.damping += p[0] * state.dq_midpoint().abs();
     }
 }

@@ -32,6 +32,6 @@ impl Effect for StribeckFriction {
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         let (coulomb, stiction, velocity) = (p[0], p[1], p[2]);
-        dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midway() / velocity).powi(2)).exp();
+        dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midpoint() / velocity).powi(2)).exp();
     }
 }

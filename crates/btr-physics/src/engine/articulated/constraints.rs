@@ -16,44 +16,44 @@ const FASTEST: f64 = 20.0;
 impl<S: Simd> Articulated<S> {
     /// Applies dry friction, joint limits, couplings and contacts as bounded impulses.
     #[inline(always)]
-    pub(super) fn stop(&mut self) {
+    pub(super) fn apply_constraints(&mut self) {
         self.impulses.clear();
-        self.follow(0.5 / self.dt_s);
-        self.rub();
-        self.keep_step();
-        self.touch();
-        self.impulses.act(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
+        self.couple_followers(0.5 / self.dt_s);
+        self.constrain_joints();
+        self.equalise_implicitness();
+        self.constrain_contacts();
+        self.impulses.apply(&self.tree, &self.scratch.matrix, &mut self.scratch.next);
     }
 
     /// Couples joints that mimic others at the step's end. Position errors are corrected at `rate_per_s` (1/s).
     #[inline(always)]
-    pub(super) fn follow(&mut self, rate_per_s: f64) {
+    pub(super) fn couple_followers(&mut self, rate_per_s: f64) {
         for Coupling { joint, leader, ratio, offset } in &self.followers {
-            let beside = self.now.q[*joint] - *ratio * self.now.q[*leader] - *offset;
+            let error = self.now.q[*joint] - *ratio * self.now.q[*leader] - *offset;
             let dofs = [self.root + joint, self.root + leader];
             let (tree, s) = (&self.tree, &self.scratch);
-            self.impulses.couple(dofs, [*ratio, beside * -rate_per_s], tree, &s.matrix, &s.next);
+            self.impulses.add_coupling(dofs, [*ratio, error * -rate_per_s], tree, &s.matrix, &s.next);
         }
     }
 
     /// Gives a follower the same implicitness as its leader.
     #[inline(always)]
-    fn keep_step(&mut self) {
-        let (root, share) = (self.root, &mut self.scratch.share);
+    fn equalise_implicitness(&mut self) {
+        let (root, implicitness) = (self.root, &mut self.scratch.implicitness);
         for Coupling { joint, leader, .. } in &self.followers {
-            share[root + leader] = share[root + leader].max(share[root + joint]);
+            implicitness[root + leader] = implicitness[root + leader].max(implicitness[root + joint]);
         }
         for Coupling { joint, leader, .. } in &self.followers {
-            share[root + joint] = share[root + leader];
+            implicitness[root + joint] = implicitness[root + leader];
         }
     }
 
     /// Adds dry friction and joint limits as bounded impulses.
     #[inline(always)]
-    fn rub(&mut self) {
+    fn constrain_joints(&mut self) {
         let (dt, s) = (self.dt_s, &mut self.scratch);
         let zero = Lanes::zero(self.simd);
-        let (one, endless, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
+        let (one, unbounded, per_s) = (zero.like(1.0), zero.like(f64::INFINITY), zero.like(dt.recip()));
         // Most steps of most robots have neither.
         let mut stopped = zero.less(zero);
         for i in 0..self.inner.len() {
@@ -65,39 +65,39 @@ impl<S: Simd> Articulated<S> {
             return;
         }
         for i in 0..self.inner.len() {
-            if self.courses[i].is_some() {
+            if self.prescribed[i].is_some() {
                 continue;
             }
             let (d, q) = (self.root + i, self.now.q[i]);
             let (lower, upper) = ((self.limits[i].0 - q) * per_s, (self.limits[i].1 - q) * per_s);
-            let most = self.inner[i].dry_friction * dt;
-            if zero.less(most).any() {
-                self.impulses.hold(d, [zero, -most, most], &self.tree, &s.matrix, &s.next);
+            let limit = self.inner[i].dry_friction * dt;
+            if zero.less(limit).any() {
+                self.impulses.add_bounded(d, [zero, -limit, limit], &self.tree, &s.matrix, &s.next);
             }
             let (below, above) = (s.next[d].less(lower), upper.less(s.next[d]));
             // The step must end at the limit, not halfway beyond it.
-            s.share[d] = below.or(above).select(one, s.share[d]);
+            s.implicitness[d] = below.or(above).select(one, s.implicitness[d]);
             if below.any() {
-                let bounds = [below.select(lower, zero), zero, below.select(endless, zero)];
-                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
+                let bounds = [below.select(lower, zero), zero, below.select(unbounded, zero)];
+                self.impulses.add_bounded(d, bounds, &self.tree, &s.matrix, &s.next);
             }
             if above.any() {
-                let bounds = [above.select(upper, zero), above.select(-endless, zero), zero];
-                self.impulses.hold(d, bounds, &self.tree, &s.matrix, &s.next);
+                let bounds = [above.select(upper, zero), above.select(-unbounded, zero), zero];
+                self.impulses.add_bounded(d, bounds, &self.tree, &s.matrix, &s.next);
             }
         }
     }
 
     /// Adds the contacts with the floor and the ball.
     #[inline(always)]
-    fn touch(&mut self) {
+    fn constrain_contacts(&mut self) {
         let Some(floor) = &self.floor else { return };
         let (dt, s, simd) = (self.dt_s, &mut self.scratch, self.simd);
         let zero = Lanes::zero(simd);
         let height = floor.friction.map(|_| -self.tree.origin.0[2]);
         let reach = Reach { floor: height, gap: zero.like(dt * FASTEST) };
-        contacts::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.touches);
-        if s.touches.is_empty() {
+        contacts::find(simd, &self.tree, &self.hulls, self.ball.as_ref(), reach, &mut s.contact_points);
+        if s.contact_points.is_empty() {
             return;
         }
         let [free, now] = &mut s.motions;
@@ -105,39 +105,39 @@ impl<S: Simd> Articulated<S> {
         if self.ball.is_some() {
             self.tree.motions(&self.now.u, now);
         }
-        for touch in &s.touches {
-            let separation = touch.along(simd, &touch.apart(free))[0];
-            let mut there = touch.there.and(((separation - zero.like(PUSHED)) * (0.5 * dt)).less(touch.depth));
-            let ball = self.ball.as_ref().filter(|ball| touch.body == ball.body || touch.other == Some(ball.body));
-            let apart = touch.depth.less(zero);
+        for contact in &s.contact_points {
+            let separation = contact.in_contact_frame(simd, &contact.relative_velocity(free))[0];
+            let mut mask = contact.mask.and(((separation - zero.like(PUSHED)) * (0.5 * dt)).less(contact.depth));
+            let ball = self.ball.as_ref().filter(|ball| contact.body == ball.body || contact.other == Some(ball.body));
+            let separated = contact.depth.less(zero);
             if let Some(ball) = ball {
                 // A contact with restitution must not be slowed down before the bodies meet.
-                there = there.and(apart.and(zero.less(ball.restitution)).not());
+                mask = mask.and(separated.and(zero.less(ball.restitution)).not());
             }
-            let (mut law, gives) = floor.law(touch.depth, dt);
-            there = there.and(gives);
-            if !there.any() {
+            let (mut law, gives) = floor.law(contact.depth, dt);
+            mask = mask.and(gives);
+            if !mask.any() {
                 continue;
             }
             law.friction = ball.map_or(floor.friction.unwrap_or(zero), |ball| ball.friction);
             if let Some(ball) = ball {
-                let kept = -(ball.restitution * touch.along(simd, &touch.apart(now))[0]);
+                let kept = -(ball.restitution * contact.in_contact_frame(simd, &contact.relative_velocity(now))[0]);
                 // An impact is over within the step: the rebound speed must not load the spring.
-                let bounces = zero.less(ball.restitution).and(law.wanted.less(kept));
-                law.wanted = bounces.select(kept, law.wanted);
+                let bounces = zero.less(ball.restitution).and(law.target.less(kept));
+                law.target = bounces.select(kept, law.target);
                 law.softness = bounces.select(zero, law.softness);
             }
-            self.impulses.touch(touch, law, there, &self.tree, &s.matrix, free);
+            self.impulses.add_contact(contact, law, mask, &self.tree, &s.matrix, free);
         }
     }
 
     /// Sums the normal impulses on the feet in the last step.
     #[inline(always)]
-    pub(super) fn feel(&mut self) {
-        for touch in &self.scratch.touches {
-            let hull = touch.hull.filter(|_| touch.other.is_none());
+    pub(super) fn sum_foot_impulses(&mut self) {
+        for contact in &self.scratch.contact_points {
+            let hull = contact.hull.filter(|_| contact.other.is_none());
             if let Some(foot) = hull.and_then(|hull| self.hulls[hull].foot) {
-                self.foot_impulses[foot] += self.impulses.normal(touch.slot);
+                self.foot_impulses[foot] += self.impulses.normal(contact.slot);
             }
         }
     }
@@ -157,7 +157,7 @@ impl<S: Simd> Floor<S> {
         let resistance = gives.select(resistance, one);
         let softness = (resistance * dt_s).recip();
         let pushed = self.stiffness * depth / resistance;
-        let wanted = zero.less(depth).select(pushed, depth * (2.0 / dt_s));
-        (ContactLaw { wanted, softness, friction: zero }, gives)
+        let target = zero.less(depth).select(pushed, depth * (2.0 / dt_s));
+        (ContactLaw { target, softness, friction: zero }, gives)
     }
 }

@@ -54,20 +54,20 @@ pub(super) struct ContactPoint<S: Simd> {
     /// Index among all possible contact points.
     pub(super) slot: usize,
     /// Candidates that have this contact.
-    pub(super) there: Mask<S>,
+    pub(super) mask: Mask<S>,
 }
 
 impl<S: Simd> ContactPoint<S> {
     /// Relative velocity of the two bodies at the contact point.
     #[inline(always)]
-    pub(super) fn apart(&self, motions: &[Spatial<S>]) -> V3<S> {
+    pub(super) fn relative_velocity(&self, motions: &[Spatial<S>]) -> V3<S> {
         let own = motions[self.body].at(&self.point);
         self.other.map_or(own, |other| own - motions[other].at(&self.point))
     }
 
     /// A vector's components along the normal and two tangents. On the floor the tangents are the world's axes.
     #[inline(always)]
-    pub(super) fn along(&self, simd: S, vector: &V3<S>) -> [Lanes<S>; 3] {
+    pub(super) fn in_contact_frame(&self, simd: S, vector: &V3<S>) -> [Lanes<S>; 3] {
         if self.other.is_none() {
             return [vector.0[2], vector.0[0], vector.0[1]];
         }
@@ -80,7 +80,7 @@ impl<S: Simd> ContactPoint<S> {
 #[inline(always)]
 fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
     let (x, y) = (V3::axis(simd, 0), V3::axis(simd, 1));
-    let steep = normal.0[0].abs().less(Lanes::all(simd, 0.7));
+    let steep = normal.0[0].abs().less(Lanes::splat(simd, 0.7));
     let mut along = x;
     for k in 0..3 {
         along.0[k] = steep.select(x.0[k], y.0[k]);
@@ -92,7 +92,7 @@ fn across<S: Simd>(simd: S, normal: &V3<S>) -> V3<S> {
 /// Candidates for a hull's lowest points.
 struct LowPoints<S: Simd> {
     points: [V3<S>; POINTS],
-    many: usize,
+    count: usize,
 }
 
 impl<S: Simd> Hull<S> {
@@ -101,7 +101,7 @@ impl<S: Simd> Hull<S> {
     fn low_points(&self, simd: S, up: &V3<S>) -> LowPoints<S> {
         let zero = Lanes::zero(simd);
         let mut points = [V3::zero(simd); POINTS];
-        let many = match &self.form {
+        let count = match &self.form {
             Form::Box { half } => {
                 let [x, y, z] = half.0;
                 for (k, point) in points.iter_mut().enumerate() {
@@ -127,7 +127,7 @@ impl<S: Simd> Hull<S> {
                 // The lowest point of each rim and three more, so that the cylinder can stand on its end.
                 let [x, y, _] = up.0;
                 let tilt = (x * x + y * y).sqrt();
-                let (leans, one) = (Lanes::all(simd, 1e-9).less(tilt), Lanes::all(simd, 1.0));
+                let (leans, one) = (Lanes::splat(simd, 1e-9).less(tilt), Lanes::splat(simd, 1.0));
                 let share = *radius / leans.select(tilt, one);
                 let (x, y) = (leans.select(-x * share, *radius), leans.select(-y * share, zero));
                 for (k, end) in [-*half_length, *half_length].into_iter().enumerate() {
@@ -139,7 +139,7 @@ impl<S: Simd> Hull<S> {
                 8
             }
         };
-        LowPoints { points, many }
+        LowPoints { points, count }
     }
 
     /// The hull's point nearest to a point outside, both in the hull's axes.
@@ -182,42 +182,51 @@ pub(super) fn find<S: Simd>(
     hulls: &[Hull<S>],
     ball: Option<&BallShape<S>>,
     reach: Reach<S>,
-    touches: &mut Vec<ContactPoint<S>>,
+    contact_points: &mut Vec<ContactPoint<S>>,
 ) {
-    touches.clear();
+    contact_points.clear();
     let up = V3::axis(simd, 2);
     for (number, hull) in hulls.iter().enumerate() {
         let rotation = &tree.rotations[hull.body];
-        let centre = tree.places[hull.body] + rotation.turn(&hull.centre);
+        let centre = tree.places[hull.body] + rotation.transform(&hull.centre);
         if let Some(floor) = reach.floor {
             let near = (centre.0[2] - hull.reach - floor).less(reach.gap);
             if near.any() {
-                let turned = rotation.then(&hull.rotation);
-                let low = hull.low_points(simd, &turned.row(2));
-                for k in 0..low.many {
-                    let point = centre + turned.turn(&low.points[k]);
+                let rotated = rotation.product(&hull.rotation);
+                let low = hull.low_points(simd, &rotated.row(2));
+                for k in 0..low.count {
+                    let point = centre + rotated.transform(&low.points[k]);
                     let depth = floor - point.0[2];
-                    let there = near.and((-reach.gap).less(depth));
-                    if there.any() {
+                    let mask = near.and((-reach.gap).less(depth));
+                    if mask.any() {
                         let slot = number * (POINTS + 1) + k;
                         let (hull, body) = (Some(number), hull.body);
-                        touches.push(ContactPoint { hull, body, other: None, point, normal: up, depth, slot, there });
+                        contact_points.push(ContactPoint {
+                            hull,
+                            body,
+                            other: None,
+                            point,
+                            normal: up,
+                            depth,
+                            slot,
+                            mask,
+                        });
                     }
                 }
             }
         }
         if let Some(ball) = ball {
-            touch_ball(simd, tree, (number, hull, &centre), ball, reach.gap, touches);
+            touch_ball(simd, tree, (number, hull, &centre), ball, reach.gap, contact_points);
         }
     }
     if let Some((ball, floor)) = ball.zip(reach.floor) {
         let [x, y, z] = tree.places[ball.body].0;
         let point = V3([x, y, z - ball.radius]);
         let depth = floor - point.0[2];
-        let there = (-reach.gap).less(depth);
-        if there.any() {
+        let mask = (-reach.gap).less(depth);
+        if mask.any() {
             let slot = hulls.len() * (POINTS + 1);
-            touches.push(ContactPoint {
+            contact_points.push(ContactPoint {
                 hull: None,
                 body: ball.body,
                 other: None,
@@ -225,7 +234,7 @@ pub(super) fn find<S: Simd>(
                 normal: up,
                 depth,
                 slot,
-                there,
+                mask,
             });
         }
     }
@@ -239,29 +248,29 @@ fn touch_ball<S: Simd>(
     (number, hull, centre): (usize, &Hull<S>, &V3<S>),
     ball: &BallShape<S>,
     gap: Lanes<S>,
-    touches: &mut Vec<ContactPoint<S>>,
+    contact_points: &mut Vec<ContactPoint<S>>,
 ) {
     let middle = tree.places[ball.body];
     let near = ((middle - *centre).norm() - hull.reach - ball.radius).less(gap);
     if !near.any() {
         return;
     }
-    let turned = tree.rotations[hull.body].then(&hull.rotation);
-    let inside = turned.turn_back(&(middle - *centre));
-    let point = *centre + turned.turn(&hull.nearest(&inside));
+    let rotated = tree.rotations[hull.body].product(&hull.rotation);
+    let inside = rotated.transform_transposed(&(middle - *centre));
+    let point = *centre + rotated.transform(&hull.nearest(&inside));
     let away = point - middle;
     let distance = away.norm();
     // The contact normal is undefined when the ball's centre is inside the hull.
     let outside = Lanes::zero(simd).less(distance);
-    let there = near.and(outside).and((distance - ball.radius).less(gap));
-    if there.any() {
-        let share = outside.select(distance, Lanes::all(simd, 1.0)).recip();
+    let mask = near.and(outside).and((distance - ball.radius).less(gap));
+    if mask.any() {
+        let share = outside.select(distance, Lanes::splat(simd, 1.0)).recip();
         // Candidates without this contact need finite values all the same.
-        let normal = V3::select(there, &away.times(share), &V3::axis(simd, 2));
-        let (point, depth) = (V3::select(there, &point, &middle), ball.radius - distance);
+        let normal = V3::select(mask, &away.times(share), &V3::axis(simd, 2));
+        let (point, depth) = (V3::select(mask, &point, &middle), ball.radius - distance);
         let slot = number * (POINTS + 1) + POINTS;
         let (hull, body, other) = (Some(number), hull.body, Some(ball.body));
-        touches.push(ContactPoint { hull, body, other, point, normal, depth, slot, there });
+        contact_points.push(ContactPoint { hull, body, other, point, normal, depth, slot, mask });
     }
 }
 

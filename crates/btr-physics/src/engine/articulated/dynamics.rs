@@ -9,33 +9,33 @@ use pulp::Simd;
 
 impl<S: Simd> Dynamics for Articulated<S> {
     fn lanes(&self) -> usize {
-        self.seen.len()
+        self.joint_states.len()
     }
 
-    fn turn_to(&mut self, lane: usize) {
+    fn select_lane(&mut self, lane: usize) {
         self.lane = lane;
     }
 
     fn positions(&self) -> &[f64] {
-        &self.seen[self.lane].q
+        &self.joint_states[self.lane].q
     }
 
     fn velocities(&self) -> &[f64] {
-        &self.seen[self.lane].dq
+        &self.joint_states[self.lane].dq
     }
 
     fn place(&mut self, state: &RobotState) {
         let root = [state.base.angular_rad_s, state.base.velocity_m_s];
         let root = root.iter().flat_map(|v| v.iter().copied()).take(self.root);
-        let mut wanted: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();
-        for lane in self.spoken_of() {
+        let mut velocities: Vec<f64> = root.chain(state.joints.iter().map(|&(_, dq)| dq)).collect();
+        for lane in self.selected_lanes() {
             for Coupling { joint, leader, ratio, .. } in &self.followers {
-                wanted[self.root + joint] = ratio.lane(lane) * wanted[self.root + leader];
+                velocities[self.root + joint] = ratio.lane(lane) * velocities[self.root + leader];
             }
-            for ((now, before), &wanted) in self.now.u.iter_mut().zip(&mut self.before).zip(&wanted) {
+            for ((now, before), &velocity) in self.now.u.iter_mut().zip(&mut self.before).zip(&velocities) {
                 // The last acceleration is kept: it extrapolates the midpoint of the next step.
-                before.set(lane, before.lane(lane) + (wanted - now.lane(lane)));
-                now.set(lane, wanted);
+                before.set(lane, before.lane(lane) + (velocity - now.lane(lane)));
+                now.set(lane, velocity);
             }
             for (now, &(q, _)) in self.now.q.iter_mut().zip(&state.joints) {
                 now.set(lane, q);
@@ -48,11 +48,11 @@ impl<S: Simd> Dynamics for Articulated<S> {
                 self.now.poses[0].set(lane, &state.base.pose);
             }
         }
-        self.look();
+        self.publish_states();
     }
 
     fn set_joint(&mut self, joint: usize, dof: &Dof) {
-        for lane in self.spoken_of() {
+        for lane in self.selected_lanes() {
             let inner = &mut self.inner[joint];
             if dof.motor.is_none() {
                 inner.constant.set(lane, dof.torque.constant);
@@ -65,10 +65,10 @@ impl<S: Simd> Dynamics for Articulated<S> {
                 joint_forces::set(&mut self.motors[joint], inner, lane, dof);
             }
         }
-        self.courses[joint] = dof.course;
+        self.prescribed[joint] = dof.prescribed;
     }
 
-    fn midway(&self) -> bool {
+    fn midpoint(&self) -> bool {
         true
     }
 
@@ -76,15 +76,15 @@ impl<S: Simd> Dynamics for Articulated<S> {
         true
     }
 
-    fn leads(&self) -> bool {
+    fn supports_prescribed(&self) -> bool {
         // Prescribed motions need a single candidate without substeps, and forces from the floor or a linkage would
         // have to be known beforehand.
         let pushed = self.root > 0 || self.ball.is_some() || !self.followers.is_empty();
-        self.seen.len() == 1 && self.substeps == 1 && !pushed
+        self.joint_states.len() == 1 && self.substeps == 1 && !pushed
     }
 
-    fn needed(&mut self, torques: &mut [f64]) {
-        self.inverse(torques);
+    fn prescribed_torques(&mut self, torques: &mut [f64]) {
+        self.inverse_dynamics(torques);
     }
 
     fn step(&mut self) {
@@ -109,12 +109,12 @@ impl<S: Simd> Dynamics for Articulated<S> {
     }
 
     fn trouble(&self) -> Option<String> {
-        if !self.wild.lane(self.lane) {
+        if !self.diverged.lane(self.lane) {
             return None;
         }
-        let wild = |x: f64| !x.is_finite() || x.abs() > ABSURD_SPEED;
+        let diverged = |x: f64| !x.is_finite() || x.abs() > ABSURD_SPEED;
         let mut joints = self.velocities().iter().enumerate();
-        if let Some((joint, dq)) = joints.find(|(_, dq)| wild(**dq)) {
+        if let Some((joint, dq)) = joints.find(|(_, dq)| diverged(**dq)) {
             return Some(format!("joint `{}` moves at {dq:.1e} per second", self.names[joint]));
         }
         let BaseState { velocity_m_s: velocity, angular_rad_s: angular, .. } = self.base();

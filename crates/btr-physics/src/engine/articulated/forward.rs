@@ -24,20 +24,20 @@ pub fn forward_dynamics(robot: &Robot, gravity_m_s2: Vector3<f64>, state: &Robot
     engine.place(state);
     let (tree, s) = (&mut engine.tree, &mut engine.scratch);
     tree.place(simd, &engine.now);
-    tree.carry(simd, &engine.now.u, &engine.gravity, None, &mut s.carried);
+    tree.newton_euler(simd, &engine.now.u, &engine.gravity, None, &mut s.bias_forces);
     tree.fill_matrix(&mut s.matrix);
     let own = [0.0; 6].into_iter().take(engine.root).chain(torques.iter().copied());
-    for ((next, carried), torque) in s.next.iter_mut().zip(&s.carried).zip(own) {
-        *next = Lanes::all(simd, torque) - *carried;
+    for ((next, bias_force), torque) in s.next.iter_mut().zip(&s.bias_forces).zip(own) {
+        *next = Lanes::splat(simd, torque) - *bias_force;
     }
     for (i, (_, link)) in robot.movable().enumerate() {
         let d = engine.root + i;
-        s.matrix[d * tree.freedom() + d] += Lanes::all(simd, link.joint.armature);
+        s.matrix[d * tree.freedom() + d] += Lanes::splat(simd, link.joint.armature);
     }
-    factorise(&mut s.matrix, &tree.ways);
-    solve(&s.matrix, &tree.ways, &mut s.next);
+    factorise(&mut s.matrix, &tree.paths);
+    solve(&s.matrix, &tree.paths, &mut s.next);
     // The equations for velocities after an impulse also hold for accelerations under a force.
-    engine.follow(0.0);
-    engine.impulses.act(&engine.tree, &engine.scratch.matrix, &mut engine.scratch.next);
+    engine.couple_followers(0.0);
+    engine.impulses.apply(&engine.tree, &engine.scratch.matrix, &mut engine.scratch.next);
     engine.scratch.next.iter().map(|acceleration| acceleration.lane(0)).collect()
 }

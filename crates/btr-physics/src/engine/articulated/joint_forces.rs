@@ -18,13 +18,13 @@ pub(super) struct JointForces<S: Simd> {
 pub(super) struct BoundedMotor<S: Simd> {
     /// Forces on the joint other than the motor's.
     rest: BoundedLaw<S>,
-    wanted: BoundedLaw<S>,
-    most: BoundedLaw<S>,
-    least: BoundedLaw<S>,
-    /// 1 where it is at `most`, -1 at `least`, 0 between them.
+    requested: BoundedLaw<S>,
+    upper: BoundedLaw<S>,
+    lower: BoundedLaw<S>,
+    /// 1 where it is at `upper`, -1 at `lower`, 0 between them.
     pub(super) side: Lanes<S>,
     /// The last values set, lane by lane: `rest` and the motor.
-    told: Vec<(Affine, Bounded)>,
+    last_set: Vec<(Affine, Bounded)>,
 }
 
 /// [`Affine`] of every candidate.
@@ -37,9 +37,9 @@ pub(super) struct BoundedLaw<S: Simd> {
 
 /// No motor. Adding a negative zero leaves every number unchanged to the bit.
 const NONE: Bounded = Bounded {
-    wanted: Affine { constant: -0.0, stiffness: -0.0, damping: -0.0 },
-    most: Affine { constant: f64::INFINITY, stiffness: 0.0, damping: 0.0 },
-    least: Affine { constant: f64::NEG_INFINITY, stiffness: 0.0, damping: 0.0 },
+    requested: Affine { constant: -0.0, stiffness: -0.0, damping: -0.0 },
+    upper: Affine { constant: f64::INFINITY, stiffness: 0.0, damping: 0.0 },
+    lower: Affine { constant: f64::NEG_INFINITY, stiffness: 0.0, damping: 0.0 },
 };
 
 /// Sets a candidate's motor bounds, or removes them. The first candidate with bounds allocates those of all; `inner`
@@ -47,11 +47,11 @@ const NONE: Bounded = Bounded {
 pub(super) fn set<S: Simd>(motor: &mut Option<BoundedMotor<S>>, inner: &JointForces<S>, lane: usize, dof: &Dof) {
     let motor = motor.get_or_insert_with(|| BoundedMotor::none(inner));
     let to = (dof.torque, dof.motor.unwrap_or(NONE));
-    let before = std::mem::replace(&mut motor.told[lane], to);
+    let before = std::mem::replace(&mut motor.last_set[lane], to);
     motor.rest.update(lane, &to.0, &before.0);
-    motor.wanted.update(lane, &to.1.wanted, &before.1.wanted);
-    motor.most.update(lane, &to.1.most, &before.1.most);
-    motor.least.update(lane, &to.1.least, &before.1.least);
+    motor.requested.update(lane, &to.1.requested, &before.1.requested);
+    motor.upper.update(lane, &to.1.upper, &before.1.upper);
+    motor.lower.update(lane, &to.1.lower, &before.1.lower);
 }
 
 impl<S: Simd> BoundedMotor<S> {
@@ -63,23 +63,24 @@ impl<S: Simd> BoundedMotor<S> {
             stiffness: constant.like(law.stiffness),
             damping: constant.like(law.damping),
         };
-        let (wanted, most, least) = (all(&NONE.wanted), all(&NONE.most), all(&NONE.least));
+        let (requested, upper, lower) = (all(&NONE.requested), all(&NONE.upper), all(&NONE.lower));
         let rest = BoundedLaw { constant, stiffness, damping };
-        let told = (0..S::F64_LANES).map(|lane| (rest.lane(lane), NONE)).collect();
-        BoundedMotor { rest, wanted, most, least, side: constant.like(0.0), told }
+        let last_set = (0..S::F64_LANES).map(|lane| (rest.lane(lane), NONE)).collect();
+        BoundedMotor { rest, requested, upper, lower, side: constant.like(0.0), last_set }
     }
 
     /// Updates the side for this state, and returns whether it changed. A motor at one bound is never moved to the
     /// opposite bound at once, and is released only if `release` is set.
     #[inline(always)]
-    pub(super) fn look(&mut self, q: Lanes<S>, u: Lanes<S>, let_go: bool) -> bool {
+    pub(super) fn update_side(&mut self, q: Lanes<S>, u: Lanes<S>, release: bool) -> bool {
         let (zero, one) = (self.side.like(0.0), self.side.like(1.0));
-        let wanted = self.wanted.at(q, u);
-        let (most, least) = (self.most.at(q, u), self.least.at(q, u));
-        let (above, below) = (most.less(wanted), wanted.less(least));
+        let requested = self.requested.at(q, u);
+        let (upper, lower) = (self.upper.at(q, u), self.lower.at(q, u));
+        let (above, below) = (upper.less(requested), requested.less(lower));
         let (high, low) = (zero.less(self.side), self.side.less(zero));
         let between = above.select(one, below.select(-one, zero));
-        let freed = if let_go { high.and(wanted.less(most)).or(low.and(least.less(wanted))) } else { zero.less(zero) };
+        let freed =
+            if release { high.and(requested.less(upper)).or(low.and(lower.less(requested))) } else { zero.less(zero) };
         let side = high.or(low).select(freed.select(zero, self.side), between);
         let changed = side.less(self.side).or(self.side.less(side)).any();
         self.side = side;
@@ -91,11 +92,11 @@ impl<S: Simd> BoundedMotor<S> {
     pub(super) fn law(&self) -> BoundedLaw<S> {
         let zero = self.side.like(0.0);
         let (high, low) = (zero.less(self.side), self.side.less(zero));
-        let of = |most, least, wanted| high.select(most, low.select(least, wanted));
+        let of = |upper, lower, requested| high.select(upper, low.select(lower, requested));
         BoundedLaw {
-            constant: self.rest.constant + of(self.most.constant, self.least.constant, self.wanted.constant),
-            stiffness: self.rest.stiffness + of(self.most.stiffness, self.least.stiffness, self.wanted.stiffness),
-            damping: self.rest.damping + of(self.most.damping, self.least.damping, self.wanted.damping),
+            constant: self.rest.constant + of(self.upper.constant, self.lower.constant, self.requested.constant),
+            stiffness: self.rest.stiffness + of(self.upper.stiffness, self.lower.stiffness, self.requested.stiffness),
+            damping: self.rest.damping + of(self.upper.damping, self.lower.damping, self.requested.damping),
         }
     }
 }

@@ -9,67 +9,67 @@ use pulp::Simd;
 impl<S: Simd> Articulated<S> {
     /// Sets the step's middle for prescribed joints, where it is known.
     #[inline(always)]
-    pub(super) fn foresee(&mut self) {
+    pub(super) fn set_prescribed_midpoint(&mut self) {
         let (simd, middle) = (self.simd, &mut self.scratch.middle);
-        for (i, course) in self.courses.iter().enumerate() {
-            let Some(course) = course else { continue };
-            middle.q[i] = Lanes::all(simd, 0.5 * (course.from.value + course.to.value));
-            middle.u[i] = Lanes::all(simd, 0.5 * (course.from.velocity + course.to.velocity));
+        for (i, motion) in self.prescribed.iter().enumerate() {
+            let Some(motion) = motion else { continue };
+            middle.q[i] = Lanes::splat(simd, 0.5 * (motion.from.value + motion.to.value));
+            middle.u[i] = Lanes::splat(simd, 0.5 * (motion.from.velocity + motion.to.velocity));
         }
     }
 
     /// Eliminates the prescribed velocities from the linear equations, by moving their known effect on the other joints
     /// to the right-hand side.
     #[inline(always)]
-    pub(super) fn lead(&mut self) {
+    pub(super) fn eliminate_prescribed(&mut self) {
         let (n, simd, s) = (self.tree.freedom(), self.simd, &mut self.scratch);
-        for (i, course) in self.courses.iter().enumerate() {
-            let Some(course) = course else { continue };
+        for (i, motion) in self.prescribed.iter().enumerate() {
+            let Some(motion) = motion else { continue };
             for j in 0..n {
                 if j != i {
                     let at = if j < i { i * n + j } else { j * n + i };
-                    s.next[j] = s.next[j] - s.matrix[at] * course.to.velocity;
+                    s.next[j] = s.next[j] - s.matrix[at] * motion.to.velocity;
                     s.matrix[at] = Lanes::zero(simd);
                 }
             }
-            s.matrix[i * n + i] = Lanes::all(simd, 1.0);
-            s.next[i] = Lanes::all(simd, course.to.velocity);
+            s.matrix[i * n + i] = Lanes::splat(simd, 1.0);
+            s.next[i] = Lanes::splat(simd, motion.to.velocity);
         }
     }
 
     /// Sets prescribed joints to the exact end of their motion.
     #[inline(always)]
-    pub(super) fn arrive(&mut self) {
-        for (i, course) in self.courses.iter().enumerate() {
-            let Some(course) = course else { continue };
-            self.now.q[i] = Lanes::all(self.simd, course.to.value);
-            self.now.u[i] = Lanes::all(self.simd, course.to.velocity);
+    pub(super) fn set_prescribed_end(&mut self) {
+        for (i, motion) in self.prescribed.iter().enumerate() {
+            let Some(motion) = motion else { continue };
+            self.now.q[i] = Lanes::splat(self.simd, motion.to.value);
+            self.now.u[i] = Lanes::splat(self.simd, motion.to.velocity);
         }
     }
 
     /// Computes the torques that the prescribed joints require at the beginning of the coming step, beyond the other
     /// forces on them. Free joints are assumed to keep the acceleration of the last step.
-    pub(super) fn inverse(&mut self, torques: &mut [f64]) {
+    pub(super) fn inverse_dynamics(&mut self, torques: &mut [f64]) {
         let (now, simd, s) = (&self.now, self.simd, &mut self.scratch);
         s.middle.clone_from(now);
         s.known.clear();
-        for (i, course) in self.courses.iter().enumerate() {
+        for (i, motion) in self.prescribed.iter().enumerate() {
             let acceleration = (now.u[i] - self.before[i]) * self.dt_s.recip();
-            s.known.push(course.map_or(acceleration, |course| Lanes::all(simd, course.from.acceleration)));
-            if let Some(course) = course {
-                s.middle.q[i] = Lanes::all(simd, course.from.value);
-                s.middle.u[i] = Lanes::all(simd, course.from.velocity);
+            s.known.push(motion.map_or(acceleration, |motion| Lanes::splat(simd, motion.from.acceleration)));
+            if let Some(motion) = motion {
+                s.middle.q[i] = Lanes::splat(simd, motion.from.value);
+                s.middle.u[i] = Lanes::splat(simd, motion.from.velocity);
             }
         }
         self.tree.place(simd, &s.middle);
-        self.tree.carry(simd, &s.middle.u, &self.gravity, Some(&s.known), &mut s.carried);
-        for ((i, course), torque) in self.courses.iter().enumerate().zip(torques) {
-            let Some(course) = course else { continue };
+        self.tree.newton_euler(simd, &s.middle.u, &self.gravity, Some(&s.known), &mut s.bias_forces);
+        for ((i, motion), torque) in self.prescribed.iter().enumerate().zip(torques) {
+            let Some(motion) = motion else { continue };
             let (inner, lane) = (&self.inner[i], self.lane);
             let [constant, stiffness, damping] =
                 [inner.constant, inner.stiffness, inner.damping].map(|lanes| lanes.lane(lane));
-            let (q, dq) = (course.from.value, course.from.velocity);
-            let inertial = s.carried[i].lane(lane) + inner.armature.lane(lane) * course.from.acceleration;
+            let (q, dq) = (motion.from.value, motion.from.velocity);
+            let inertial = s.bias_forces[i].lane(lane) + inner.armature.lane(lane) * motion.from.acceleration;
             // At rest dry friction can be anything up to its bound: zero is the smallest.
             let rubs = if dq == 0.0 { 0.0 } else { inner.dry_friction.lane(lane).copysign(dq) };
             *torque = inertial + rubs - (constant - stiffness * q - damping * dq);

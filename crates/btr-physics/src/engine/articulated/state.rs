@@ -19,7 +19,7 @@ pub(crate) struct Articulated<S: Simd> {
     /// The selected candidate.
     pub(super) lane: usize,
     /// Joint positions and velocities of every candidate.
-    pub(super) seen: Vec<JointStates>,
+    pub(super) joint_states: Vec<JointStates>,
     pub(super) tree: Tree<S>,
     pub(super) now: Configuration<S>,
     /// Velocities one step ago.
@@ -30,7 +30,7 @@ pub(crate) struct Articulated<S: Simd> {
     pub(super) inner: Vec<JointForces<S>>,
     pub(super) motors: Vec<Option<BoundedMotor<S>>>,
     /// Motion of prescribed joints; only with a single candidate.
-    pub(super) courses: Vec<Option<PrescribedMotion>>,
+    pub(super) prescribed: Vec<Option<PrescribedMotion>>,
     pub(super) limits: Vec<(Lanes<S>, Lanes<S>)>,
     pub(super) followers: Vec<Coupling<S>>,
     pub(super) names: Vec<String>,
@@ -45,7 +45,7 @@ pub(crate) struct Articulated<S: Simd> {
     pub(super) impulses: Impulses<S>,
     pub(super) foot_impulses: Vec<Lanes<S>>,
     /// Candidates whose velocities diverged.
-    pub(super) wild: Mask<S>,
+    pub(super) diverged: Mask<S>,
     pub(super) scratch: Scratch<S>,
 }
 
@@ -79,13 +79,13 @@ pub(super) struct Scratch<S: Simd> {
     /// Inertia matrix, then its factor; row-major.
     pub(super) matrix: Vec<Lanes<S>>,
     /// Bias force of every degree of freedom.
-    pub(super) carried: Vec<Lanes<S>>,
+    pub(super) bias_forces: Vec<Lanes<S>>,
     /// Velocities at the step's end, and in the mean.
     pub(super) next: Vec<Lanes<S>>,
     pub(super) mean: Vec<Lanes<S>>,
     /// How implicit each joint is: 0.5 for the midpoint, 1 for backward Euler.
-    pub(super) share: Vec<Lanes<S>>,
-    pub(super) touches: Vec<ContactPoint<S>>,
+    pub(super) implicitness: Vec<Lanes<S>>,
+    pub(super) contact_points: Vec<ContactPoint<S>>,
     /// Motion of every body without constraints, and its present motion.
     pub(super) motions: [Vec<Spatial<S>>; 2],
     /// Accelerations of the joints, for inverse dynamics.

@@ -21,9 +21,9 @@ impl<S: Simd> NullaryFnOnce for Steps<'_, S> {
         engine.foot_impulses.fill(zero);
         for _ in 0..engine.substeps {
             engine.advance();
-            engine.feel();
+            engine.sum_foot_impulses();
         }
-        engine.look();
+        engine.publish_states();
     }
 }
 
@@ -32,7 +32,7 @@ impl<S: Simd> Articulated<S> {
     #[inline(always)]
     fn predict(&mut self) {
         let (now, s) = (&self.now, &mut self.scratch);
-        now.fly(&self.tree, 0.5 * self.dt_s, &now.u, &mut s.middle);
+        now.integrate(&self.tree, 0.5 * self.dt_s, &now.u, &mut s.middle);
         for ((middle, now), before) in s.middle.u.iter_mut().zip(&now.u).zip(&self.before) {
             *middle = *now * 1.5 - *before * 0.5;
         }
@@ -42,33 +42,33 @@ impl<S: Simd> Articulated<S> {
     #[inline(always)]
     fn advance(&mut self) {
         self.predict();
-        self.foresee();
+        self.set_prescribed_midpoint();
         self.tree.place(self.simd, &self.scratch.middle);
-        self.tree.carry(self.simd, &self.scratch.middle.u, &self.gravity, None, &mut self.scratch.carried);
-        self.guess_bounds();
-        for look in 0.. {
+        self.tree.newton_euler(self.simd, &self.scratch.middle.u, &self.gravity, None, &mut self.scratch.bias_forces);
+        self.predict_bounds();
+        for iteration in 0.. {
             self.tree.fill_matrix(&mut self.scratch.matrix);
-            self.balance();
-            self.lead();
-            factorise(&mut self.scratch.matrix, &self.tree.ways);
-            solve(&self.scratch.matrix, &self.tree.ways, &mut self.scratch.next);
-            self.stop();
-            if self.bounds_hold(look) {
+            self.assemble_equations();
+            self.eliminate_prescribed();
+            factorise(&mut self.scratch.matrix, &self.tree.paths);
+            solve(&self.scratch.matrix, &self.tree.paths, &mut self.scratch.next);
+            self.apply_constraints();
+            if self.update_bounds(iteration) {
                 break;
             }
         }
-        self.impulses.keep();
+        self.impulses.accept();
         let (now, s) = (&self.now, &mut self.scratch);
         for d in 0..s.next.len() {
-            let share = s.share[d];
-            s.mean[d] = (share.like(1.0) - share) * now.u[d] + share * s.next[d];
+            let implicitness = s.implicitness[d];
+            s.mean[d] = (implicitness.like(1.0) - implicitness) * now.u[d] + implicitness * s.next[d];
         }
-        now.fly(&self.tree, self.dt_s, &s.mean, &mut s.middle);
+        now.integrate(&self.tree, self.dt_s, &s.mean, &mut s.middle);
         std::mem::swap(&mut self.now.q, &mut s.middle.q);
         std::mem::swap(&mut self.now.poses, &mut s.middle.poses);
         self.before.copy_from_slice(&self.now.u);
         self.now.u.copy_from_slice(&s.next);
-        self.arrive();
+        self.set_prescribed_end();
     }
 
     /// The linear equations for the velocities at the step's end: `matrix`·u' = `next`.
@@ -76,13 +76,13 @@ impl<S: Simd> Articulated<S> {
     /// With the implicitness h, the weight of the step's end in its mean state, a joint's torque is c − k·(q + dt·h·v)
     /// − d·v at the mean velocity v = (1 − h)·u + h·u'.
     #[inline(always)]
-    fn balance(&mut self) {
+    fn assemble_equations(&mut self) {
         let (dt, n, s) = (self.dt_s, self.tree.freedom(), &mut self.scratch);
-        let (half, whole) = (Lanes::all(self.simd, 0.5), Lanes::all(self.simd, 1.0));
-        for (next, carried) in s.next.iter_mut().zip(&s.carried) {
-            *next = *carried * -dt;
+        let (half, whole) = (Lanes::splat(self.simd, 0.5), Lanes::splat(self.simd, 1.0));
+        for (next, bias_forces) in s.next.iter_mut().zip(&s.bias_forces) {
+            *next = *bias_forces * -dt;
         }
-        s.share.fill(half);
+        s.implicitness.fill(half);
         for (i, joint) in self.inner.iter().enumerate() {
             let d = self.root + i;
             s.matrix[d * n + d] += joint.armature;
@@ -91,8 +91,8 @@ impl<S: Simd> Articulated<S> {
         for d in 0..n {
             let u = self.now.u[d];
             let mut own = s.next[d] + s.matrix[d * n + d] * u;
-            let way = &self.tree.ways[d];
-            for &e in &way[..way.len() - 1] {
+            let path = &self.tree.paths[d];
+            for &e in &path[..path.len() - 1] {
                 let inertia = s.matrix[d * n + e];
                 own += inertia * self.now.u[e];
                 s.next[e] += inertia * u;
@@ -102,12 +102,12 @@ impl<S: Simd> Articulated<S> {
         for (i, joint) in self.inner.iter().enumerate() {
             let d = self.root + i;
             let inertia = s.matrix[d * n + d];
-            let rings = inertia.at_most(joint.damping * dt + joint.stiffness * (dt * dt));
-            let share = rings.select(whole, half);
-            let resistance = joint.damping * dt + share * joint.stiffness * (dt * dt);
-            s.share[d] = share;
-            s.next[d] -= (whole - share) * resistance * self.now.u[d];
-            s.matrix[d * n + d] = inertia + share * resistance;
+            let rings = inertia.less_or_equal(joint.damping * dt + joint.stiffness * (dt * dt));
+            let implicitness = rings.select(whole, half);
+            let resistance = joint.damping * dt + implicitness * joint.stiffness * (dt * dt);
+            s.implicitness[d] = implicitness;
+            s.next[d] -= (whole - implicitness) * resistance * self.now.u[d];
+            s.matrix[d * n + d] = inertia + implicitness * resistance;
         }
         if let Some(ball) = &self.ball {
             let first = self.tree.first[ball.body];
@@ -119,23 +119,23 @@ impl<S: Simd> Articulated<S> {
 
     /// Lanes of the selected candidate. The last candidate also fills the lanes that are left over, so that these cost
     /// no further iterations.
-    pub(super) fn spoken_of(&self) -> Range<usize> {
-        let last = self.lane + 1 == self.seen.len();
+    pub(super) fn selected_lanes(&self) -> Range<usize> {
+        let last = self.lane + 1 == self.joint_states.len();
         self.lane..if last { S::F64_LANES } else { self.lane + 1 }
     }
 
     /// Copies the joint states of every candidate out of the lanes, and detects divergence.
     #[inline(always)]
-    pub(super) fn look(&mut self) {
-        let (none, absurd) = (Lanes::zero(self.simd), Lanes::all(self.simd, ABSURD_SPEED));
-        self.wild = absurd.less(none);
+    pub(super) fn publish_states(&mut self) {
+        let (none, absurd) = (Lanes::zero(self.simd), Lanes::splat(self.simd, ABSURD_SPEED));
+        self.diverged = absurd.less(none);
         for u in &self.now.u {
-            self.wild = self.wild.or(u.abs().at_most(absurd).not());
+            self.diverged = self.diverged.or(u.abs().less_or_equal(absurd).not());
         }
-        for (lane, seen) in self.seen.iter_mut().enumerate() {
-            for i in 0..seen.q.len() {
-                seen.q[i] = self.now.q[i].lane(lane);
-                seen.dq[i] = self.now.u[self.root + i].lane(lane);
+        for (lane, joint_states) in self.joint_states.iter_mut().enumerate() {
+            for i in 0..joint_states.q.len() {
+                joint_states.q[i] = self.now.q[i].lane(lane);
+                joint_states.dq[i] = self.now.u[self.root + i].lane(lane);
             }
         }
     }

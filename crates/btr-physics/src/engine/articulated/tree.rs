@@ -28,7 +28,7 @@ pub(super) struct TreeBody<S: Simd> {
     /// The joint's axis in the parent body's frame.
     pub(super) axis: V3<S>,
     /// Matrices that sin q and 1 − cos q of a hinge multiply, added to `rotation`.
-    pub(super) swings: [M3<S>; 2],
+    pub(super) rodrigues: [M3<S>; 2],
     pub(super) mass: Lanes<S>,
     pub(super) com: V3<S>,
     /// About the centre of mass, in the body's axes.
@@ -39,7 +39,7 @@ pub(super) struct TreeBody<S: Simd> {
 #[derive(Clone, Copy)]
 pub(super) struct Pose<S: Simd> {
     /// A unit quaternion: real part, imaginary parts.
-    turn: (Lanes<S>, V3<S>),
+    quaternion: (Lanes<S>, V3<S>),
     pub(super) place: V3<S>,
 }
 
@@ -64,7 +64,7 @@ pub(super) struct Tree<S: Simd> {
     /// The first degree of freedom of each body.
     pub(super) first: Vec<usize>,
     /// For each degree of freedom the path from the root to it: all degrees of freedom that move it, itself last.
-    pub(super) ways: Vec<Vec<usize>>,
+    pub(super) paths: Vec<Vec<usize>>,
     pub(super) origin: V3<S>,
     pub(super) rotations: Vec<M3<S>>,
     pub(super) places: Vec<V3<S>>,
@@ -84,8 +84,8 @@ impl<S: Simd> TreeBody<S> {
 
     #[inline(always)]
     fn inertia_at(&self, rotation: &M3<S>, place: &V3<S>) -> Inertia<S> {
-        let com = *place + rotation.turn(&self.com);
-        let second = self.inertia.turned(rotation).plus(&Symmetric::of_point(self.mass, &com));
+        let com = *place + rotation.transform(&self.com);
+        let second = self.inertia.rotated(rotation).plus(&Symmetric::of_point(self.mass, &com));
         Inertia { mass: self.mass, first: com.times(self.mass), second }
     }
 
@@ -97,7 +97,7 @@ impl<S: Simd> TreeBody<S> {
         let mut rotation = self.rotation;
         for i in 0..3 {
             for j in 0..3 {
-                rotation.0[i][j] += sine * self.swings[0].0[i][j] + rest * self.swings[1].0[i][j];
+                rotation.0[i][j] += sine * self.rodrigues[0].0[i][j] + rest * self.rodrigues[1].0[i][j];
             }
         }
         rotation
@@ -106,23 +106,23 @@ impl<S: Simd> TreeBody<S> {
 
 impl<S: Simd> Tree<S> {
     pub(super) fn new(simd: S, bodies: Vec<TreeBody<S>>, root: (M3<S>, V3<S>)) -> Self {
-        let (mut first, mut ways) = (Vec::with_capacity(bodies.len()), Vec::<Vec<usize>>::new());
+        let (mut first, mut paths) = (Vec::with_capacity(bodies.len()), Vec::<Vec<usize>>::new());
         for body in &bodies {
-            let mut way = body.parent.map_or_else(Vec::new, |parent| ways[last(&bodies, &first, parent)].clone());
-            first.push(ways.len());
+            let mut path = body.parent.map_or_else(Vec::new, |parent| paths[last(&bodies, &first, parent)].clone());
+            first.push(paths.len());
             for _ in 0..body.freedom() {
-                way.push(ways.len());
-                ways.push(way.clone());
+                path.push(paths.len());
+                paths.push(path.clone());
             }
         }
-        let (many, freedom) = (bodies.len(), ways.len());
+        let (many, freedom) = (bodies.len(), paths.len());
         let zero = Spatial::zero(simd);
         let none = Inertia { mass: Lanes::zero(simd), first: V3::zero(simd), second: Symmetric::zero(simd) };
         Tree {
             bodies,
             root,
             first,
-            ways,
+            paths,
             origin: V3::zero(simd),
             rotations: vec![M3::identity(simd); many],
             places: vec![V3::zero(simd); many],
@@ -137,13 +137,13 @@ impl<S: Simd> Tree<S> {
     /// Degrees of freedom.
     #[inline(always)]
     pub(super) fn freedom(&self) -> usize {
-        self.ways.len()
+        self.paths.len()
     }
 
     /// Path from the root to a body: the degrees of freedom that move it.
     #[inline(always)]
-    pub(super) fn way_to(&self, body: usize) -> &[usize] {
-        &self.ways[last(&self.bodies, &self.first, body)]
+    pub(super) fn path_to(&self, body: usize) -> &[usize] {
+        &self.paths[last(&self.bodies, &self.first, body)]
     }
 
     /// Poses, axes and inertias of all bodies.
@@ -156,23 +156,23 @@ impl<S: Simd> Tree<S> {
         let root = (self.root.0, self.root.1 - self.origin);
         for i in 0..self.bodies.len() {
             let body = &self.bodies[i];
-            let (turned, moved) = match body.parent {
+            let (rotated, moved) = match body.parent {
                 Some(parent) => (self.rotations[parent], self.places[parent]),
                 None => root,
             };
-            let place = moved + turned.turn(&body.place);
+            let place = moved + rotated.transform(&body.place);
             let first = self.first[i];
             match body.carrier {
                 Carrier::Hinge { joint } => {
-                    let along = turned.turn(&body.axis);
+                    let along = rotated.transform(&body.axis);
                     self.axes[first] = Spatial { angular: along, linear: place.cross(&along) };
-                    self.rotations[i] = turned.then(&body.rotation_at(posture.q[joint]));
+                    self.rotations[i] = rotated.product(&body.rotation_at(posture.q[joint]));
                     self.places[i] = place;
                 }
                 Carrier::Slide { joint } => {
-                    let along = turned.turn(&body.axis);
+                    let along = rotated.transform(&body.axis);
                     self.axes[first] = Spatial { angular: V3::zero(simd), linear: along };
-                    self.rotations[i] = turned.then(&body.rotation);
+                    self.rotations[i] = rotated.product(&body.rotation);
                     self.places[i] = place + along.times(posture.q[joint]);
                 }
                 Carrier::Free { pose } => {
@@ -195,13 +195,13 @@ impl<S: Simd> Tree<S> {
     /// Newton-Euler): inertial, velocity-dependent and gravity forces, into `bias_forces`. Makes the inertias
     /// composite.
     #[inline(always)]
-    pub(super) fn carry(
+    pub(super) fn newton_euler(
         &mut self,
         simd: S,
         u: &[Lanes<S>],
         gravity: &V3<S>,
         joints: Option<&[Lanes<S>]>,
-        carried: &mut [Lanes<S>],
+        bias_forces: &mut [Lanes<S>],
     ) {
         // Gravity is equivalent to an upward acceleration of the world.
         let lifted = Spatial { angular: V3::zero(simd), linear: V3::zero(simd) - *gravity };
@@ -238,7 +238,7 @@ impl<S: Simd> Tree<S> {
         }
         for i in (0..self.bodies.len()).rev() {
             for d in self.first[i]..self.first[i] + self.bodies[i].freedom() {
-                carried[d] = self.axes[d].dot(&self.forces[i]);
+                bias_forces[d] = self.axes[d].dot(&self.forces[i]);
             }
             if let Some(parent) = self.bodies[i].parent {
                 self.forces[parent] = self.forces[parent].plus(&self.forces[i]);
@@ -271,7 +271,7 @@ impl<S: Simd> Tree<S> {
         for i in 0..self.bodies.len() {
             for d in self.first[i]..self.first[i] + self.bodies[i].freedom() {
                 let momentum = self.inertias[i].times(&self.axes[d]);
-                for &e in &self.ways[d] {
+                for &e in &self.paths[d] {
                     matrix[d * n + e] = self.axes[e].dot(&momentum);
                 }
             }
@@ -286,26 +286,26 @@ fn last<S: Simd>(bodies: &[TreeBody<S>], first: &[usize], body: usize) -> usize 
 
 impl<S: Simd> Pose<S> {
     pub(super) fn of(simd: S, pose: impl Fn(usize) -> Isometry3<f64>) -> Self {
-        let mut lanes = Pose { turn: (Lanes::zero(simd), V3::zero(simd)), place: V3::zero(simd) };
+        let mut lanes = Pose { quaternion: (Lanes::zero(simd), V3::zero(simd)), place: V3::zero(simd) };
         (0..S::F64_LANES).for_each(|lane| lanes.set(lane, &pose(lane)));
         lanes
     }
 
     pub(super) fn set(&mut self, lane: usize, pose: &Isometry3<f64>) {
-        let turn = pose.rotation.quaternion();
-        self.turn.0.set(lane, turn.w);
-        self.turn.1.set(lane, &turn.imag());
+        let quaternion = pose.rotation.quaternion();
+        self.quaternion.0.set(lane, quaternion.w);
+        self.quaternion.1.set(lane, &quaternion.imag());
         self.place.set(lane, &pose.translation.vector);
     }
 
     pub(super) fn lane(&self, lane: usize) -> Isometry3<f64> {
-        let turn = Quaternion::from_parts(self.turn.0.lane(lane), self.turn.1.lane(lane));
-        Isometry3::from_parts(self.place.lane(lane).into(), UnitQuaternion::new_unchecked(turn))
+        let quaternion = Quaternion::from_parts(self.quaternion.0.lane(lane), self.quaternion.1.lane(lane));
+        Isometry3::from_parts(self.place.lane(lane).into(), UnitQuaternion::new_unchecked(quaternion))
     }
 
     #[inline(always)]
     fn rotation(&self) -> M3<S> {
-        let (w, V3([x, y, z])) = self.turn;
+        let (w, V3([x, y, z])) = self.quaternion;
         let (one, two) = (w.like(1.0), w.like(2.0));
         let (xx, yy, zz) = (x * x, y * y, z * z);
         let (xy, xz, yz, wx, wy, wz) = (x * y, x * z, y * z, w * x, w * y, w * z);
@@ -318,34 +318,34 @@ impl<S: Simd> Pose<S> {
 
     /// The quaternion rotated by a rotation vector.
     #[inline(always)]
-    fn turned(&self, by: &V3<S>) -> (Lanes<S>, V3<S>) {
+    fn rotated(&self, by: &V3<S>) -> (Lanes<S>, V3<S>) {
         let angle = by.norm();
         let half = angle * angle.like(0.5);
         let (sine, cosine) = half.sin_cos();
         // For a tiny angle the sine equals the angle.
         let small = angle.less(angle.like(1e-9));
         let share = small.select(angle.like(0.5), sine / small.select(angle.like(1.0), angle));
-        let (axis, (w, v)) = (by.times(share), self.turn);
-        let turn = (cosine * w - axis.dot(&v), v.times(cosine) + axis.times(w) + axis.cross(&v));
+        let (axis, (w, v)) = (by.times(share), self.quaternion);
+        let quaternion = (cosine * w - axis.dot(&v), v.times(cosine) + axis.times(w) + axis.cross(&v));
         // One Newton step normalises the quaternion.
-        let length = turn.0 * turn.0 + turn.1.dot(&turn.1);
+        let length = quaternion.0 * quaternion.0 + quaternion.1.dot(&quaternion.1);
         let shrink = (length.like(3.0) - length) * length.like(0.5);
-        (turn.0 * shrink, turn.1.times(shrink))
+        (quaternion.0 * shrink, quaternion.1.times(shrink))
     }
 }
 
 impl<S: Simd> Configuration<S> {
     /// Integrates positions over `dt_s` at the velocities `u`, into `to`.
     #[inline(always)]
-    pub(super) fn fly(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Configuration<S>) {
+    pub(super) fn integrate(&self, tree: &Tree<S>, dt_s: f64, u: &[Lanes<S>], to: &mut Configuration<S>) {
         for (body, &d) in tree.bodies.iter().zip(&tree.first) {
             match body.carrier {
                 Carrier::Free { pose } => {
                     let dt = u[d].like(dt_s);
                     let from = &self.poses[pose];
                     let (turning, moving) = (V3([u[d], u[d + 1], u[d + 2]]), V3([u[d + 3], u[d + 4], u[d + 5]]));
-                    let turn = from.turned(&turning.times(dt));
-                    to.poses[pose] = Pose { turn, place: from.place + moving.times(dt) };
+                    let quaternion = from.rotated(&turning.times(dt));
+                    to.poses[pose] = Pose { quaternion, place: from.place + moving.times(dt) };
                 }
                 Carrier::Hinge { joint } | Carrier::Slide { joint } => {
                     to.q[joint] = self.q[joint] + u[d] * dt_s;

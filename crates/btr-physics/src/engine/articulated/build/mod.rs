@@ -96,13 +96,13 @@ impl<S: Simd> Articulated<S> {
             simd,
             arch,
             lane: 0,
-            seen: worlds.iter().map(|world| JointStates { q: world.q.clone(), dq: world.dq.clone() }).collect(),
+            joint_states: worlds.iter().map(|world| JointStates { q: world.q.clone(), dq: world.dq.clone() }).collect(),
             before: now.u.clone(),
             root: one.root,
             fixed: worlds.iter().map(|world| world.start).collect(),
             inner: vec![inner; one.q.len()],
             motors: (0..one.q.len()).map(|_| None).collect(),
-            courses: vec![None; one.q.len()],
+            prescribed: vec![None; one.q.len()],
             limits: joints.map(|i| (lanes(&|world| world.limits[i].0), lanes(&|world| world.limits[i].1))).collect(),
             followers: (0..one.followers.len())
                 .map(|k| Coupling {
@@ -126,12 +126,12 @@ impl<S: Simd> Articulated<S> {
             hulls,
             rolling_damping: lanes(&|world| world.setup.ball.map_or(0.0, |ball| ball.rolling_damping_per_s)),
             foot_impulses: vec![nothing; one.feet],
-            wild: nothing.less(nothing),
+            diverged: nothing.less(nothing),
             scratch: Scratch::new(simd, &now, one.bodies.len()),
             tree,
             now,
         };
-        engine.look();
+        engine.publish_states();
         engine
     }
 }
@@ -148,7 +148,7 @@ impl<S: Simd> TreeBody<S> {
             rotation: M3::of(simd, rotation),
             place: V3::of(simd, |lane| plain(lane).origin.translation.vector),
             axis: V3::of(simd, |lane| rotation(lane) * plain(lane).axis),
-            swings: [
+            rodrigues: [
                 M3::of(simd, |lane| rotation(lane) * cross(lane)),
                 M3::of(simd, |lane| rotation(lane) * cross(lane) * cross(lane)),
             ],
@@ -234,11 +234,11 @@ impl<S: Simd> Scratch<S> {
         Scratch {
             middle: now.clone(),
             matrix: vec![zero; n * n],
-            carried: vec![zero; n],
+            bias_forces: vec![zero; n],
             next: vec![zero; n],
             mean: vec![zero; n],
-            share: vec![zero; n],
-            touches: Vec::new(),
+            implicitness: vec![zero; n],
+            contact_points: Vec::new(),
             motions: [0, 1].map(|_| vec![Spatial::zero(simd); bodies]),
             known: Vec::with_capacity(n),
         }
@@ -256,7 +256,7 @@ mod tests {
         let (robot, setup) = (ant::ant(), Setup::default());
         let mut engine = Articulated::new(simd, arch, &[World::new(&robot, &setup), World::new(&robot, &setup)]);
         for lane in 0..2 {
-            engine.turn_to(lane);
+            engine.select_lane(lane);
             let torque = Affine { stiffness: 20.0 / (1.0 + 99.0 * lane as f64), damping: 0.1, constant: 0.0 };
             (0..engine.inner.len()).for_each(|joint| engine.set_joint(joint, &Dof { torque, ..Dof::default() }));
         }

@@ -10,20 +10,20 @@ pub(in crate::engine::articulated) struct Impulses<S: Simd> {
     pub(super) blocks: Vec<ImpulseBlock>,
     pub(super) singles: Vec<Single<S>>,
     /// Number of singles that couple joints. They come first.
-    pub(super) couples: usize,
+    pub(super) couplings: usize,
     pub(super) contacts: Vec<Contact<S>>,
     /// The velocity along each row with the current impulses; and the impulses.
     pub(super) speeds: Vec<Lanes<S>>,
     pub(super) impulses: Vec<Lanes<S>>,
     /// Half Jacobians J·L⁻¹ of the rows, with the inertia matrix LᵀL: their products are the Delassus matrix.
-    pub(super) halves: Vec<Lanes<S>>,
+    pub(super) half_jacobians: Vec<Lanes<S>>,
     /// The same for unit forces and moments on a body, and the offsets of those of each body in contact.
     pub(super) bases: Vec<Spatial<S>>,
     pub(super) pushed: Vec<(usize, usize)>,
     /// Delassus matrix J·M⁻¹·Jᵀ: the velocity along each row per unit impulse along every other, in 1/kg or the like.
-    pub(super) answers: Vec<Lanes<S>>,
+    pub(super) delassus: Vec<Lanes<S>>,
     /// The last step's impulses at every possible contact point, for the warm start; and those of this step.
-    pub(super) known: Vec<[Lanes<S>; 3]>,
+    pub(super) warm_start: Vec<[Lanes<S>; 3]>,
     pub(super) found: Vec<[Lanes<S>; 3]>,
     pub(super) change: Vec<Lanes<S>>,
     pub(super) guess: StickGuess<S>,
@@ -40,7 +40,7 @@ pub(super) struct ImpulseBlock {
     pub(super) rows: usize,
     /// Last degree of freedom of each path, and the offset of its entries in the half Jacobians, where the rows'
     /// entries are interleaved.
-    pub(super) ways: [Option<(usize, usize)>; 2],
+    pub(super) paths: [Option<(usize, usize)>; 2],
 }
 
 /// A bounded impulse on one joint, or between two coupled joints.
@@ -48,11 +48,11 @@ pub(super) struct ImpulseBlock {
 pub(super) struct Single<S: Simd> {
     pub(super) row: usize,
     /// Target velocity.
-    pub(super) wanted: Lanes<S>,
-    pub(super) least: Lanes<S>,
-    pub(super) most: Lanes<S>,
+    pub(super) target: Lanes<S>,
+    pub(super) lower: Lanes<S>,
+    pub(super) upper: Lanes<S>,
     /// Effective mass: impulse per unit change of the velocity.
-    pub(super) stubborn: Lanes<S>,
+    pub(super) effective_mass: Lanes<S>,
 }
 
 /// A contact: one row along the normal and two along tangents.
@@ -62,17 +62,17 @@ pub(super) struct Contact<S: Simd> {
     pub(super) slot: usize,
     pub(super) law: ContactLaw<S>,
     /// Candidates that have this contact.
-    pub(super) there: Mask<S>,
+    pub(super) mask: Mask<S>,
     /// Effective mass along the normal, and the smallest one along any tangent.
-    pub(super) stubborn: Lanes<S>,
-    pub(super) stubborn_across: Lanes<S>,
+    pub(super) effective_mass: Lanes<S>,
+    pub(super) tangential_mass: Lanes<S>,
 }
 
 /// Contact law: separation speed = target − softness·normal impulse.
 #[derive(Clone, Copy)]
 pub(in crate::engine::articulated) struct ContactLaw<S: Simd> {
     /// Separation speed without an impulse, in m/s.
-    pub(in crate::engine::articulated) wanted: Lanes<S>,
+    pub(in crate::engine::articulated) target: Lanes<S>,
     /// Softness (constraint force mixing), in 1/kg.
     pub(in crate::engine::articulated) softness: Lanes<S>,
     /// Coulomb's coefficient.
@@ -84,9 +84,9 @@ pub(super) struct StickGuess<S: Simd> {
     /// Rows whose impulse is an unknown of the equations; those of all others are fixed.
     pub(super) free: Vec<Mask<S>>,
     /// Velocities without impulses, target velocities, and the regularisation of the diagonal.
-    pub(super) alone: Vec<Lanes<S>>,
-    pub(super) wanted: Vec<Lanes<S>>,
-    pub(super) costs: Vec<Lanes<S>>,
+    pub(super) free_speeds: Vec<Lanes<S>>,
+    pub(super) target: Vec<Lanes<S>>,
+    pub(super) regularisation: Vec<Lanes<S>>,
     /// Upper factor of the equations' matrix, row-major, and their solution.
     pub(super) factor: Vec<Lanes<S>>,
     pub(super) solution: Vec<Lanes<S>>,
@@ -94,8 +94,8 @@ pub(super) struct StickGuess<S: Simd> {
 
 impl<S: Simd> StickGuess<S> {
     pub(super) fn new() -> Self {
-        let (free, alone, wanted, costs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        StickGuess { free, alone, wanted, costs, factor: Vec::new(), solution: Vec::new() }
+        let (free, free_speeds, target, regularisation) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        StickGuess { free, free_speeds, target, regularisation, factor: Vec::new(), solution: Vec::new() }
     }
 }
 
@@ -106,15 +106,15 @@ impl<S: Simd> Impulses<S> {
             simd,
             blocks: Vec::new(),
             singles: Vec::new(),
-            couples: 0,
+            couplings: 0,
             contacts: Vec::new(),
             speeds: Vec::new(),
             impulses: Vec::new(),
-            halves: Vec::new(),
+            half_jacobians: Vec::new(),
             bases: Vec::new(),
             pushed: Vec::new(),
-            answers: Vec::new(),
-            known: vec![[Lanes::zero(simd); 3]; slots],
+            delassus: Vec::new(),
+            warm_start: vec![[Lanes::zero(simd); 3]; slots],
             found: vec![[Lanes::zero(simd); 3]; slots],
             change: Vec::new(),
             guess: StickGuess::new(),
@@ -127,10 +127,10 @@ impl<S: Simd> Impulses<S> {
     pub(in crate::engine::articulated) fn clear(&mut self) {
         self.blocks.clear();
         self.singles.clear();
-        self.couples = 0;
+        self.couplings = 0;
         self.contacts.clear();
         self.speeds.clear();
-        self.halves.clear();
+        self.half_jacobians.clear();
         self.bases.clear();
         self.pushed.clear();
     }
@@ -146,7 +146,7 @@ impl<S: Simd> Impulses<S> {
         let zero = Lanes::zero(self.simd);
         let mut touching = zero.less(zero);
         for contact in &self.contacts {
-            touching = touching.or(contact.there);
+            touching = touching.or(contact.mask);
         }
         touching
     }

@@ -13,14 +13,14 @@ const GUESSES: usize = 4;
 const MOST_ROWS: f64 = 30.0;
 /// Regularisation of rows without softness, relative to the diagonal: a sole that sticks on four corners has no unique
 /// load distribution...
-const COST: f64 = 1e-9;
+const REGULARISATION: f64 = 1e-9;
 /// ... and corners whose heights differ slightly would prevent it from tilting by huge tangential forces against each
 /// other.
-const ACROSS: f64 = 2e-6;
+const TANGENTIAL_REGULARISATION: f64 = 2e-6;
 /// Tangential forces are distributed as the load is, up to this ratio.
-const UNEVEN: f64 = 1e4;
+const MAX_LOAD_RATIO: f64 = 1e4;
 /// Tolerance of the friction cone (relative) and of target velocities (m/s).
-const BESIDE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-9;
 
 impl<S: Simd> Impulses<S> {
     /// Tries to solve for the impulses of the candidates in `may` without sweeps. Returns those where that succeeded;
@@ -39,7 +39,7 @@ impl<S: Simd> Impulses<S> {
                 break;
             }
         }
-        let few = self.own_rows().at_most(zero.like(MOST_ROWS));
+        let few = self.own_rows().less_or_equal(zero.like(MOST_ROWS));
         open.or(self.slides()).not().and(few).and(may)
     }
 
@@ -49,10 +49,10 @@ impl<S: Simd> Impulses<S> {
         let zero = Lanes::zero(self.simd);
         let mut rows = zero;
         for contact in &self.contacts {
-            rows += contact.there.select(zero.like(3.0), zero);
+            rows += contact.mask.select(zero.like(3.0), zero);
         }
         for single in &self.singles {
-            rows += single.least.less(single.most).select(zero.like(1.0), zero);
+            rows += single.lower.less(single.upper).select(zero.like(1.0), zero);
         }
         rows
     }
@@ -62,44 +62,50 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     fn guess(&mut self) {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
-        let (one, all) = (zero.like(1.0), zero.at_most(zero));
+        let (one, all) = (zero.like(1.0), zero.less_or_equal(zero));
         let g = &mut self.guess;
         g.free.clear();
         g.free.resize(rows, all);
-        g.alone.clear();
-        g.alone.extend_from_slice(&self.speeds);
-        for numbers in [&mut g.wanted, &mut g.costs, &mut g.solution] {
+        g.free_speeds.clear();
+        g.free_speeds.extend_from_slice(&self.speeds);
+        for numbers in [&mut g.target, &mut g.regularisation, &mut g.solution] {
             numbers.clear();
             numbers.resize(rows, zero);
         }
         // All entries that are read are written first.
         g.factor.resize(g.factor.len().max(rows * rows), zero);
-        for (k, &Single { row, wanted, least, most, stubborn }) in self.singles.iter().enumerate() {
+        for (k, &Single { row, target, lower, upper, effective_mass }) in self.singles.iter().enumerate() {
             // Couplings hold exactly: they are never redundant.
-            let own = if k < self.couples { zero } else { self.answers[row * rows + row] };
-            let needed = (wanted - self.speeds[row]) * stubborn;
-            let inside = least.less(needed).and(needed.less(most));
-            (g.free[row], g.wanted[row], g.costs[row]) = (inside, wanted, own * COST);
-            self.impulses[row] = inside.select(zero, needed.clamp(least, most));
+            let own = if k < self.couplings { zero } else { self.delassus[row * rows + row] };
+            let required = (target - self.speeds[row]) * effective_mass;
+            let inside = lower.less(required).and(required.less(upper));
+            (g.free[row], g.target[row], g.regularisation[row]) = (inside, target, own * REGULARISATION);
+            self.impulses[row] = inside.select(zero, required.clamp(lower, upper));
         }
         let (mut loads, mut many) = (zero, zero);
         for contact in &self.contacts {
-            let load = self.known[contact.slot][0];
-            let bears = contact.there.and(zero.less(load));
+            let load = self.warm_start[contact.slot][0];
+            let bears = contact.mask.and(zero.less(load));
             loads += bears.select(load, zero);
             many += bears.select(one, zero);
         }
         for contact in &self.contacts {
-            let (row, load) = (contact.row, self.known[contact.slot][0]);
-            let share = loads / many.max(one) / load.max(loads * (1.0 / UNEVEN)).max(zero.like(f64::MIN_POSITIVE));
-            let share = zero.less(loads).select(share.clamp(zero.like(UNEVEN.recip()), zero.like(UNEVEN)), one);
+            let (row, load) = (contact.row, self.warm_start[contact.slot][0]);
+            let share =
+                loads / many.max(one) / load.max(loads * (1.0 / MAX_LOAD_RATIO)).max(zero.like(f64::MIN_POSITIVE));
+            let share =
+                zero.less(loads).select(share.clamp(zero.like(MAX_LOAD_RATIO.recip()), zero.like(MAX_LOAD_RATIO)), one);
             for k in 0..3 {
-                g.free[row + k] = contact.there.and(zero.less(load));
+                g.free[row + k] = contact.mask.and(zero.less(load));
                 self.impulses[row + k] = zero;
-                let own = self.answers[(row + k) * rows + row + k];
-                g.costs[row + k] = if k == 0 { contact.law.softness + own * COST } else { own * share * ACROSS };
+                let own = self.delassus[(row + k) * rows + row + k];
+                g.regularisation[row + k] = if k == 0 {
+                    contact.law.softness + own * REGULARISATION
+                } else {
+                    own * share * TANGENTIAL_REGULARISATION
+                };
             }
-            g.wanted[row] = contact.law.wanted;
+            g.target[row] = contact.law.target;
         }
     }
 
@@ -112,9 +118,9 @@ impl<S: Simd> Impulses<S> {
         for i in 0..rows {
             for j in i + 1..rows {
                 let both = g.free[i].and(g.free[j]);
-                g.factor[i * rows + j] = both.select(self.answers[i * rows + j], zero);
+                g.factor[i * rows + j] = both.select(self.delassus[i * rows + j], zero);
             }
-            g.factor[i * rows + i] = g.free[i].select(self.answers[i * rows + i] + g.costs[i], one);
+            g.factor[i * rows + i] = g.free[i].select(self.delassus[i * rows + i] + g.regularisation[i], one);
         }
         for k in 0..rows {
             let (above, below) = g.factor.split_at_mut((k + 1) * rows);
@@ -138,9 +144,9 @@ impl<S: Simd> Impulses<S> {
     fn solve(&mut self) {
         let (rows, zero, g) = (self.rows(), Lanes::zero(self.simd), &mut self.guess);
         for i in 0..rows {
-            let mut missing = g.wanted[i] - g.alone[i];
+            let mut missing = g.target[i] - g.free_speeds[i];
             for &Single { row, .. } in &self.singles {
-                missing -= g.free[row].select(zero, self.answers[i * rows + row] * self.impulses[row]);
+                missing -= g.free[row].select(zero, self.delassus[i * rows + row] * self.impulses[row]);
             }
             g.solution[i] = g.free[i].select(missing, zero);
         }
@@ -158,10 +164,10 @@ impl<S: Simd> Impulses<S> {
             }
             self.impulses[i] = g.free[i].select(own, self.impulses[i]);
         }
-        self.speeds.copy_from_slice(&g.alone);
+        self.speeds.copy_from_slice(&g.free_speeds);
         for (i, &impulse) in self.impulses.iter().enumerate() {
-            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[i * rows..(i + 1) * rows]) {
-                *speed = speed.add_product(answer, impulse);
+            for (speed, &response) in self.speeds.iter_mut().zip(&self.delassus[i * rows..(i + 1) * rows]) {
+                *speed = speed.add_product(response, impulse);
             }
         }
     }
@@ -171,27 +177,27 @@ impl<S: Simd> Impulses<S> {
     #[inline(always)]
     fn correct(&mut self) -> Mask<S> {
         let (zero, g) = (Lanes::zero(self.simd), &mut self.guess);
-        let beside = zero.like(BESIDE);
+        let tolerance = zero.like(TOLERANCE);
         let mut wrong = zero.less(zero);
         for contact in &self.contacts {
             let (row, free) = (contact.row, g.free[contact.row]);
             let pulls = free.and(self.impulses[row].less(zero));
-            let sinks = contact.there.and(free.not()).and(self.speeds[row].less(contact.law.wanted - beside));
+            let sinks = contact.mask.and(free.not()).and(self.speeds[row].less(contact.law.target - tolerance));
             wrong = wrong.or(pulls).or(sinks);
             for k in 0..3 {
                 g.free[row + k] = free.and(pulls.not()).or(sinks);
                 self.impulses[row + k] = pulls.select(zero, self.impulses[row + k]);
             }
         }
-        for &Single { row, wanted, least, most, .. } in &self.singles {
+        for &Single { row, target, lower, upper, .. } in &self.singles {
             let (free, impulse) = (g.free[row], self.impulses[row]);
-            let beyond = free.and(impulse.less(least).or(most.less(impulse)));
-            let behind = self.speeds[row].less(wanted - beside).and(impulse.less(most));
-            let ahead = (wanted + beside).less(self.speeds[row]).and(least.less(impulse));
+            let beyond = free.and(impulse.less(lower).or(upper.less(impulse)));
+            let behind = self.speeds[row].less(target - tolerance).and(impulse.less(upper));
+            let ahead = (target + tolerance).less(self.speeds[row]).and(lower.less(impulse));
             let release = free.not().and(behind.or(ahead));
             wrong = wrong.or(beyond).or(release);
             g.free[row] = free.and(beyond.not()).or(release);
-            self.impulses[row] = beyond.select(impulse.clamp(least, most), impulse);
+            self.impulses[row] = beyond.select(impulse.clamp(lower, upper), impulse);
         }
         wrong
     }
@@ -204,8 +210,8 @@ impl<S: Simd> Impulses<S> {
         for contact in &self.contacts {
             let row = contact.row;
             let [normal, a, b] = [self.impulses[row], self.impulses[row + 1], self.impulses[row + 2]];
-            let most = contact.law.friction * normal * (1.0 + BESIDE);
-            slides = slides.or((most * most).less(a * a + b * b));
+            let limit = contact.law.friction * normal * (1.0 + TOLERANCE);
+            slides = slides.or((limit * limit).less(a * a + b * b));
         }
         slides
     }

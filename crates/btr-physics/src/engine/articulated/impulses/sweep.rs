@@ -17,14 +17,14 @@ impl<S: Simd> Impulses<S> {
     /// Warm start from the last impulses, for candidates that have not converged; `tried` are those that the active-set
     /// method has changed.
     #[inline(always)]
-    pub(super) fn begin(&mut self, settled: Mask<S>, tried: Mask<S>) {
+    pub(super) fn start_sweeps(&mut self, settled: Mask<S>, tried: Mask<S>) {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         if !settled.not().any() {
             return;
         }
         if tried.any() {
-            for (speed, alone) in self.speeds.iter_mut().zip(&self.guess.alone) {
-                *speed = settled.select(*speed, *alone);
+            for (speed, free_speed) in self.speeds.iter_mut().zip(&self.guess.free_speeds) {
+                *speed = settled.select(*speed, *free_speed);
             }
             for single in &self.singles {
                 self.impulses[single.row] = settled.select(self.impulses[single.row], zero);
@@ -33,12 +33,12 @@ impl<S: Simd> Impulses<S> {
         for contact in &self.contacts {
             for k in 0..3 {
                 let row = contact.row + k;
-                let known = contact.there.select(self.known[contact.slot][k], zero);
-                self.impulses[row] = settled.select(self.impulses[row], known);
-                let impulse = settled.select(zero, known);
-                let answers = &self.answers[row * rows..(row + 1) * rows];
-                for (speed, &answer) in self.speeds.iter_mut().zip(answers) {
-                    *speed = speed.add_product(answer, impulse);
+                let warm_start = contact.mask.select(self.warm_start[contact.slot][k], zero);
+                self.impulses[row] = settled.select(self.impulses[row], warm_start);
+                let impulse = settled.select(zero, warm_start);
+                let delassus = &self.delassus[row * rows..(row + 1) * rows];
+                for (speed, &response) in self.speeds.iter_mut().zip(delassus) {
+                    *speed = speed.add_product(response, impulse);
                 }
             }
         }
@@ -58,15 +58,15 @@ impl<S: Simd> Impulses<S> {
             touching.select(zero, zero.like(IN_JOINTS.1)),
         ];
         let sweeps = touching.select(zero.like(TOUCHING.0 as f64), zero.like(IN_JOINTS.0 as f64));
-        let (mut sweep, mut endless) = (0.0, zero.less(zero));
+        let (mut sweep, mut unconverged) = (0.0, zero.less(zero));
         while moving.any() {
             moving = self.sweep(moving, settled);
             sweep += 1.0;
-            let last = sweeps.at_most(zero.like(sweep));
-            endless = endless.or(moving.and(last));
+            let last = sweeps.less_or_equal(zero.like(sweep));
+            unconverged = unconverged.or(moving.and(last));
             moving = moving.and(last.not());
         }
-        endless
+        unconverged
     }
 
     /// One sweep: sets each joint's and each contact's impulses to their optimum with all others fixed, for the
@@ -77,31 +77,31 @@ impl<S: Simd> Impulses<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         let mut still = zero.less(zero);
         for k in 0..self.singles.len() {
-            let Single { row, wanted, least, most, stubborn } = self.singles[k];
-            let own = self.answers[row * rows + row];
-            let to = self.impulses[row].add_product(wanted - self.speeds[row], stubborn).clamp(least, most);
+            let Single { row, target, lower, upper, effective_mass } = self.singles[k];
+            let own = self.delassus[row * rows + row];
+            let to = self.impulses[row].add_product(target - self.speeds[row], effective_mass).clamp(lower, upper);
             let change = moving.select(to - self.impulses[row], zero);
             self.impulses[row] += change;
-            for (speed, &answer) in self.speeds.iter_mut().zip(&self.answers[row * rows..(row + 1) * rows]) {
-                *speed = speed.add_product(answer, change);
+            for (speed, &response) in self.speeds.iter_mut().zip(&self.delassus[row * rows..(row + 1) * rows]) {
+                *speed = speed.add_product(response, change);
             }
             still = still.or(moves(change * own, self.speeds[row], settled));
         }
         for k in 0..self.contacts.len() {
             let row = self.contacts[k].row;
-            let found = self.alone(&self.contacts[k]);
+            let found = self.solve_contact(&self.contacts[k]);
             let mut change = found;
             for k in 0..3 {
                 change[k] = moving.select(found[k] - self.impulses[row + k], zero);
                 self.impulses[row + k] += change[k];
             }
-            let (first, rest) = self.answers[row * rows..(row + 3) * rows].split_at(rows);
+            let (first, rest) = self.delassus[row * rows..(row + 3) * rows].split_at(rows);
             let (second, third) = rest.split_at(rows);
             for (((speed, &a), &b), &c) in self.speeds.iter_mut().zip(first).zip(second).zip(third) {
                 *speed = speed.add_product(a, change[0]).add_product(b, change[1]).add_product(c, change[2]);
             }
             for k in 0..3 {
-                let own = self.answers[(row + k) * rows + row + k];
+                let own = self.delassus[(row + k) * rows + row + k];
                 still = still.or(moves(change[k] * own, self.speeds[row + k], settled));
             }
         }
@@ -111,28 +111,28 @@ impl<S: Simd> Impulses<S> {
     /// The impulses of a contact with all others fixed: the normal one, then the tangential ones within its friction
     /// cone.
     #[inline(always)]
-    fn alone(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
-        let (rows, row, ContactLaw { wanted, softness, friction }) = (self.rows(), contact.row, contact.law);
-        let (zero, one) = (Lanes::zero(self.simd), Lanes::all(self.simd, 1.0));
+    fn solve_contact(&self, contact: &Contact<S>) -> [Lanes<S>; 3] {
+        let (rows, row, ContactLaw { target, softness, friction }) = (self.rows(), contact.row, contact.law);
+        let (zero, one) = (Lanes::zero(self.simd), Lanes::splat(self.simd, 1.0));
         let before = self.impulses[row];
-        let missing = wanted - self.speeds[row] - softness * before;
-        let normal = contact.there.select(before.add_product(missing, contact.stubborn).max(zero), zero);
+        let missing = target - self.speeds[row] - softness * before;
+        let normal = contact.mask.select(before.add_product(missing, contact.effective_mass).max(zero), zero);
         let mut across = [zero; 2];
         for k in 0..2 {
-            let speed = self.speeds[row + 1 + k].add_product(self.answers[row * rows + row + 1 + k], normal - before);
-            across[k] = self.impulses[row + 1 + k].sub_product(speed, contact.stubborn_across);
+            let speed = self.speeds[row + 1 + k].add_product(self.delassus[row * rows + row + 1 + k], normal - before);
+            across[k] = self.impulses[row + 1 + k].sub_product(speed, contact.tangential_mass);
         }
-        let most = friction * normal;
+        let limit = friction * normal;
         let square = across[0] * across[0] + across[1] * across[1];
-        let beyond = (most * most).less(square);
+        let beyond = (limit * limit).less(square);
         // Most contacts stick.
-        let shrink = if beyond.any() { beyond.select(most / beyond.select(square, one).sqrt(), one) } else { one };
+        let shrink = if beyond.any() { beyond.select(limit / beyond.select(square, one).sqrt(), one) } else { one };
         [normal, across[0] * shrink, across[1] * shrink]
     }
 }
 
 /// Whether a velocity changed by more than these absolute and relative tolerances.
 #[inline(always)]
-fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, [least, share]: [Lanes<S>; 2]) -> Mask<S> {
-    change.abs().at_most(least.add_product(share, speed.abs())).not()
+fn moves<S: Simd>(change: Lanes<S>, speed: Lanes<S>, [absolute, relative]: [Lanes<S>; 2]) -> Mask<S> {
+    change.abs().less_or_equal(absolute.add_product(relative, speed.abs())).not()
 }

@@ -41,13 +41,13 @@ const COSINE: [f64; 6] = [
 impl<S: Simd> Lanes<S> {
     /// The same number in every lane.
     #[inline(always)]
-    pub(in crate::engine::articulated) fn all(simd: S, x: f64) -> Self {
+    pub(in crate::engine::articulated) fn splat(simd: S, x: f64) -> Self {
         Lanes(simd, simd.splat_f64s(x))
     }
 
     #[inline(always)]
     pub(in crate::engine::articulated) fn zero(simd: S) -> Self {
-        Lanes::all(simd, 0.0)
+        Lanes::splat(simd, 0.0)
     }
 
     /// A number for each lane.
@@ -70,7 +70,7 @@ impl<S: Simd> Lanes<S> {
     /// The same number in every lane, of this value's type.
     #[inline(always)]
     pub(in crate::engine::articulated) fn like(self, x: f64) -> Self {
-        Lanes::all(self.0, x)
+        Lanes::splat(self.0, x)
     }
 
     /// `self + a·b`, rounded once.
@@ -106,7 +106,7 @@ impl<S: Simd> Lanes<S> {
     }
 
     #[inline(always)]
-    pub(in crate::engine::articulated) fn at_most(self, other: Self) -> Mask<S> {
+    pub(in crate::engine::articulated) fn less_or_equal(self, other: Self) -> Mask<S> {
         Mask(self.0, self.0.less_than_or_equal_f64s(self.1, other.1))
     }
 
@@ -123,8 +123,8 @@ impl<S: Simd> Lanes<S> {
     }
 
     #[inline(always)]
-    pub(in crate::engine::articulated) fn clamp(self, least: Self, most: Self) -> Self {
-        self.max(least).min(most)
+    pub(in crate::engine::articulated) fn clamp(self, lower: Self, upper: Self) -> Self {
+        self.max(lower).min(upper)
     }
 
     /// Sine and cosine; accurate to the last digits up to 100,000 turns.
@@ -181,7 +181,7 @@ impl<S: Simd> Mask<S> {
 
     /// Whether it is true in a lane.
     pub(in crate::engine::articulated) fn lane(self, lane: usize) -> bool {
-        self.select(Lanes::all(self.0, 1.0), Lanes::zero(self.0)).lane(lane) > 0.5
+        self.select(Lanes::splat(self.0, 1.0), Lanes::zero(self.0)).lane(lane) > 0.5
     }
 
     /// Whether it is true in any lane.

@@ -87,16 +87,16 @@ impl<S: Simd> Symmetric<S> {
 
     /// The matrix in axes rotated by `rotation`.
     #[inline(always)]
-    pub(in crate::engine::articulated) fn turned(&self, rotation: &M3<S>) -> Self {
+    pub(in crate::engine::articulated) fn rotated(&self, rotation: &M3<S>) -> Self {
         let [xx, yy, zz, xy, xz, yz] = self.0;
         let own = M3([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
-        let half = rotation.then(&own);
+        let half = rotation.product(&own);
         let entry = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
-        let mut turned = self.0;
+        let mut rotated = self.0;
         for k in 0..6 {
-            turned[k] = half.row(entry[k].0).dot(&rotation.row(entry[k].1));
+            rotated[k] = half.row(entry[k].0).dot(&rotation.row(entry[k].1));
         }
-        Symmetric(turned)
+        Symmetric(rotated)
     }
 
     /// Inertia of a point mass at `place` about the origin.
@@ -117,7 +117,7 @@ impl<S: Simd> Symmetric<S> {
     }
 
     #[inline(always)]
-    fn turn(&self, v: &V3<S>) -> V3<S> {
+    fn transform(&self, v: &V3<S>) -> V3<S> {
         let [xx, yy, zz, xy, xz, yz] = self.0;
         V3([V3([xx, xy, xz]).dot(v), V3([xy, yy, yz]).dot(v), V3([xz, yz, zz]).dot(v)])
     }
@@ -128,7 +128,7 @@ impl<S: Simd> Inertia<S> {
     #[inline(always)]
     pub(in crate::engine::articulated) fn times(&self, motion: &Spatial<S>) -> Spatial<S> {
         Spatial {
-            angular: self.second.turn(&motion.angular) + self.first.cross(&motion.linear),
+            angular: self.second.transform(&motion.angular) + self.first.cross(&motion.linear),
             linear: motion.linear.times(self.mass) + motion.angular.cross(&self.first),
         }
     }
@@ -148,13 +148,13 @@ impl<S: Simd> Inertia<S> {
 /// different branches, and neither has the factor. Its diagonal holds the reciprocals, which is all that is needed of
 /// it.
 #[inline(always)]
-pub(in crate::engine::articulated) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], ways: &[Vec<usize>]) {
-    let n = ways.len();
+pub(in crate::engine::articulated) fn factorise<S: Simd>(matrix: &mut [Lanes<S>], paths: &[Vec<usize>]) {
+    let n = paths.len();
     for k in (0..n).rev() {
         // A body without inertia makes this NaN, which [`Dynamics::trouble`](crate::engine::Dynamics::trouble) reports.
         let pivot = matrix[k * n + k].sqrt().recip();
         matrix[k * n + k] = pivot;
-        let above = &ways[k][..ways[k].len() - 1];
+        let above = &paths[k][..paths[k].len() - 1];
         for &i in above {
             matrix[k * n + i] = matrix[k * n + i] * pivot;
         }
@@ -169,32 +169,32 @@ pub(in crate::engine::articulated) fn factorise<S: Simd>(matrix: &mut [Lanes<S>]
 
 /// Solves LᵀL·x = b, in place.
 #[inline(always)]
-pub(in crate::engine::articulated) fn solve<S: Simd>(factor: &[Lanes<S>], ways: &[Vec<usize>], x: &mut [Lanes<S>]) {
-    let n = ways.len();
+pub(in crate::engine::articulated) fn solve<S: Simd>(factor: &[Lanes<S>], paths: &[Vec<usize>], x: &mut [Lanes<S>]) {
+    let n = paths.len();
     for i in (0..n).rev() {
         let own = x[i] * factor[i * n + i];
         x[i] = own;
-        for &j in &ways[i][..ways[i].len() - 1] {
+        for &j in &paths[i][..paths[i].len() - 1] {
             x[j] = x[j].sub_product(factor[i * n + j], own);
         }
     }
-    substitute(factor, ways, x);
+    substitute(factor, paths, x);
 }
 
 /// Solves Lᵀ·x = b in place, where b is nonzero only on the path from the root to one degree of freedom; `x` has an
 /// entry for each step of the path.
 #[inline(always)]
-pub(in crate::engine::articulated) fn solve_way<S: Simd>(
+pub(in crate::engine::articulated) fn solve_path<S: Simd>(
     factor: &[Lanes<S>],
     n: usize,
-    way: &[usize],
+    path: &[usize],
     x: &mut [Lanes<S>],
 ) {
-    for step in (0..way.len()).rev() {
-        let row = way[step] * n;
-        let own = x[step] * factor[row + way[step]];
+    for step in (0..path.len()).rev() {
+        let row = path[step] * n;
+        let own = x[step] * factor[row + path[step]];
         x[step] = own;
-        for (x, &j) in x[..step].iter_mut().zip(way) {
+        for (x, &j) in x[..step].iter_mut().zip(path) {
             *x = x.sub_product(factor[row + j], own);
         }
     }
@@ -205,14 +205,14 @@ pub(in crate::engine::articulated) fn solve_way<S: Simd>(
 pub(in crate::engine::articulated) fn solve_motions<S: Simd>(
     factor: &[Lanes<S>],
     n: usize,
-    way: &[usize],
+    path: &[usize],
     x: &mut [Spatial<S>],
 ) {
-    for step in (0..way.len()).rev() {
-        let row = way[step] * n;
-        let own = x[step].times(factor[row + way[step]]);
+    for step in (0..path.len()).rev() {
+        let row = path[step] * n;
+        let own = x[step].times(factor[row + path[step]]);
         x[step] = own;
-        for (x, &j) in x[..step].iter_mut().zip(way) {
+        for (x, &j) in x[..step].iter_mut().zip(path) {
             *x = x.add_times(&own, -factor[row + j]);
         }
     }
@@ -222,13 +222,13 @@ pub(in crate::engine::articulated) fn solve_motions<S: Simd>(
 #[inline(always)]
 pub(in crate::engine::articulated) fn substitute<S: Simd>(
     factor: &[Lanes<S>],
-    ways: &[Vec<usize>],
+    paths: &[Vec<usize>],
     x: &mut [Lanes<S>],
 ) {
-    let n = ways.len();
+    let n = paths.len();
     for i in 0..n {
         let mut own = x[i];
-        for &j in &ways[i][..ways[i].len() - 1] {
+        for &j in &paths[i][..paths[i].len() - 1] {
             own = own.sub_product(factor[i * n + j], x[j]);
         }
         x[i] = own * factor[i * n + i];

@@ -27,7 +27,7 @@ impl<S: Simd> V3<S> {
     #[inline(always)]
     pub(in crate::engine::articulated) fn axis(simd: S, k: usize) -> Self {
         let mut axis = V3::zero(simd);
-        axis.0[k] = Lanes::all(simd, 1.0);
+        axis.0[k] = Lanes::splat(simd, 1.0);
         axis
     }
 
@@ -109,18 +109,18 @@ impl<S: Simd> M3<S> {
     }
 
     #[inline(always)]
-    pub(in crate::engine::articulated) fn turn(&self, v: &V3<S>) -> V3<S> {
+    pub(in crate::engine::articulated) fn transform(&self, v: &V3<S>) -> V3<S> {
         V3([self.row(0).dot(v), self.row(1).dot(v), self.row(2).dot(v)])
     }
 
     /// Product of the transposed matrix and a vector.
     #[inline(always)]
-    pub(in crate::engine::articulated) fn turn_back(&self, v: &V3<S>) -> V3<S> {
+    pub(in crate::engine::articulated) fn transform_transposed(&self, v: &V3<S>) -> V3<S> {
         V3([self.column(0).dot(v), self.column(1).dot(v), self.column(2).dot(v)])
     }
 
     #[inline(always)]
-    pub(in crate::engine::articulated) fn then(&self, other: &Self) -> Self {
+    pub(in crate::engine::articulated) fn product(&self, other: &Self) -> Self {
         let mut product = *self;
         for i in 0..3 {
             for j in 0..3 {
