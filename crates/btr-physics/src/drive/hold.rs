@@ -1,4 +1,4 @@
-//! Keeps every joint where it starts.
+//! Drive that holds every joint at its start position.
 
 use super::Drive;
 use crate::robot::Robot;
@@ -10,7 +10,7 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Holds `robot` where it starts.
+    /// Holds `robot` at its start positions.
     pub fn new(robot: &Robot) -> Self {
         Hold { starts: robot.movable().map(|(_, link)| link.joint.start).collect() }
     }

@@ -1,4 +1,4 @@
-//! Drives by name, and which of their numbers are searched.
+//! Drives by name, and which of their parameters are searched.
 
 use super::policy::{Policy, PolicyPlan};
 use super::{Drive, Hold, NaoKick, NaoWalk, Replay, Sine};
@@ -9,23 +9,23 @@ use indexmap::IndexMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Every drive: its name in experiment files, and what it does.
+/// Every drive: its name in experiment files, and its description.
 pub const DRIVES: &[(&str, &str)] = &[
-    ("hold", "keeps every joint where it starts"),
+    ("hold", "holds every joint at its start position"),
     ("sine", "r_i = theta_i + a_i sin(omega t + psi_i) on every joint, as the paper's ant; C is a_i and psi_i"),
-    ("nao_walk", "a walk for the Nao: ZMP targets turned into targets of the centre of mass"),
+    ("nao_walk", "a walk for the Nao: ZMP targets converted to targets of the centre of mass"),
     ("nao_kick", "a kick for the Nao with its right foot"),
-    ("policy", "what the robot senses corrects another drive (`around`): linear, or with a layer of `hidden` units"),
+    ("policy", "sensor feedback corrects another drive (`around`): linear, or with a layer of `hidden` units"),
     ("replay", "the commands of a recorded log, held between samples"),
 ];
 
 /// Largest amplitude of the sine drive unless the experiment says otherwise, in the unit of the commands.
 const SINE_AMPLITUDE: f64 = 0.6;
 
-/// A kind of drive with what it needs.
+/// A kind of drive with its settings.
 #[derive(Clone, Debug)]
 pub enum DriveKind {
-    /// Every joint stays at its start.
+    /// Holds every joint at its start position.
     Hold,
     /// Sines of one angular frequency.
     Sine {
@@ -36,11 +36,11 @@ pub enum DriveKind {
     NaoWalk,
     /// The Nao's kick.
     NaoKick,
-    /// What the robot senses corrects another drive.
+    /// Sensor feedback that corrects another drive.
     Policy {
         /// The other drive.
         around: Box<DriveKind>,
-        /// What it goes by and what it steers.
+        /// Its inputs and outputs.
         policy: PolicyPlan,
     },
     /// Recorded commands.
@@ -62,8 +62,8 @@ impl DriveKind {
         })
     }
 
-    /// A sine's bounds, and those of a policy's weights, are only those of a search that states none; the other drives
-    /// hold for theirs alone.
+    /// Whether values outside the drive's bounds are valid. The bounds of a sine and of a policy's weights are only
+    /// defaults of a search; the other drives are defined within their bounds only.
     fn takes_any_value(&self) -> bool {
         match self {
             DriveKind::Policy { around, .. } => around.takes_any_value(),
@@ -86,8 +86,8 @@ impl DriveKind {
             }
             DriveKind::NaoKick => Box::new(NaoKick::new(robot, values).map_err(|e| refused(e.to_string()))?),
             DriveKind::Policy { around, policy } => {
-                let (own, weights) = values.split_at(values.len() - policy.dims(robot).len());
-                Box::new(Policy::new(policy, around.at(robot, own, duration_s)?, robot, weights))
+                let (base_values, weights) = values.split_at(values.len() - policy.dims(robot).len());
+                Box::new(Policy::new(policy, around.at(robot, base_values, duration_s)?, robot, weights))
             }
             DriveKind::Replay(replay) => Box::new(replay.clone()),
         })
@@ -107,18 +107,18 @@ fn sine_dims(robot: &Robot) -> Vec<Dim> {
         .collect()
 }
 
-/// A drive of which some numbers are searched and the others fixed.
+/// A drive of which some parameters are searched and the others fixed.
 #[derive(Clone, Debug)]
 pub struct DrivePlan {
     kind: DriveKind,
-    /// Every parameter's value; those that are searched are overwritten.
+    /// Value of every parameter; those of the searched ones are overwritten.
     values: Vec<f64>,
-    /// Where the searched parameters stand among all.
+    /// Indices of the searched parameters among all.
     searched: Vec<usize>,
     space: Space,
 }
 
-/// Why a drive cannot be planned so.
+/// Why a drive cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DriveError {
     /// A parameter that the drive does not have.
@@ -126,23 +126,23 @@ pub enum DriveError {
     Unknown {
         /// The name.
         name: String,
-        /// What it does have.
+        /// Its parameters.
         known: Vec<String>,
     },
-    /// Bounds or a value that make no sense.
+    /// Invalid bounds or an invalid value.
     #[error(transparent)]
     Space(#[from] SpaceError),
-    /// The robot cannot be driven so.
+    /// The drive does not support the robot.
     #[error(transparent)]
     World(#[from] WorldError),
 }
 
 impl DrivePlan {
-    /// `set` fixes parameters, `searched` lists those of C with bounds of their own if given. With `from_nominal` the
-    /// search knows the nominal values as c_0.
+    /// `set` fixes parameters, `searched` lists those of C with optional bounds. With `from_nominal` the search starts
+    /// from the nominal values as c_0.
     ///
     /// # Errors
-    /// Names the drive does not have, values outside their bounds, a robot it cannot drive.
+    /// Unknown names, values outside their bounds, a robot that the drive does not support.
     pub fn new(
         kind: DriveKind,
         robot: &Robot,
@@ -176,20 +176,20 @@ impl DrivePlan {
         Ok(plan)
     }
 
-    /// Whether what the robot senses changes what it is told: then [`at`](Self::at) alone does not say its references.
+    /// Whether sensor readings change the references: then [`at`](Self::at) alone does not determine them.
     pub fn senses(&self) -> bool {
         matches!(self.kind, DriveKind::Policy { .. })
     }
 
-    /// C.
+    /// The controller space C.
     pub fn space(&self) -> &Space {
         &self.space
     }
 
-    /// The drive of controller `c`, for so many seconds.
+    /// The drive of controller `c`, for `duration_s` seconds.
     ///
     /// # Errors
-    /// A robot that cannot be driven so.
+    /// A robot that the drive does not support.
     pub fn at(&self, robot: &Robot, c: &[f64], duration_s: f64) -> Result<Box<dyn Drive>, WorldError> {
         let mut values = self.values.clone();
         self.searched.iter().zip(c).for_each(|(&k, &x)| values[k] = x);

@@ -1,4 +1,4 @@
-//! A policy: what the robot senses corrects what another drive tells it, tick by tick.
+//! A policy: sensor feedback corrects the references of another drive at every controller tick.
 
 use super::Drive;
 use crate::engine::Dynamics;
@@ -8,25 +8,24 @@ use btr_core::signal::smooth::Motion;
 use btr_core::space::Dim;
 use nalgebra::Vector3;
 
-/// What a policy can sense: its name in experiment files, and what that is.
+/// Sensors of a policy: the name in experiment files, and the description.
 pub const SENSES: &[(&str, &str)] = &[
     ("tilt", "x and y of the upward direction in the root's axes"),
     ("gyro", "the root's angular velocity in its own axes, in rad/s"),
-    ("positions", "how far every joint is from where it starts, in rad (m)"),
+    ("positions", "position of every joint relative to its start, in rad (m)"),
     ("velocities", "velocity of every joint, in rad/s (m/s)"),
-    ("feet", "1 for a foot that carries something, 0 for one that does not"),
+    ("feet", "1 for a foot in contact, 0 otherwise"),
     ("clock", "sine and cosine of omega_rad_s times the time"),
 ];
 
-/// Weights of a layer that ends in a joint change its reference by so much at most, per unit, in the unit of its
-/// command.
+/// Bound of a weight onto a joint: largest change of its reference per unit of input, in the unit of its command.
 const PER_UNIT: f64 = 0.6;
-/// The same per rad/s or m/s.
+/// The same bound per rad/s or m/s.
 const PER_SPEED: f64 = 0.06;
-/// Weights of a layer that ends in a hidden unit are larger, so that it can saturate.
+/// Bound of a weight onto a hidden unit; it is larger, so that the unit can saturate.
 const HIDDEN: f64 = 5.0;
 
-/// A number that a policy goes by.
+/// An input of a policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Input {
     /// Always 1.
@@ -42,7 +41,7 @@ enum Input {
 }
 
 impl Input {
-    /// What a weight may be, on its way to a joint.
+    /// Bound of a weight from this input to a joint.
     fn bound(self) -> f64 {
         if matches!(self, Input::Gyro(_) | Input::Velocity(_)) { PER_SPEED } else { PER_UNIT }
     }
@@ -63,21 +62,21 @@ impl Input {
     }
 }
 
-/// What a policy goes by, what it steers and how.
+/// Inputs, outputs and structure of a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolicyPlan {
-    /// Names of [`SENSES`].
+    /// Names from [`SENSES`].
     pub sensors: Vec<String>,
-    /// Which joints it steers, as a pattern.
+    /// Pattern of the joints that it corrects.
     pub joints: String,
-    /// Hidden units (tanh); the policy is linear where there are none.
+    /// Number of hidden units (tanh); without them the policy is linear.
     pub hidden: usize,
-    /// Of the clock.
+    /// Angular frequency of the clock input.
     pub omega_rad_s: f64,
 }
 
 impl PolicyPlan {
-    /// Inputs by name, the constant one first.
+    /// Inputs by name, the constant first.
     fn inputs(&self, robot: &Robot) -> Vec<(String, Input)> {
         let joints: Vec<&Joint> = robot.movable().map(|(_, link)| &link.joint).collect();
         let feet: Vec<&str> = robot.links.iter().filter(|link| link.foot).map(|link| link.name.as_str()).collect();
@@ -100,14 +99,14 @@ impl PolicyPlan {
         inputs
     }
 
-    /// Joints it steers: their numbers among the movable ones.
+    /// Joints that it corrects, with their indices among the movable ones.
     fn outputs<'r>(&self, robot: &'r Robot) -> Vec<(usize, &'r Joint)> {
         let joints = robot.movable().map(|(_, link)| &link.joint).enumerate();
         joints.filter(|(_, joint)| site::matches(&self.joints, &joint.name)).collect()
     }
 
     /// Every weight, `INPUT@OUTPUT`: for each hidden unit those of all inputs, then those of all joints; without hidden
-    /// units for each input those of all joints. All are 0 at first, which leaves the references as they are.
+    /// units, for each input those of all joints. All are initially 0, which leaves the references unchanged.
     pub(super) fn dims(&self, robot: &Robot) -> Vec<Dim> {
         let (inputs, outputs) = (self.inputs(robot), self.outputs(robot));
         let dim = |from: &str, to: &str, unit: &str, most: f64| {
@@ -131,14 +130,14 @@ impl PolicyPlan {
     }
 }
 
-/// Another drive's references, corrected tick by tick. What the sensors say at a tick changes the reference of the next
-/// one: this is the delay that a controller of this period has. It senses without noise.
+/// Another drive's references, corrected at every tick. The readings at a tick change the reference of the next one,
+/// which is the delay of a controller with this period. The readings are free of noise.
 pub(super) struct Policy {
     around: Box<dyn Drive>,
     plan: PolicyPlan,
     inputs: Vec<Input>,
     outputs: Vec<usize>,
-    /// Where every joint starts, and between which bounds references stay.
+    /// Start position of every joint, and the range of its references.
     starts: Vec<f64>,
     limits: Vec<(f64, f64)>,
     /// In the order of [`PolicyPlan::dims`].
@@ -159,14 +158,14 @@ impl Policy {
         }
     }
 
-    /// Adds what a unit says, by its weights to all joints.
+    /// Adds a unit's output, weighted, to all joints.
     fn add(&self, value: f64, weights: &[f64], command: &mut [f64]) {
         self.outputs.iter().zip(weights).for_each(|(&joint, weight)| command[joint] += weight * value);
     }
 }
 
 impl Drive for Policy {
-    /// What the other drive tells, before any correction.
+    /// References of the other drive, before any correction.
     fn command(&self, time_s: f64, command: &mut [f64]) {
         self.around.command(time_s, command);
     }
@@ -200,8 +199,8 @@ impl Drive for Policy {
             self.add(sum.tanh(), out, command);
         }
         for &joint in &self.outputs {
-            let (least, most) = self.limits[joint];
-            command[joint] = command[joint].clamp(least, most);
+            let (low, high) = self.limits[joint];
+            command[joint] = command[joint].clamp(low, high);
         }
     }
 }
@@ -224,7 +223,7 @@ mod tests {
         PolicyPlan { sensors, joints: JOINTS.to_owned(), hidden, omega_rad_s: 7.0 }
     }
 
-    /// The ant's tripod gait, corrected by these weights, over and over.
+    /// The ant's tripod gait, corrected with these weights, repeated cyclically.
     fn policy(hidden: usize, weights: &[f64]) -> Policy {
         let (plan, robot) = (plan(hidden), ant());
         let all = plan.dims(&robot).len();
@@ -236,13 +235,13 @@ mod tests {
         )
     }
 
-    /// References are held, so that a log has them as they were told.
+    /// References are held, so that the log contains them unchanged.
     fn setup(engine: EngineName) -> Setup {
         let sensors = Sensors { velocities: true, torques: false, imu: true, feet: true };
         Setup { dt_s: 0.005, duration_s: 0.4, control_s: 0.05, sensors, engine, ..Setup::default() }
     }
 
-    /// What an input is, by a log.
+    /// Value of an input, from a log.
     fn logged(log: &Log, input: &str, row: usize, next_s: f64) -> f64 {
         let at = |channel: &str| log.channel(channel).unwrap().values[row];
         let (w, x, y, z) = (at("base_qw"), at("base_qx"), at("base_qy"), at("base_qz"));
@@ -266,7 +265,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(12))]
 
         #[test]
-        fn what_is_sensed_at_a_tick_corrects_the_reference_of_the_next(
+        fn readings_at_a_tick_correct_the_reference_of_the_next(
             weights in prop::collection::vec(-0.05..0.05, 7..23),
             hidden in 0usize..4,
             rapier: bool,
@@ -275,28 +274,29 @@ mod tests {
             let (drive, robot) = (policy(hidden, &weights), ant());
             let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup(engine))).unwrap();
             let (inputs, outputs) = (drive.plan.inputs(&robot), drive.plan.outputs(&robot));
-            let mut told = vec![0.0; robot.movable().count()];
+            let mut references = vec![0.0; robot.movable().count()];
             for tick in 1..8 {
                 let (row, next_s) = (10 * tick, 0.05 * tick as f64);
                 let x: Vec<f64> = inputs.iter().map(|(name, _)| logged(&log, name, row - 10, next_s)).collect();
-                crate::presets::ant::tripod().command(next_s, &mut told);
-                for (o, (joint, named)) in outputs.iter().enumerate() {
+                crate::presets::ant::tripod().command(next_s, &mut references);
+                for (o, (joint, output)) in outputs.iter().enumerate() {
                     let correction: f64 = if hidden == 0 {
                         x.iter().zip(drive.weights[o..].iter().step_by(outputs.len())).map(|(x, w)| x * w).sum()
                     } else {
                         let unit = |w: &[f64]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>().tanh() * w[x.len() + o];
                         drive.weights.chunks(x.len() + outputs.len()).map(unit).sum()
                     };
-                    let (least, most) = named.limits;
-                    let expected = (told[*joint] + correction).clamp(least, most);
-                    let logged = log.channel(&format!("cmd_{}", named.name)).unwrap().values[row];
-                    prop_assert!((logged - expected).abs() < 1e-9, "{} at {next_s}: {logged}, not {expected}", named.name);
+                    let (low, high) = output.limits;
+                    let expected = (references[*joint] + correction).clamp(low, high);
+                    let logged = log.channel(&format!("cmd_{}", output.name)).unwrap().values[row];
+                    let name = &output.name;
+                    prop_assert!((logged - expected).abs() < 1e-9, "{name} at {next_s}: {logged}, not {expected}");
                 }
             }
         }
 
         #[test]
-        fn side_by_side_each_goes_by_its_own_senses(weights in prop::collection::vec(-0.05..0.05, 7..23)) {
+        fn drives_simulated_together_use_their_own_readings(weights in prop::collection::vec(-0.05..0.05, 7..23)) {
             let (robot, setup) = (ant(), setup(EngineName::Auto));
             let drives: Vec<Policy> = (0..5).map(|i| policy(i % 3, &weights[i..])).collect();
             let candidate = |drive| RolloutRequest::new(&robot, drive).setup(&setup);
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn without_weights_it_is_the_drive_that_it_corrects() {
+    fn with_zero_weights_it_equals_the_drive_that_it_corrects() {
         let robot = ant();
         for hidden in [0, 2] {
             let log = simulate(RolloutRequest::new(&robot, &policy(hidden, &[0.0])).setup(&setup(EngineName::Auto)));
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn every_weight_has_a_name_of_its_own_and_begins_at_zero() {
+    fn weights_have_unique_names_and_start_at_zero() {
         let robot = ant();
         let kind = |hidden| DriveKind::Policy {
             around: Box::new(DriveKind::Sine { omega_rad_s: OMEGA_RAD_S }),

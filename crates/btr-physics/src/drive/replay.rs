@@ -1,4 +1,4 @@
-//! Tells the joints what a log says they were told.
+//! Drive that replays the commands of a log.
 
 use super::Drive;
 use crate::robot::{Actuator, Link, Robot};
@@ -6,31 +6,31 @@ use btr_core::log::{Log, interpolate};
 use btr_core::signal::missing;
 use btr_core::signal::smooth::{Motion, finely};
 
-/// A stamp that is off by less than this share of the usual time between samples was only rounded.
+/// Time stamps that are off by less than this fraction of the usual sample time count as rounded.
 const ROUNDED: f64 = 1e-3;
 
 /// The commands of a log, each held until the next one.
 ///
-/// A step that begins between two stamps is told the mean of what was held during it. Commands that are missing (NaN)
-/// for longer than a message may be lost ([`silence`]) switch the torque off, as does a channel `torque_on` that is
+/// A step that spans several stamps receives the mean of the commands held during it. Commands that are missing (NaN)
+/// for longer than a lost message ([`missing::held`]) switch the torque off, as does a channel `torque_on` that is
 /// below one half or missing. A joint without a `cmd_<joint>` channel is never driven. A prescribed joint follows its
 /// measured `q_<joint>`, smoothed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     clock_s: Vec<f64>,
-    /// By how much stamps may be rounded, in s.
+    /// Tolerance of the time stamps for rounding, in s.
     rounded_s: f64,
     commands: Vec<Option<Vec<f64>>>,
     torque_on: Option<Vec<f64>>,
-    /// Measured motions, smoothed, of the joints that are to follow them.
+    /// Smoothed measured motions of the prescribed joints.
     motions: Vec<Option<Vec<Motion>>>,
 }
 
 impl Replay {
-    /// The drive that repeats what `robot` was told in `log`. Time counts from the log's first sample.
+    /// The drive that repeats the commands of `robot` in `log`. Time counts from the log's first sample.
     pub fn new(log: &Log, robot: &Robot) -> Self {
         let values = |name: &str| log.channel(name).map(|channel| channel.values.clone());
-        let told = |name: &str| log.channel(name).map(|channel| missing::held(log, &channel.values));
+        let commands = |name: &str| log.channel(name).map(|channel| missing::held(log, &channel.values));
         let followed = |link: &Link| {
             let prescribed = link.joint.actuator == Actuator::Prescribed;
             let measured = log.channel(&format!("q_{}", link.joint.name)).filter(|_| prescribed)?;
@@ -40,7 +40,7 @@ impl Replay {
         Replay {
             clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
             rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
-            commands: robot.movable().map(|(_, link)| told(&format!("cmd_{}", link.joint.name))).collect(),
+            commands: robot.movable().map(|(_, link)| commands(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
             motions: robot.movable().map(|(_, link)| followed(link)).collect(),
         }
@@ -53,35 +53,36 @@ impl Replay {
         self.motions.get(joint).is_some_and(Option::is_some)
     }
 
-    /// The sample that is held at a time.
+    /// Index of the sample that is held at a time.
     fn held(&self, time_s: f64) -> usize {
         self.clock_s.partition_point(|&t| t <= time_s + self.rounded_s).saturating_sub(1)
     }
 
-    /// What a joint is told by a sample; NaN while torque is off.
-    fn told(&self, joint: usize, sample: usize) -> f64 {
+    /// Command of a joint at a sample; NaN while torque is off.
+    fn command_at(&self, joint: usize, sample: usize) -> f64 {
         let on = self.torque_on.as_ref().is_none_or(|on| on.get(sample).is_some_and(|&on| on >= 0.5));
         let values = self.commands.get(joint).and_then(Option::as_ref);
         values.and_then(|values| values.get(sample)).copied().filter(|_| on).unwrap_or(f64::NAN)
     }
 }
 
-/// A smoothed motion without gaps: linear across them, and constant beyond the ends. `None` where nothing is known.
+/// Fills the gaps of a smoothed motion: linear across gaps, constant beyond the ends. `None` if every sample is
+/// missing.
 fn complete(clock_s: &[f64], motion: Vec<Motion>) -> Option<Vec<Motion>> {
-    let there: Vec<usize> = (0..motion.len()).filter(|&i| motion[i].value.is_finite()).collect();
-    if there.is_empty() || there.len() == motion.len() {
-        return (!there.is_empty()).then_some(motion);
+    let present: Vec<usize> = (0..motion.len()).filter(|&i| motion[i].value.is_finite()).collect();
+    if present.is_empty() || present.len() == motion.len() {
+        return (!present.is_empty()).then_some(motion);
     }
-    let known_s: Vec<f64> = there.iter().map(|&i| clock_s[i]).collect();
+    let known_s: Vec<f64> = present.iter().map(|&i| clock_s[i]).collect();
     let filled = |of: fn(&Motion) -> f64| {
-        interpolate(&known_s, &there.iter().map(|&i| of(&motion[i])).collect::<Vec<_>>(), clock_s)
+        interpolate(&known_s, &present.iter().map(|&i| of(&motion[i])).collect::<Vec<_>>(), clock_s)
     };
     let parts = filled(|m| m.value).into_iter().zip(filled(|m| m.velocity)).zip(filled(|m| m.acceleration));
     Some(parts.map(|((value, velocity), acceleration)| Motion { value, velocity, acceleration }).collect())
 }
 
-/// Where a motion leads in a time, at its acceleration.
-fn ahead(motion: &Motion, time_s: f64) -> Motion {
+/// A motion after a time, at constant acceleration.
+fn extrapolated(motion: &Motion, time_s: f64) -> Motion {
     let Motion { value, velocity, acceleration } = *motion;
     let velocity = velocity + time_s * acceleration;
     Motion { value: value + time_s * (velocity - 0.5 * time_s * acceleration), velocity, acceleration }
@@ -95,9 +96,9 @@ impl Drive for Replay {
         if since_s.abs() <= self.rounded_s || i + 1 >= motion.len() {
             return Some(motion[i]);
         }
-        // Between two samples, what both lead to.
+        // Between two samples, the extrapolations from both are blended.
         let until_s = self.clock_s[i + 1] - time_s;
-        let (a, b) = (ahead(&motion[i], since_s), ahead(&motion[i + 1], -until_s));
+        let (a, b) = (extrapolated(&motion[i], since_s), extrapolated(&motion[i + 1], -until_s));
         let share = since_s / (since_s + until_s);
         let between = |a: f64, b: f64| a + share * (b - a);
         Some(Motion {
@@ -109,7 +110,7 @@ impl Drive for Replay {
 
     fn command(&self, time_s: f64, command: &mut [f64]) {
         let sample = self.held(time_s);
-        command.iter_mut().enumerate().for_each(|(joint, command)| *command = self.told(joint, sample));
+        command.iter_mut().enumerate().for_each(|(joint, command)| *command = self.command_at(joint, sample));
     }
 
     fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
@@ -118,18 +119,18 @@ impl Drive for Replay {
             return self.command(start_s, command);
         }
         for (joint, command) in command.iter_mut().enumerate() {
-            let (mut sum, mut told_s) = (0.0, 0.0);
+            let (mut sum, mut driven_s) = (0.0, 0.0);
             for sample in first..=last {
                 let begins = if sample == first { start_s } else { self.clock_s[sample] };
                 let ends = if sample == last { end_s } else { self.clock_s[sample + 1] };
-                let told = self.told(joint, sample);
-                if !told.is_nan() {
-                    sum += (ends - begins) * told;
-                    told_s += ends - begins;
+                let value = self.command_at(joint, sample);
+                if !value.is_nan() {
+                    sum += (ends - begins) * value;
+                    driven_s += ends - begins;
                 }
             }
-            // Torque is on in a step in which it is on for most of it.
-            *command = if 2.0 * told_s >= end_s - start_s { sum / told_s } else { f64::NAN };
+            // Torque is on in a step if it is on for at least half of it.
+            *command = if 2.0 * driven_s >= end_s - start_s { sum / driven_s } else { f64::NAN };
         }
     }
 }

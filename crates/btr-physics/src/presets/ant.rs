@@ -1,14 +1,14 @@
 //! The ant of the paper's section 4.1: six legs of two segments, 18 PID-driven hinges.
 //!
-//! The paper gives the count of legs, segments and motors, the drive r_i = theta_i + a_i·sin(omega·t + psi_i), and that
-//! the lengths of four of the twelve segments are unknown. Everything else is **chosen here**:
+//! The paper gives the number of legs, segments and motors, the drive r_i = theta_i + a_i·sin(omega·t + psi_i), and
+//! that the lengths of four of the twelve segments are unknown. Everything else is **chosen here**:
 //!
-//! - x forward, y left, z up; legs `L1 L2 L3` on the left and `R1 R2 R3` on the right, front to back, each pointing away
-//!   from the trunk, the front and hind ones 35° forward and backward.
-//! - Each leg has three hinges: `yaw` (about the vertical; swings the leg), `pitch` (raises the femur) and `knee` (raises
-//!   the tibia). Between `yaw` and `pitch` there is a small coxa without length, since two axes in one joint are two joints.
-//! - Trunk 24 × 10 × 4 cm, 0.6 kg; coxa 20 g; femur 8 cm, 50 g; tibia 10 cm, 40 g; 1.26 kg in all. Segments are capsules
-//!   of 1 cm radius; the tip of a tibia is the foot.
+//! - x forward, y left, z up; legs `L1 L2 L3` on the left and `R1 R2 R3` on the right, front to back, each pointing
+//!   away from the trunk, the front and hind ones 35° forward and backward.
+//! - Each leg has three hinges: `yaw` (about the vertical; swings the leg), `pitch` (raises the femur) and `knee`
+//!   (raises the tibia). Between `yaw` and `pitch` there is a small coxa without length, since a joint has one axis.
+//! - Trunk 24 × 10 × 4 cm, 0.6 kg; coxa 20 g; femur 8 cm, 50 g; tibia 10 cm, 40 g; 1.26 kg in total. Segments are
+//!   capsules of 1 cm radius; the tip of a tibia is the foot.
 //! - At rest the femora rise by 29° and the tibiae point 63° down, so that the trunk's belly is 4 cm above the ground.
 //! - PID servos: kp 12 N·m/rad, ki 4 N·m/(rad·s), kd 0.3 N·m·s/rad, at most 3 N·m, with 0.0005 kg·m² of rotor inertia.
 //! - omega is 1.5 strides per second. The unknown lengths are those of the two front legs' segments.
@@ -31,7 +31,7 @@ const FEMUR_M: f64 = 0.08;
 const TIBIA_M: f64 = 0.10;
 const RADIUS_M: f64 = 0.01;
 
-/// Where a leg is: its name, its hip on the trunk in m, the direction in which it points in rad.
+/// Placement of a leg: its name, its hip on the trunk in m, its heading in rad.
 struct LegPlacement {
     name: &'static str,
     hip_m: [f64; 2],
@@ -69,11 +69,11 @@ pub fn drive(controller: Vec<f64>) -> Sine {
     Sine { centres: centres(), controller, omega_rad_s: OMEGA_RAD_S }
 }
 
-/// An alternating tripod gait: L1, R2, L3 step together, half a stride before the others. Walks along x.
+/// Alternating tripod gait: L1, R2, L3 step together, half a stride before the others. Walks along x.
 pub fn tripod() -> Sine {
     let controller = LEGS.iter().enumerate().flat_map(|(i, leg)| {
         let phase = if i % 2 == 0 { 0.0 } else { PI };
-        // A foot goes forward while it is up. To the left, forward is a turn against the vertical.
+        // A foot moves forward while it is up. On the left, forward is a negative rotation about the vertical.
         let forward = if leg.heading_rad > 0.0 { PI } else { 0.0 };
         let phase = if leg.heading_rad > 0.0 { phase } else { PI - phase };
         [0.35, phase + forward, 0.25, phase + FRAC_PI_2, 0.0, 0.0]
@@ -124,7 +124,7 @@ fn hinge(name: String, origin: Isometry3<f64>, axis: Vector3<f64>, start: f64) -
     Joint { start, armature: 0.0005, actuator, ..Joint::new(name, JointKind::Revolute, origin, axis) }
 }
 
-/// A capsule from its joint along x.
+/// A link with a capsule that extends from its joint along x.
 fn segment(name: String, parent: usize, joint: Joint, mass_kg: f64, length_m: f64) -> Link {
     let geometry = Geometry::Capsule { radius_m: RADIUS_M, half_length_m: length_m / 2.0 };
     let along_x = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), FRAC_PI_2);

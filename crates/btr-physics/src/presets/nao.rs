@@ -1,10 +1,10 @@
-//! The Nao of the paper's Table 1: 23 bodies of 4.34 kg in sum, 22 motors.
+//! The Nao of the paper's Table 1: 23 bodies of 4.34 kg in total, 22 motors.
 //!
 //! **Axes.** The table has y up, z forward, x to the robot's left; here x is forward, y left, z up: (x, y, z) of the
 //! table becomes (z, x, y). All link frames are parallel to the world's at q = 0, the pose of the table: legs
-//! stretched, arms forward. Joints and links bear the table's body names; the root is `Torso`.
+//! straight, arms forward. Joints and links have the table's body names; the root is `Torso`.
 //!
-//! **Anchors.** The table gives where bodies are, not where joints are. As on the real robot, the three hip axes, the
+//! **Anchors.** The table gives positions of bodies, not of joints. As on the real robot, the three hip axes, the
 //! two ankle axes, the two shoulder axes, the two elbow axes and the two neck axes meet in one point each:
 //!
 //! | joint | forward, left (left side), up, m | chosen because |
@@ -21,19 +21,19 @@
 //! is half-way between knee and ankle. At the start the soles touch the ground (z = 0), the torso is at a height of
 //! 0.35 m.
 //!
-//! **Chosen here**, since the table is silent: homogeneous bodies; the roll axis of the left ankle like the right one's
-//! (the table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005 kg·m² of
-//! rotor inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
+//! **Chosen here**, since the table does not say: homogeneous bodies; the roll axis of the left ankle like the right
+//! one's (the table's 0 1 0 would be a second yaw, a misprint); servos with kp 60 N·m/rad, kd 1 N·m·s/rad and 0.005
+//! kg·m² of rotor inertia. The 1 cm spheres lie inside their neighbours' boxes and get no contact shape.
 //!
 //! **Motors** are those of Aldebaran's documentation ("H25 - Motors - V 3.2", doc.aldebaran.com/1-14/family/nao_h25/
-//! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. What
-//! gears lose is not published and left out, so that a real joint is somewhat weaker; that a motor's torque falls with
-//! its speed is the effect `speed_torque_limit`. References may ask for no more than the no-load speed.
+//! motors_h25_v32.html; the head's as in V 3.3): no-load speeds and stall torques through the reduction ratios. Gear
+//! losses are not published and left out, so that a real joint is somewhat weaker; the decrease of a motor's torque
+//! with its speed is the effect `speed_torque_limit`. References are limited to the no-load speed.
 //!
 //! **Ranges** are those of `nao_description/urdf/naoV32_generated_urdf` in github.com/ros-naoqi/nao_robot, which has
-//! these axes at this zero: rolls and yaws of the right side have the signs of the left side's turned round. Where its
-//! two sides differ by less than 0.01 rad (ankles), the narrower range is that of both. Shoulder and elbow rolls would
-//! end 0.0087 rad from zero; here they reach it, for the pose of the table.
+//! these axes at this zero: rolls and yaws of the right side have the left side's ranges with opposite sign. Where its
+//! two sides differ by less than 0.01 rad (ankles), both have the narrower range. Shoulder and elbow rolls would end
+//! 0.0087 rad from zero; here they reach zero, for the pose of the table.
 
 pub use crate::drive::{CONTROL_S, STEPS_PER_CONTROL};
 
@@ -63,7 +63,7 @@ enum TableGeometry {
     Box([f64; 3]),
     Cylinder(f64, f64),
     Sphere(f64),
-    /// A sphere inside its neighbours: inertia, but nothing to touch.
+    /// A sphere inside its neighbours: inertia, but no contact shape.
     Hidden(f64),
 }
 
@@ -130,7 +130,7 @@ fn body(
     TableBody { name, parent, mass_kg, anchor, axis, centre, form }
 }
 
-/// From the table's axes to x forward, y left, z up.
+/// Converts from the table's axes to x forward, y left, z up.
 fn turned([x, y, z]: [f64; 3]) -> Vector3<f64> {
     Vector3::new(z, x, y)
 }
@@ -160,7 +160,7 @@ fn link(body: &TableBody, bodies: &[TableBody]) -> Link {
     }
 }
 
-/// The geometry, and whether it can touch anything. The cylinder is upright: along z here as in [`Geometry`].
+/// The geometry, and whether it has a contact shape. The cylinder is upright: along z here as in [`Geometry`].
 fn geometry(form: &TableGeometry) -> (Geometry, bool) {
     match *form {
         TableGeometry::Box(sides) => (Geometry::Box { half_m: turned(sides) / 2.0 }, true),
@@ -185,13 +185,13 @@ impl GearMotor {
         self.no_load_rpm * TAU / 60.0 / self.ratio
     }
 
-    /// At the joint if gears lose nothing, in N·m.
+    /// At the joint, without gear losses, in N·m.
     fn stall_torque(&self) -> f64 {
         1e-3 * self.stall_mnm * self.ratio
     }
 }
 
-/// Which motor moves a body, by the name of its joint; the root has none and is given any.
+/// The motor of a body, by the name of its joint; the root has none, its value is ignored.
 fn motor(name: &str) -> GearMotor {
     let re_max_24 = |ratio| GearMotor { no_load_rpm: 8000.0, stall_mnm: 59.5, ratio };
     let re_max_17 = |ratio| GearMotor { no_load_rpm: 11_900.0, stall_mnm: 15.1, ratio };
@@ -215,12 +215,12 @@ fn range(name: &str) -> (f64, f64) {
         "KneePitch" => (-0.092_327_9, 2.112_55),
         "AnklePitch" => (-1.186_3, 0.922_581),
         "AnkleRoll" => (-0.397_761, 0.768_992),
-        // Both of the head's and the arms' other joints turn equally far to either side.
+        // The other joints of the head and the arms have symmetric ranges.
         _ => (-2.085_67, 2.085_67),
     };
     // The hips' yaw is one motor for both sides, about axes that mirror each other.
-    let turned_round = name.starts_with('R') && (name.ends_with("Roll") || name.ends_with("ElbowYaw"));
-    if turned_round { (-most, -least) } else { (least, most) }
+    let mirrored = name.starts_with('R') && (name.ends_with("Roll") || name.ends_with("ElbowYaw"));
+    if mirrored { (-most, -least) } else { (least, most) }
 }
 
 /// The name without its side.
@@ -252,19 +252,19 @@ mod tests {
         assert!((robot.mass_kg() - 4.34).abs() < 1e-9, "{}", robot.mass_kg());
     }
 
-    /// Joint `i`'s partner on the other side, and how an angle of one reads on the other if the poses mirror each other
-    /// in the plane between left and right: as the axis, a vector of turning, does.
+    /// Joint `i`'s counterpart on the other side, and the sign of its angle in a pose mirrored in the plane between
+    /// left and right: that of the axis, which is a pseudovector.
     fn mirrored(robot: &Robot, i: usize) -> (usize, f64) {
-        let own = &robot.links[i];
-        let other = match own.name.split_at(1) {
+        let link = &robot.links[i];
+        let other = match link.name.split_at(1) {
             ("L", rest) => format!("R{rest}"),
             ("R", rest) => format!("L{rest}"),
-            _ => own.name.clone(),
+            _ => link.name.clone(),
         };
         let other = robot.link(&other).unwrap();
-        let axis = own.joint.axis;
+        let axis = link.joint.axis;
         let sign = Vector3::new(-axis.x, axis.y, -axis.z).dot(&robot.links[other].joint.axis);
-        assert!((sign.abs() - 1.0).abs() < 1e-12, "{}", own.name);
+        assert!((sign.abs() - 1.0).abs() < 1e-12, "{}", link.name);
         (other, sign)
     }
 
@@ -284,7 +284,7 @@ mod tests {
     /// Degrees per second and N·m of the documentation of an older release (ii.tudelft.nl/naodoc, "Description of the
     /// motors").
     #[test]
-    fn motors_are_as_fast_and_strong_at_the_joint_as_their_maker_says() {
+    fn motors_match_the_manufacturers_speed_and_torque_at_the_joint() {
         let robot = nao();
         for (name, speed, torque) in
             [("LHipRoll", 238.45, 11.97), ("RKneePitch", 366.83, 7.78), ("LShoulderRoll", 412.19, 2.61)]

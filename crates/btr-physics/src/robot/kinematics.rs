@@ -1,4 +1,4 @@
-//! Where a robot's links are, and what it takes to hold them there.
+//! Forward kinematics and static holding torques.
 
 use super::{JointKind, Robot};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -45,7 +45,7 @@ pub struct Push {
 }
 
 /// Torques (N·m; N for slides) with which the movable joints hold the robot still at `poses` against `gravity_m_s2` and
-/// `pushes`, in the order of [`Robot::movable`]. The root is held by whatever the pushes leave over.
+/// `pushes`, in the order of [`Robot::movable`]. An ideal support at the root carries the remaining force.
 pub fn holding_torques(
     robot: &Robot,
     poses: &[Isometry3<f64>],
@@ -73,7 +73,7 @@ pub fn holding_torques(
     }
 }
 
-/// Whether `link` is `ancestor` or hangs on it.
+/// Whether `link` is `ancestor` or a descendant of it.
 fn carries(robot: &Robot, ancestor: usize, link: usize) -> bool {
     link == ancestor || robot.links[link].parent.is_some_and(|parent| carries(robot, ancestor, parent))
 }
@@ -86,7 +86,7 @@ mod tests {
 
     const DOWN: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-    /// Work that gravity and a force on the left foot could still do, in J.
+    /// Potential energy of gravity and of a constant force on the left foot, in J.
     fn potential(robot: &Robot, q: &[f64], force: &Vector3<f64>) -> f64 {
         let mut poses = Vec::new();
         link_poses(robot, &robot.start, q, &mut poses);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn arms_that_come_down_lower_the_center_of_mass() {
+    fn lowering_the_arms_lowers_the_center_of_mass() {
         let robot = nao();
         let mut poses = Vec::new();
         let mut q = vec![0.0; robot.movable().count()];

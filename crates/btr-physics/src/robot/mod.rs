@@ -23,11 +23,11 @@ pub enum Base {
 /// A tree of links; `links[0]` is the root, parents stand before their children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// What it is called in reports.
+    /// Name in reports.
     pub name: String,
-    /// Bolted down or free.
+    /// How the root is held.
     pub base: Base,
-    /// Where the root's frame is at the start, in the world.
+    /// Start pose of the root's frame, in the world.
     pub start: Isometry3<f64>,
     /// All links, root first.
     pub links: Vec<Link>,
@@ -48,7 +48,7 @@ pub struct Link {
     pub com_m: Point3<f64>,
     /// Inertia about the centre of mass in the link's axes, in kg·m².
     pub inertia_kg_m2: Matrix3<f64>,
-    /// Bodies for contact, in the link's frame; empty where nothing may touch.
+    /// Contact shapes, in the link's frame; empty for a link without contact.
     pub shapes: Vec<Shape>,
     /// Whether its contact force is a sensor (`foot_<link>_*`).
     pub foot: bool,
@@ -92,7 +92,7 @@ pub enum Geometry {
     },
 }
 
-/// How two links move against each other.
+/// Relative motion of two links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// Not at all.
@@ -103,7 +103,7 @@ pub enum JointKind {
     Prismatic,
 }
 
-/// A joint with everything that acts on it from the inside.
+/// A joint with its actuator, friction, rotor inertia and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Unique in the robot.
@@ -116,8 +116,8 @@ pub struct Joint {
     pub axis: Vector3<f64>,
     /// Smallest and largest position; infinite where unlimited.
     pub limits: (f64, f64),
-    /// How fast references may ask it to move, in rad/s (m/s); infinite where unlimited. Drives that plan a motion keep
-    /// to it; the dynamics do not know it.
+    /// Speed limit of references, in rad/s (m/s); infinite where unlimited. Drives that plan a motion respect it; the
+    /// dynamics do not use it.
     pub speed_limit: f64,
     /// Position at the start.
     pub start: f64,
@@ -127,36 +127,36 @@ pub struct Joint {
     pub damping: f64,
     /// Coulomb friction that holds at rest, in N·m (N).
     pub dry_friction: f64,
-    /// What drives it.
+    /// Its actuator.
     pub actuator: Actuator,
-    /// How a digital servo is clocked; a servo without works in continuous time.
+    /// Sampling of a digital servo; a servo without it works in continuous time.
     pub sampling: Option<Sampling>,
     /// The joint that it follows, if any.
     pub mimic: Option<Mimic>,
 }
 
-/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, without play, whatever that
-/// takes.
+/// A gear or a linkage between two joints (URDF's `<mimic>`): q = ratio·q_leader + offset, as an ideal constraint
+/// without play.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mimic {
-    /// Name of the joint that is followed, which follows nobody.
+    /// Name of the joint that is followed, which is not a follower itself.
     pub leader: String,
-    /// Motion per motion of the leader.
+    /// Motion per unit motion of the leader.
     pub ratio: f64,
-    /// Where it is when the leader is at zero, in rad (m).
+    /// Position when the leader is at zero, in rad (m).
     pub offset: f64,
 }
 
-/// When a digital servo acts: at fixed instants it reads the position and works out what it holds until the next one.
+/// Sampling of a digital servo: at fixed instants it reads the position and computes an output held until the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Time between two instants, in s: a multiple of the physics step.
     pub period_s: f64,
-    /// The servo's velocity is the difference of two readings that are so many periods apart.
+    /// Number of periods between the two readings whose difference gives the servo's velocity.
     pub velocity_over: u32,
 }
 
-/// What turns a command into a torque.
+/// Actuator that converts a command into a torque.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Actuator {
     /// Nothing: the joint swings freely.
@@ -186,7 +186,7 @@ pub enum Actuator {
         /// The position loop around it, if any.
         servo: Option<DutyLoop>,
     },
-    /// The joint follows its measured motion, whatever torque that takes; where nothing was measured the command is the
+    /// The joint follows its measured motion with any torque required; without a measurement the command is the
     /// position.
     Prescribed,
 }
@@ -202,12 +202,12 @@ pub struct DutyLoop {
     pub supply: f64,
 }
 
-/// Who follows whom, both as counted by [`Robot::movable`]: q = ratio·q_leader + offset.
+/// A follower and its leader, as indices in [`Robot::movable`]: q = ratio·q_leader + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Follower {
-    /// Whoever follows.
+    /// The follower.
     pub joint: usize,
-    /// Whoever leads.
+    /// The leader.
     pub leader: usize,
     /// See [`Mimic::ratio`].
     pub ratio: f64,
@@ -221,7 +221,7 @@ impl Robot {
         self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
     }
 
-    /// The joints that follow others that are there.
+    /// The joints that follow other existing joints.
     pub fn followers(&self) -> Vec<Follower> {
         let place = |name: &str| self.movable().position(|(_, link)| link.joint.name == name);
         let follower = |(joint, (_, link)): (usize, (usize, &Link))| {
@@ -231,7 +231,7 @@ impl Robot {
         self.movable().enumerate().filter_map(follower).collect()
     }
 
-    /// Lets the joints that follow others start where those put them.
+    /// Sets the start positions of followers from those of their leaders.
     pub(crate) fn settle_followers(&mut self) {
         let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();
         for Follower { joint, leader, ratio, offset } in self.followers() {
@@ -274,7 +274,7 @@ impl Geometry {
     }
 }
 
-/// Squared radii of gyration of a capsule along z: a cylinder and two half balls, each with its share of the volume.
+/// Squared radii of gyration of a capsule along z: a cylinder and two hemispheres, weighted by volume.
 fn capsule_gyration_m2(r: f64, h: f64) -> Vector3<f64> {
     let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
     let share = cylinder / (cylinder + ball);
@@ -285,7 +285,7 @@ fn capsule_gyration_m2(r: f64, h: f64) -> Vector3<f64> {
 }
 
 impl Joint {
-    /// A bare joint of this kind: unlimited, without friction, rotor or motor, starting at zero.
+    /// A plain joint of this kind: unlimited, without friction, rotor or motor, starting at zero.
     pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Vector3<f64>) -> Self {
         Joint {
             name: name.into(),
@@ -304,7 +304,7 @@ impl Joint {
         }
     }
 
-    /// The channel of a log that its simulation is compared with: its torque where its motion is given.
+    /// The log channel to which its simulation is compared: the torque if its motion is prescribed.
     pub fn compared(&self) -> String {
         match self.actuator {
             Actuator::Prescribed => format!("tau_{}", self.name),

@@ -1,6 +1,6 @@
-//! Where something sits: `knee`, `hip,knee`, `R*`, `*`.
+//! Patterns of site names: `knee`, `hip,knee`, `R*`, `*`.
 
-/// Whether `name` is meant by `pattern`: a comma list of names in which `*` stands for any run of characters.
+/// Whether `name` matches `pattern`: a comma-separated list of names in which `*` matches any run of characters.
 pub fn matches(pattern: &str, name: &str) -> bool {
     pattern.split(',').any(|part| glob(part.trim().as_bytes(), name.as_bytes()))
 }
@@ -18,7 +18,7 @@ mod tests {
     use super::matches;
 
     #[test]
-    fn lists_and_stars() {
+    fn lists_and_wildcards_match() {
         assert!(matches("knee", "knee") && !matches("knee", "knees") && !matches("knees", "knee"));
         assert!(matches("*", "anything") && matches("R*Pitch", "RKneePitch") && !matches("R*Pitch", "LKneePitch"));
         assert!(matches("hip, knee", "knee") && !matches("", "knee"));

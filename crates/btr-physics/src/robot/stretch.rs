@@ -1,4 +1,4 @@
-//! Making a link longer or shorter along its long axis.
+//! Scaling of a link along its long axis.
 
 use super::{Geometry, Link, Robot, Shape};
 use nalgebra::{Matrix3, Unit, Vector3};
@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Unit, Vector3};
 /// A shape counts as lying along the axis when the cosine between them is above this.
 const ALIGNED: f64 = 0.99;
 
-/// The direction in which a link is long, in its frame: towards the farthest joint that it carries, or towards its
+/// Long axis of a link, in its frame: towards the farthest joint that it carries, or towards its
 /// centre of mass if it carries none. `None` when these are at its origin.
 pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>> {
     let carried = robot.links.iter().filter(|child| child.parent == Some(link));
@@ -16,8 +16,8 @@ pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>
     Unit::try_new(along, 1e-9)
 }
 
-/// Makes a link `factor` times as long, of the same material: shapes, centre of mass and the joints that it carries
-/// move along, its mass is proportional to its length, its inertia is that of the stretched body.
+/// Scales the length of a link by `factor` at constant density: shapes, centre of mass and the joints that it carries
+/// move along the axis, its mass is proportional to its length, its inertia is that of the stretched body.
 pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {
     let Some(axis) = long_axis(robot, link) else { return };
     let stretched = |p: &Vector3<f64>| p + axis.into_inner() * ((factor - 1.0) * axis.dot(p));
@@ -36,7 +36,7 @@ pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {
     }
 }
 
-/// The second moments of mass stretch with the square of the length, and the mass with the length.
+/// Second moments of mass scale with the square of the length, and mass with the length.
 fn stretched_inertia(inertia: &Matrix3<f64>, axis: &Vector3<f64>, factor: f64) -> Matrix3<f64> {
     let moments = Matrix3::from_diagonal_element(inertia.trace() / 2.0) - inertia;
     let stretch = Matrix3::identity() + axis * axis.transpose() * (factor - 1.0);
@@ -44,7 +44,7 @@ fn stretched_inertia(inertia: &Matrix3<f64>, axis: &Vector3<f64>, factor: f64) -
     Matrix3::from_diagonal_element(moments.trace()) - moments
 }
 
-/// Balls stay balls, and what lies across the axis keeps its form.
+/// Spheres stay spheres, and shapes across the axis keep their size.
 fn stretch_shape(shape: &mut Shape, axis: &Vector3<f64>, factor: f64) {
     let local = shape.pose.rotation.inverse() * axis;
     match &mut shape.geometry {

@@ -1,9 +1,9 @@
-//! From where the ground is to push (the zero-moment point) to where the centre of mass has to be.
+//! Trajectory of the centre of mass for a given trajectory of the zero-moment point (ZMP).
 //!
 //! On the cart-table model p = x − x"·h/g (Kajita et al., "Biped walking pattern generation by using preview control of
-//! zero-moment point", ICRA 2003) the bounded solution for a ZMP known in advance is closed: x is p smoothed with
-//! exp(−ω|t|)·ω/2, ω = √(g/h). It splits into two first-order lags of rate ω, one against time (which gives the capture
-//! point) and one along it.
+//! zero-moment point", ICRA 2003) the bounded solution for a ZMP known in advance has a closed form: x is p convolved
+//! with exp(−ω|t|)·ω/2, ω = √(g/h). It splits into two first-order lags of rate ω, one backward in time (which gives
+//! the capture point) and one forward.
 
 /// Standard gravity in m/s².
 pub(super) const GRAVITY: f64 = 9.81;
@@ -23,7 +23,7 @@ pub fn com_for_zmp(zmp_m: &[f64], height_m: f64, step_s: f64) -> Vec<f64> {
     com
 }
 
-/// First-order lag of a signal that is linear between samples; exact, whatever the step.
+/// First-order lag of a signal that is linear between samples; exact for any step.
 fn lag(signal: &mut [f64], omega_step: f64) {
     let decay = (-omega_step).exp();
     let Some(&first) = signal.first() else { return };

@@ -1,4 +1,4 @@
-//! A kick for the Nao: the weight goes over the left foot, the right foot goes back, forward, and home.
+//! A kick for the Nao: the weight shifts over the left foot, the right foot swings back, forward, and returns.
 
 use super::reference::References;
 use super::zmp_motion::{Carriage, MotionError, ZmpPlan, references, smooth};
@@ -7,16 +7,16 @@ use crate::robot::Robot;
 use btr_core::space::{Dim, Space, SpaceError};
 use nalgebra::Vector3;
 
-/// The robot stands this long before its weight begins to shift, in s.
+/// Time before the weight begins to shift, in s.
 const STAND_S: f64 = 0.3;
-/// For the weight to go over the supporting foot, and back at the end, in s.
+/// Time for the weight to shift over the supporting foot, and back at the end, in s.
 const SHIFT_S: f64 = 0.6;
-/// For the foot to go up and back, in s.
+/// Time for the foot to move up and back, in s.
 const LIFT_S: f64 = 0.5;
-/// For the foot to come home, in s.
+/// Time for the foot to return, in s.
 const HOME_S: f64 = 0.6;
 
-/// A kick with the right foot, from a stand to a stand, worked out beforehand.
+/// A precomputed kick with the right foot, which begins and ends standing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NaoKick {
     references: References,
@@ -29,27 +29,27 @@ impl NaoKick {
     /// None with the bounds given here.
     pub fn space() -> Result<Space, SpaceError> {
         Space::new(vec![
-            // How far the foot goes back before it swings.
+            // Distance by which the foot moves back before the swing.
             Dim::new("backswing", "m", 0.0, 0.08).nominal(0.04),
-            // How far before its place in the stand the swing ends.
+            // Distance in front of its standing position at which the swing ends.
             Dim::new("follow_through", "m", 0.0, 0.1).nominal(0.06),
-            // From the back to the front.
+            // Duration of the swing from back to front.
             Dim::new("swing_time", "s", 0.08, 0.6).nominal(0.2),
             Dim::new("lift", "m", 0.005, 0.05).nominal(0.02),
-            // How far the ZMP goes to the left; the foot's middle is at 0.06.
+            // ZMP's shift to the left; the foot's middle is at 0.06.
             Dim::new("sway", "m", 0.02, 0.08).nominal(0.055),
             Dim::new("com_height", "m", 0.2, 0.27).nominal(0.24),
-            // The ZMP before the middle of the soles.
+            // ZMP's distance in front of the middle of the soles.
             Dim::new("zmp_forward", "m", -0.03, 0.03).nominal(0.0),
-            // The torso's pitch.
+            // Pitch of the torso.
             Dim::new("lean", "rad", -0.2, 0.3).nominal(0.0),
-            // How much of the servos' giving way under load the references make up for.
+            // Fraction of the servos' deflection under load for which the references compensate.
             Dim::new("stiffening", "1", 0.0, 1.5).nominal(1.0),
         ])
     }
 
-    /// The kick of `robot` with `values` in the order of [`NaoKick::space`]; it ends in the pose in which it begins.
-    /// The masses and servos of `robot` are what the controller believes; the robot it drives may have others.
+    /// The kick of `robot` with `values` in the order of [`NaoKick::space`]; it ends in its start pose. The masses and
+    /// servos of `robot` are the controller's assumptions; the robot it drives may have others.
     ///
     /// # Errors
     /// Values outside their bounds, or a robot without a Nao's legs.
@@ -58,7 +58,7 @@ impl NaoKick {
         Ok(NaoKick { references: references(robot, &plan, plan.phase_ends_s()[4] + SHIFT_S)? })
     }
 
-    /// The references, which also know the pose in which the kick begins.
+    /// The references, with the start pose of the kick.
     pub fn references(&self) -> &References {
         &self.references
     }
@@ -105,7 +105,7 @@ impl KickPlan {
         })
     }
 
-    /// When the weight is over the left foot, the right foot up and back, in front, home, and the weight in the middle.
+    /// End times of the phases: weight over the left foot, right foot up and back, in front, returned, weight centred.
     fn phase_ends_s(&self) -> [f64; 5] {
         let shifted = STAND_S + SHIFT_S;
         let back = shifted + LIFT_S;
@@ -122,9 +122,9 @@ impl ZmpPlan for KickPlan {
 
     fn zmp(&self, time_s: f64) -> [f64; 2] {
         let [shifted, _, _, home, _] = self.phase_ends_s();
-        let there = smooth((time_s - shifted + SHIFT_S) / SHIFT_S);
+        let shifted_share = smooth((time_s - shifted + SHIFT_S) / SHIFT_S);
         let back = smooth((time_s - home) / SHIFT_S);
-        [self.zmp_forward_m, self.sway_m * (there - back)]
+        [self.zmp_forward_m, self.sway_m * (shifted_share - back)]
     }
 
     fn feet(&self, time_s: f64) -> [Vector3<f64>; 2] {

@@ -1,19 +1,19 @@
-//! Which joint angles put a foot somewhere.
+//! Inverse kinematics of a leg.
 
 use crate::robot::{JointKind, Robot};
 use nalgebra::{Point3, UnitQuaternion, Vector2, Vector3};
 
-/// What a leg has to look like for [`Leg`], and does not.
+/// Why [`Leg`] does not support a leg.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LegError {
-    /// A link that is not there.
+    /// A link that does not exist.
     #[error("the robot has no link `{link}`")]
     Missing {
         /// Its name.
         link: String,
     },
-    /// A leg of another build.
+    /// A leg with another structure.
     #[error("link `{link}`: {why}")]
     Shape {
         /// The offending link.
@@ -25,8 +25,8 @@ pub enum LegError {
 
 /// A leg that goes hip roll, hip pitch, knee pitch, ankle pitch, ankle roll, in a robot with x forward, y left, z up.
 ///
-/// Everything between the two roll axes moves in one plane that contains the hip's roll axis, so the foot's place and
-/// the direction of its sole's normal have a closed solution: roll of the plane, then two links with a knee.
+/// Everything between the two roll axes moves in one plane that contains the hip's roll axis, so the foot's position
+/// and the direction of its sole's normal have a closed-form solution: roll of the plane, then two links with a knee.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Leg {
     /// Positions of the five joints in the order of [`Robot::movable`].
@@ -42,12 +42,12 @@ pub struct Leg {
     ankle_to_foot: Vector2<f64>,
 }
 
-/// Joint angles that put a foot somewhere.
+/// Joint angles for a pose of the foot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegPose {
     /// Hip roll, hip pitch, knee, ankle pitch, ankle roll, in rad, within the joints' limits.
     pub q: [f64; 5],
-    /// Whether the foot gets there; otherwise the leg stretches (or folds) towards it as far as it can.
+    /// Whether the foot reaches the pose; otherwise the leg stretches (or folds) towards it as far as it can.
     pub reached: bool,
 }
 
@@ -79,7 +79,7 @@ impl Leg {
         })
     }
 
-    /// Angles that bring the foot's frame to `foot` with its z axis along the unit vector `normal`, both in the root's
+    /// Angles that place the foot's frame at `foot` with its z axis along the unit vector `normal`, both in the root's
     /// frame. The foot's heading follows from them; it is that of the root when the root is upright.
     pub fn solve(&self, foot: &Point3<f64>, normal: &Vector3<f64>) -> LegPose {
         let from_hip = foot.coords - self.hip;
@@ -97,7 +97,7 @@ impl Leg {
         self.within_limits([hip_roll, hip_pitch, knee, ankle_pitch, ankle_roll], bends)
     }
 
-    /// The knee angle that leaves `distance2_m2` (squared) between hip and ankle, and whether there is one.
+    /// The knee angle at the squared distance `distance2_m2` between hip and ankle, and whether there is one.
     fn knee(&self, distance2_m2: f64) -> (f64, bool) {
         let (thigh, shank) = (&self.thigh, &self.shank);
         let lengths = thigh.norm() * shank.norm();
@@ -111,15 +111,15 @@ impl Leg {
         let mut pose = LegPose { q: [0.0; 5], reached: bends };
         for (i, angle) in angles.iter().enumerate() {
             let (low, high) = self.limits[i];
-            let wanted = angle * self.signs[i];
-            pose.q[i] = wanted.max(low).min(high);
-            pose.reached &= wanted >= low && wanted <= high;
+            let angle = angle * self.signs[i];
+            pose.q[i] = angle.max(low).min(high);
+            pose.reached &= angle >= low && angle <= high;
         }
         pose
     }
 }
 
-/// The sign of the link's axis along `axis`, if the link continues the leg from `above` as a leg does.
+/// The sign of the link's axis along `axis`, after checking that the link continues a leg from `above`.
 fn check_link(robot: &Robot, index: usize, above: Option<usize>, axis: &Vector3<f64>) -> Result<f64, LegError> {
     let link = &robot.links[index];
     let error = |why| Err(LegError::Shape { link: link.name.clone(), why });
@@ -139,7 +139,7 @@ fn check_link(robot: &Robot, index: usize, above: Option<usize>, axis: &Vector3<
     Ok(along.signum())
 }
 
-/// Where the link's joint is in the root's frame when all joints above it are at 0.
+/// Position of the link's joint in the root's frame when all joints above it are at 0.
 fn offset_from_root(robot: &Robot, link: usize) -> Result<Vector3<f64>, LegError> {
     let mut sum = Vector3::zeros();
     let mut at = link;
@@ -157,7 +157,7 @@ fn offset_from_root(robot: &Robot, link: usize) -> Result<Vector3<f64>, LegError
     Ok(sum)
 }
 
-/// A vector of the x-z plane turned about y.
+/// A vector of the x-z plane rotated about y.
 fn pitched(v: &Vector2<f64>, angle: f64) -> Vector2<f64> {
     let (sin, cos) = angle.sin_cos();
     Vector2::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin)
@@ -188,9 +188,9 @@ mod tests {
     const RIGHT: [&str; 5] = ["RHipRoll", "RHipPitch", "RKneePitch", "RAnklePitch", "RAnkleRoll"];
 
     proptest! {
-        /// Angles -> foot -> angles, for every leg pose with a bent knee.
+        /// Angles to foot pose and back, for every leg pose with a bent knee.
         #[test]
-        fn leg_angles_come_back(
+        fn inverse_kinematics_recovers_the_leg_angles(
             links in prop::sample::select(vec![LEFT, RIGHT]),
             rolls in (-0.37..0.37f64, -0.37..0.37f64),
             pitches in (-1.2..0.48f64, 0.25..2.0f64, -1.0..0.5f64),
@@ -212,7 +212,7 @@ mod tests {
             }
         }
 
-        /// Beyond its reach the leg stretches towards the foot's place and says so.
+        /// Beyond its reach the leg stretches towards the foot's position and reports that it does not reach it.
         #[test]
         fn a_leg_stretches_to_what_it_cannot_reach(x in -0.3..0.3f64, y in -0.3..0.3f64) {
             let robot = nao();

@@ -1,4 +1,4 @@
-//! The Nao's motions, planned by the zero-moment point.
+//! The Nao's motions, planned with the zero-moment point.
 
 pub(super) mod cart_table;
 pub(super) mod kick;

@@ -1,4 +1,4 @@
-//! Joint angles for a biped whose centre of mass and soles are to be somewhere.
+//! Joint angles of a biped for given positions of its centre of mass and soles.
 
 use super::cart_table::GRAVITY;
 use super::leg::{Leg, LegError};
@@ -6,10 +6,10 @@ use crate::robot::kinematics::{Push, center_of_mass, holding_torques, link_poses
 use crate::robot::{Actuator, Geometry, Robot};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
-/// Each round leaves about a third of the error: what the legs weigh.
+/// Number of iterations. Each leaves about a third of the error, due to the mass of the legs.
 const ROUNDS: usize = 4;
 
-/// Where the body is to be, in the world. Sides are left, then right.
+/// Target of the body, in the world. Sides are left, then right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stance {
     /// Centre of mass, in m.
@@ -20,7 +20,7 @@ pub struct Stance {
     pub lean_rad: f64,
 }
 
-/// Finds the joint angles of stances; keeps the last torso pose as the next one's first guess.
+/// Computes the joint angles of stances; the last torso pose is the initial guess of the next one.
 pub struct Posture<'a> {
     robot: &'a Robot,
     legs: [Leg; 2],
@@ -35,7 +35,7 @@ impl<'a> Posture<'a> {
     /// For a robot with the Nao's legs, named as in [`crate::presets::nao`].
     ///
     /// # Errors
-    /// Legs of another build, or a foot without a box to stand on.
+    /// Legs with another structure, or a foot without a box to stand on.
     pub fn new(robot: &'a Robot) -> Result<Self, LegError> {
         let legs = [leg(robot, "L")?, leg(robot, "R")?];
         let soles = [sole(robot, &legs[0])?, sole(robot, &legs[1])?];
@@ -43,8 +43,8 @@ impl<'a> Posture<'a> {
         Ok(Posture { robot, legs, soles, root: robot.start, poses: Vec::new(), torques })
     }
 
-    /// Writes the legs' joints into `q` (in the order of [`Robot::movable`]); the other joints are taken from there.
-    /// False when a sole stays out of reach: the legs then come as close as they can.
+    /// Writes the legs' joints into `q` (in the order of [`Robot::movable`]); the other joints are read from `q`.
+    /// Returns false if a sole is out of reach: the legs then come as close as they can.
     pub fn solve(&mut self, stance: &Stance, q: &mut [f64]) -> bool {
         self.root.rotation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), stance.lean_rad);
         for _ in 0..ROUNDS {
@@ -55,8 +55,9 @@ impl<'a> Posture<'a> {
         self.solve_legs(stance, q)
     }
 
-    /// Moves the references `q` of the last stance so that position servos, which give way under load, hold it: by
-    /// `share` of torque / kp. The ground carries the weight at `zmp_m`, at each sole by how near it is sideways.
+    /// Moves the references `q` of the last stance so that position servos, which deflect under load, hold it: by
+    /// `share` of torque / kp. The ground carries the weight at `zmp_m`, distributed over the soles by lateral
+    /// distance.
     pub fn stiffen(&mut self, stance: &Stance, zmp_m: &Point3<f64>, share: f64, q: &mut [f64]) {
         link_poses(self.robot, &self.root, q, &mut self.poses);
         let weight = self.robot.mass_kg() * GRAVITY;
@@ -81,7 +82,7 @@ impl<'a> Posture<'a> {
         &self.root
     }
 
-    /// Where the middle of the soles is when the robot stands as its file says, in the world.
+    /// Middle of each sole in the robot's start pose, in the world.
     pub fn soles_at_start(&mut self) -> [Point3<f64>; 2] {
         let q: Vec<f64> = self.robot.movable().map(|(_, link)| link.joint.start).collect();
         link_poses(self.robot, &self.robot.start, &q, &mut self.poses);
@@ -103,7 +104,7 @@ impl<'a> Posture<'a> {
     }
 }
 
-/// The leg whose links begin with `side`.
+/// The leg whose link names begin with `side`.
 fn leg(robot: &Robot, side: &str) -> Result<Leg, LegError> {
     let names = ["HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll"].map(|part| format!("{side}{part}"));
     Leg::new(robot, [&names[0], &names[1], &names[2], &names[3], &names[4]])

@@ -1,4 +1,4 @@
-//! Joint references at a fixed rate, joined by straight lines: how the Nao's joint controller is told what to do.
+//! Joint references at a fixed rate with linear interpolation, as the Nao's joint controller receives them.
 
 use crate::drive::Drive;
 use crate::robot::{JointKind, Robot};
@@ -9,7 +9,7 @@ pub const CONTROL_S: f64 = 0.055;
 /// Physics steps between two references (paper, 4.2.1).
 pub const STEPS_PER_CONTROL: usize = 7;
 
-/// A motion worked out beforehand: all joints every 55 ms, straight lines between, held at the end.
+/// A precomputed motion: all joints every 55 ms, linear interpolation between, held at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct References {
     joints: usize,
@@ -21,26 +21,26 @@ pub struct References {
 }
 
 impl References {
-    /// No reference yet, for `joints` joints that start at 0.
+    /// Empty motion of `joints` joints that start at 0.
     pub(super) fn new(joints: usize) -> Self {
         let (start_root, start_q) = (Isometry3::identity(), vec![0.0; joints]);
         References { joints, values: Vec::new(), start_root, start_q, reached: true }
     }
 
-    /// Sets the state in which the motion begins.
+    /// Sets the start state of the motion.
     pub(super) fn begin(&mut self, root: Isometry3<f64>, q: &[f64]) {
         self.start_root = root;
         self.start_q.copy_from_slice(q);
     }
 
-    /// Appends a reference; `reached` tells whether it is what was wanted.
+    /// Appends a reference; `reached` is whether it attains its target.
     pub(super) fn push(&mut self, q: &[f64], reached: bool) {
         self.values.extend_from_slice(q);
         self.reached &= reached;
     }
 
-    /// Clips the references to the joints' ranges and speed limits, as the robot's own motion layer does: a joint that
-    /// is asked for more follows as fast as it may.
+    /// Clips the references to the joints' ranges and speed limits, as the robot's own motion layer does: a joint with
+    /// a faster reference follows at its speed limit.
     pub(super) fn clip(&mut self, robot: &Robot) {
         let mut before = self.start_q.clone();
         for row in self.values.chunks_mut(self.joints.max(1)) {
@@ -58,7 +58,7 @@ impl References {
         &mut self.values[from..]
     }
 
-    /// Puts the robot where the motion begins: its root's pose and its joints' angles at the start.
+    /// Sets the robot's start state to that of the motion: the root's pose and the joint angles.
     pub fn place(&self, robot: &mut Robot) {
         robot.start = self.start_root;
         let movable = robot.links.iter_mut().skip(1).filter(|link| link.joint.kind != JointKind::Fixed);
@@ -67,7 +67,7 @@ impl References {
         }
     }
 
-    /// False when some reference is out of the legs' reach, so that they only come close.
+    /// Whether all references are within the legs' reach; otherwise the legs come as close as they can.
     pub fn reached(&self) -> bool {
         self.reached
     }

@@ -1,8 +1,8 @@
-//! A walk for the Nao: ZMP targets become targets of the centre of mass, and these become joint angles.
+//! A walk for the Nao: ZMP targets are converted to targets of the centre of mass, and these to joint angles.
 //!
-//! The paper's robot walks with its maker's controller, whose main idea is that transformation (4.2.2); this is an own
-//! controller on the same idea. The ZMP rests under the supporting foot and wanders to the next one while both feet
-//! stand. No sensor is used.
+//! The paper's robot walks with its manufacturer's controller, which is based on that conversion (4.2.2); this is an
+//! independent controller on the same principle. The ZMP rests under the supporting foot and moves to the next one
+//! during double support. No sensor is used.
 
 use super::reference::References;
 use super::zmp_motion::{Carriage, MotionError, ZmpPlan, references, smooth};
@@ -12,15 +12,15 @@ use btr_core::space::{Dim, Space, SpaceError};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The robot stands this long before its weight begins to shift, in s.
+/// Time before the weight begins to shift, in s.
 const STAND_S: f64 = 0.5;
-/// Steps in which the step length grows to its full value, and in which it falls back to nothing.
+/// Number of steps in which the step length grows to its full value, and in which it falls back to zero.
 const RAMP_UP: usize = 4;
 const RAMP_DOWN: usize = 2;
-/// The robot has this long after its last step to come to rest, in s.
+/// Time after the last step for the robot to come to rest, in s.
 const STOP_S: f64 = 0.5;
 
-/// A walk straight ahead, from a stand to a stand, worked out beforehand.
+/// A precomputed walk straight ahead, which begins and ends standing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NaoWalk {
     references: References,
@@ -33,31 +33,31 @@ impl NaoWalk {
     /// None with the bounds given here.
     pub fn space() -> Result<Space, SpaceError> {
         Space::new(vec![
-            // How far each foot lands before the other.
+            // Distance by which each foot lands in front of the other.
             Dim::new("step_length", "m", 0.005, 0.08).nominal(0.04),
-            // From one landing to the next.
+            // Time from one landing to the next.
             Dim::new("step_period", "s", 0.2, 1.0).nominal(0.45),
-            // Share of the period in which both feet stand and the ZMP wanders.
+            // Fraction of the period in which both feet stand and the ZMP moves.
             Dim::new("double_support", "1", 0.05, 0.7).nominal(0.15),
-            // How far the ZMP goes to each side; the feet's middles are at 0.06.
+            // ZMP's shift to each side; the feet's middles are at 0.06.
             Dim::new("sway", "m", 0.02, 0.08).nominal(0.055),
             Dim::new("step_height", "m", 0.005, 0.04).nominal(0.02),
             Dim::new("com_height", "m", 0.2, 0.27).nominal(0.24),
-            // The ZMP before the middle of the supporting sole.
+            // ZMP's distance in front of the middle of the supporting sole.
             Dim::new("zmp_forward", "m", -0.03, 0.03).nominal(0.0),
-            // The ZMP to the left of the middle between the feet: what keeps a robot on course that is heavier on one
-            // side.
+            // ZMP's offset to the left of the middle between the feet, which keeps a robot on course that is heavier on
+            // one side.
             Dim::new("zmp_left", "m", -0.02, 0.02).nominal(0.0),
-            // The torso's pitch.
+            // Pitch of the torso.
             Dim::new("lean", "rad", -0.2, 0.3).nominal(0.0),
             Dim::new("arm_swing", "rad", 0.0, 0.8).nominal(0.2),
-            // How much of the servos' giving way under load the references make up for.
+            // Fraction of the servos' deflection under load for which the references compensate.
             Dim::new("stiffening", "1", 0.0, 1.5).nominal(1.0),
         ])
     }
 
     /// The walk of `robot` with `values` in the order of [`NaoWalk::space`], for `duration_s` seconds with the stands
-    /// before and after it (then the pose is held). The masses and servos of `robot` are what the controller believes;
+    /// before and after it (then the pose is held). The masses and servos of `robot` are the controller's assumptions;
     /// the robot it drives may have others.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl NaoWalk {
         Ok(NaoWalk { references: references(robot, &WalkPlan::new(values, duration_s)?, duration_s)? })
     }
 
-    /// The references, which also know the pose in which the walk begins.
+    /// The references, with the start pose of the walk.
     pub fn references(&self) -> &References {
         &self.references
     }
@@ -93,7 +93,7 @@ struct WalkPlan {
     zmp_left_m: f64,
     arm_swing_rad: f64,
     carriage: Carriage,
-    /// How far forward the foot that landed last stands, after each step; first at the start.
+    /// Forward position of the foot that landed last, after each step; the first entry is the start.
     landings_m: Vec<f64>,
 }
 
@@ -103,7 +103,7 @@ impl WalkPlan {
         space.check(values)?;
         let value = |name: &str| space.index_of(name).map_or(f64::NAN, |i| values[i]);
         let (step_length_m, step_period_s) = (value("step_length"), value("step_period"));
-        // Also turns a NaN into no step at all.
+        // A NaN duration also gives no steps.
         let steps = ((duration_s - STAND_S - STOP_S) / step_period_s).max(0.0) as usize;
         Ok(WalkPlan {
             step_length_m,
@@ -123,8 +123,8 @@ impl WalkPlan {
         })
     }
 
-    /// The step that goes on at `time_s` (None while standing) and which share of it is over. One that comes after the
-    /// last brings the ZMP back to the middle.
+    /// The current step at `time_s` (None while standing) and its completed fraction. One extra step after the last one
+    /// brings the ZMP back to the middle.
     fn step(&self, time_s: f64) -> Option<(usize, f64)> {
         let steps = (time_s - STAND_S) / self.step_period_s;
         let number = (steps.max(0.0) as usize).min(self.steps());
@@ -135,14 +135,14 @@ impl WalkPlan {
         self.landings_m.len() - 1
     }
 
-    /// How far forward the foot that swings in step `step` lands; the feet at the start have negative numbers.
+    /// Forward position at which the swinging foot lands in step `step`; the feet at the start have negative numbers.
     fn landing_m(&self, step: isize) -> f64 {
         let landed = usize::try_from(step + 1).unwrap_or(0);
         self.landings_m[landed.min(self.steps())]
     }
 
-    /// Where the ZMP rests in step `step`. Even steps swing the left foot and stand on the right one; after the last
-    /// one it rests between the feet.
+    /// Rest position of the ZMP in step `step`. Even steps swing the left foot and stand on the right one; after the
+    /// last step the ZMP rests between the feet.
     fn support(&self, step: usize) -> [f64; 2] {
         let side = match step {
             step if step == self.steps() => 0.0,
@@ -153,8 +153,8 @@ impl WalkPlan {
     }
 }
 
-/// Where the feet land: steps that grow to `step_length_m`, and shrink until the last one brings both feet side by
-/// side.
+/// Positions at which the feet land: steps grow to `step_length_m`, and shrink until the last one brings both feet side
+/// by side.
 fn landings_m(steps: usize, step_length_m: f64) -> Vec<f64> {
     let share = |landed: usize| {
         let up = landed as f64 / RAMP_UP as f64;
@@ -194,7 +194,7 @@ impl ZmpPlan for WalkPlan {
         if step.is_multiple_of(2) { [swinging, standing] } else { [standing, swinging] }
     }
 
-    /// Arms swing against the legs.
+    /// Arms swing opposite to the legs.
     fn arms(&self, time_s: f64) -> [f64; 2] {
         let [left, right] = self.feet(time_s);
         let back = self.arm_swing_rad * (left.x - right.x) / self.step_length_m;

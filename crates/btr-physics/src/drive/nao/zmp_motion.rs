@@ -1,4 +1,4 @@
-//! From a plan for ZMP and feet to joint references.
+//! Joint references from a plan for ZMP and feet.
 
 use super::cart_table::com_for_zmp;
 use super::leg::LegError;
@@ -9,16 +9,16 @@ use btr_core::space::SpaceError;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
-/// The ZMP is planned this far beyond the end, in s; what comes later no longer matters.
+/// Time by which the ZMP's plan extends beyond the end, in s; later values have no influence.
 const FORESIGHT_S: f64 = 1.5;
 /// Time between two samples of the ZMP's plan, in s.
 const PLAN_S: f64 = CONTROL_S / STEPS_PER_CONTROL as f64;
 
-/// Why there is no motion.
+/// Why a motion cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// The robot has other legs.
+    /// The robot's legs are not supported.
     #[error(transparent)]
     Leg(#[from] LegError),
     /// Parameters outside their bounds.
@@ -26,35 +26,35 @@ pub enum MotionError {
     Space(#[from] SpaceError),
 }
 
-/// How the body is carried, whatever the feet do.
+/// Posture of the body, independent of the feet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Carriage {
     /// Height of the centre of mass over the ground, in m.
     pub(super) com_height_m: f64,
     /// Pitch of the torso, in rad.
     pub(super) lean_rad: f64,
-    /// How much of the servos' giving way under load the references make up for, 1 for all.
+    /// Fraction of the servos' deflection under load for which the references compensate, 1 for all.
     pub(super) stiffening: f64,
 }
 
-/// Where ZMP and feet are to be at every time. Lengths count from the middle between the soles at the start, or, for
-/// feet, from where each stood.
+/// Targets of ZMP and feet over time. Positions are relative to the middle between the soles at the start, or, for
+/// feet, to the start position of each foot.
 pub(super) trait ZmpPlan {
-    /// How the body is carried.
+    /// Posture of the body.
     fn carriage(&self) -> Carriage;
     /// Forward and left coordinate of the ZMP, in m.
     fn zmp(&self, time_s: f64) -> [f64; 2];
-    /// How far the soles, left and right, are from where they stood, in m.
+    /// Displacement of the left and the right sole from their start positions, in m.
     fn feet(&self, time_s: f64) -> [Vector3<f64>; 2];
-    /// Pitch of the left and the right arm against hanging, backward positive, in rad.
+    /// Pitch of the left and the right arm relative to hanging down, backward positive, in rad.
     fn arms(&self, _time_s: f64) -> [f64; 2] {
         [0.0, 0.0]
     }
 }
 
-/// The references that carry out `plan` for `duration_s` seconds.
+/// The references that execute `plan` for `duration_s` seconds.
 pub(super) fn references(robot: &Robot, plan: &impl ZmpPlan, duration_s: f64) -> Result<References, LegError> {
-    // Also turns a NaN into no time at all.
+    // A NaN duration also becomes zero.
     let duration_s = duration_s.max(0.0);
     let mut posture = Posture::new(robot)?;
     let carriage = plan.carriage();
@@ -96,7 +96,7 @@ fn com(plan: &impl ZmpPlan, height_m: f64, duration_s: f64) -> Vec<[f64; 2]> {
     x.into_iter().zip(y).map(|(x, y)| [x, y]).collect()
 }
 
-/// Stretched arms that hang down, turned back by `arms` (left, right) in rad.
+/// Sets straight arms that hang down, rotated backward by `arms` (left, right) in rad.
 fn hang_arms(robot: &Robot, arms: [f64; 2], q: &mut [f64]) {
     for (q, (_, link)) in q.iter_mut().zip(robot.movable()) {
         match link.name.as_str() {

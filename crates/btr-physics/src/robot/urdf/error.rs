@@ -1,8 +1,8 @@
-//! What a URDF can lack, by the name of the link or joint.
+//! Errors and warnings of reading a URDF, by the name of the link or joint.
 
 use std::path::PathBuf;
 
-/// Why a URDF gives no robot.
+/// Why a URDF cannot be read as a robot.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfError {
@@ -11,13 +11,13 @@ pub enum UrdfError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// Not XML, or not URDF.
     #[error("not a URDF: {what}")]
     Syntax {
-        /// What the parser said.
+        /// The parser's message.
         what: String,
     },
     /// A kind of joint that btr does not simulate.
@@ -28,7 +28,7 @@ pub enum UrdfError {
         /// Its type.
         kind: String,
     },
-    /// A link that a joint names and nobody defines.
+    /// A link that a joint names and that is not defined.
     #[error("joint `{joint}` names the link `{link}`, which does not exist")]
     NoLink {
         /// The joint.
@@ -44,7 +44,7 @@ pub enum UrdfError {
         /// The name.
         name: String,
     },
-    /// A link that hangs on two joints.
+    /// A link that is the child of two joints.
     #[error("link `{link}` hangs on the joints `{first}` and `{second}`; a robot is a tree")]
     TwoParents {
         /// The link.
@@ -60,13 +60,13 @@ pub enum UrdfError {
         /// The links without a parent.
         roots: Vec<String>,
     },
-    /// Links that hang on each other in a ring.
+    /// Links that form a loop.
     #[error("the links {} hang on each other in a loop", links.join(", "))]
     Loop {
         /// The links that the root does not reach.
         links: Vec<String>,
     },
-    /// A number that no body can have.
+    /// An invalid value of a physical quantity.
     #[error("{what} of `{name}` is {value}, which is no {what}")]
     Value {
         /// The link or joint.
@@ -76,17 +76,17 @@ pub enum UrdfError {
         /// Its value.
         value: f64,
     },
-    /// A joint that follows nothing that moves by itself.
+    /// A joint whose leader is not an independent movable joint.
     #[error("joint `{joint}` mimics `{leader}`, which {why}")]
     Mimic {
         /// The joint.
         joint: String,
         /// The joint it should follow.
         leader: String,
-        /// What is wrong with that.
+        /// Why the leader is invalid.
         why: &'static str,
     },
-    /// A joint that moves nothing: no mass beyond it.
+    /// A joint that carries no mass.
     #[error("joint `{joint}` moves `{link}`, which has no mass and carries none; give it an <inertial>")]
     Massless {
         /// The joint.
@@ -96,7 +96,7 @@ pub enum UrdfError {
     },
 }
 
-/// What was left out of a robot.
+/// What a robot lacks of its URDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfWarning {

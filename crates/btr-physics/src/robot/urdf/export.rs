@@ -4,8 +4,8 @@ use crate::robot::{Geometry, Joint, JointKind, Link, Robot};
 use nalgebra::Isometry3;
 use std::fmt::Write;
 
-/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF has
-/// no word for (actuators, rotor inertia, the start) is left out.
+/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF
+/// cannot express (actuators, rotor inertia, the start) is left out.
 pub fn to_urdf(robot: &Robot) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
     for link in &robot.links {
@@ -52,7 +52,7 @@ fn geometry(geometry: &Geometry, element: &str) -> String {
         Geometry::Box { half_m: h } => format!("<box size=\"{} {} {}\"/>", 2.0 * h.x, 2.0 * h.y, 2.0 * h.z),
         Geometry::Sphere { radius_m } => format!("<sphere radius=\"{radius_m}\"/>"),
         Geometry::Cylinder { radius_m, half_length_m } => cylinder("cylinder", *radius_m, *half_length_m),
-        // Viewers draw boxes, cylinders and balls only; as a body a capsule stays one.
+        // Viewers draw boxes, cylinders and spheres only; the collision shape stays a capsule.
         Geometry::Capsule { radius_m, half_length_m } if element == "visual" => {
             cylinder("cylinder", *radius_m, half_length_m + radius_m)
         }
@@ -79,7 +79,8 @@ fn push_joint(out: &mut String, joint: &Joint, parent: &str, child: &str) {
             let (leader, ratio, offset) = (escaped(&mimic.leader), mimic.ratio, mimic.offset);
             line!(out, "    <mimic joint=\"{leader}\" multiplier=\"{ratio}\" offset=\"{offset}\"/>");
         }
-        // URDF demands a range of slides, and an effort and a velocity of every range; 0 would mean none of either.
+        // URDF requires a range for slides, and an effort and a velocity for every range; 0 would mean neither is
+        // available.
         if limited || joint.kind == JointKind::Prismatic {
             let (lower, upper) = (joint.limits.0.max(-FAR), joint.limits.1.min(FAR));
             let velocity = joint.speed_limit.min(FAR);
@@ -89,7 +90,7 @@ fn push_joint(out: &mut String, joint: &Joint, parent: &str, child: &str) {
     line!(out, "  </joint>");
 }
 
-/// Stands for "no limit" where URDF wants a number.
+/// Represents "no limit" where URDF requires a number.
 const FAR: f64 = 1e6;
 
 fn origin(pose: &Isometry3<f64>) -> String {

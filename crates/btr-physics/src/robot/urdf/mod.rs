@@ -1,8 +1,8 @@
-//! Robots from URDF, and to URDF.
+//! Reading and writing robots as URDF.
 //!
-//! Limitations: shapes are primitives, so meshes are left out with a warning, of collision as of visual; planar,
-//! floating and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read.
-//! Every joint is passive: the model's file says what drives it.
+//! Limitations: shapes are primitives, so meshes (collision and visual) are left out with a warning; planar, floating
+//! and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read. Every joint is passive:
+//! the model file defines its actuator.
 
 mod error;
 mod export;
@@ -43,7 +43,7 @@ pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), U
     Ok((Robot { name: urdf.name, base, start: Isometry3::identity(), links }, warnings))
 }
 
-/// Indices of the links, parents before children and else in the file's order, with the joints that carry them.
+/// Indices of the links, parents before children and otherwise in the file's order, with the joints that carry them.
 fn tree_order(urdf: &urdf_rs::Robot) -> Result<Vec<(usize, Option<&urdf_rs::Joint>)>, UrdfError> {
     unique("links", urdf.links.iter().map(|l| l.name.as_str()))?;
     unique("joints", urdf.joints.iter().map(|j| j.name.as_str()))?;
@@ -87,7 +87,7 @@ fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Resul
     Ok(())
 }
 
-/// The root hangs on nothing; its joint is ignored.
+/// Placeholder joint of the root, which is ignored.
 fn root_joint() -> Joint {
     Joint {
         name: String::new(),
@@ -133,13 +133,13 @@ fn joint(j: &urdf_rs::Joint, warnings: &mut Vec<UrdfWarning>) -> Result<Joint, U
         ratio: mimic.multiplier.unwrap_or(1.0),
         offset: mimic.offset.unwrap_or(0.0),
     });
-    // An absent velocity limit reads as zero, which no joint that moves means.
+    // An absent velocity limit is parsed as zero, which is no valid limit of a moving joint.
     let speed_limit = if j.limit.velocity > 0.0 { j.limit.velocity } else { f64::INFINITY };
     let (name, moves) = (j.name.clone(), Joint { kind, origin, axis, limits, start, ..root_joint() });
     Ok(Joint { name, speed_limit, damping, dry_friction, mimic, ..moves })
 }
 
-/// Whoever follows a follower follows that one's leader.
+/// Replaces a leader that is itself a follower by that one's leader.
 fn resolve_mimics(links: &mut [Link]) -> Result<(), UrdfError> {
     let joints: Vec<Joint> = links.iter().skip(1).map(|link| link.joint.clone()).collect();
     for joint in links.iter_mut().map(|link| &mut link.joint) {
@@ -165,7 +165,7 @@ fn resolve_mimics(links: &mut [Link]) -> Result<(), UrdfError> {
     Ok(())
 }
 
-/// The range of a joint. An absent `<limit>` reads as zeros, which no hinge or slide means.
+/// The range of a joint. An absent `<limit>` is parsed as zeros, which is no valid range of a hinge or slide.
 fn limits(j: &urdf_rs::Joint, kind: JointKind, warnings: &mut Vec<UrdfWarning>) -> (f64, f64) {
     let endless = (f64::NEG_INFINITY, f64::INFINITY);
     if kind == JointKind::Fixed || j.joint_type == urdf_rs::JointType::Continuous {
@@ -191,7 +191,7 @@ fn link(
     for (what, value) in [("ixx", i.ixx), ("iyy", i.iyy), ("izz", i.izz)] {
         not_negative(&l.name, what, value)?;
     }
-    let own = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     let turn = frame.rotation.to_rotation_matrix();
     let mut shapes = Vec::new();
     for collision in &l.collision {
@@ -200,11 +200,11 @@ fn link(
             Err(file) => warnings.push(UrdfWarning::Mesh { link: l.name.clone(), file }),
         }
     }
-    let (com_m, inertia_kg_m2) = (Point3::from(frame.translation.vector), turn * own * turn.transpose());
+    let (com_m, inertia_kg_m2) = (Point3::from(frame.translation.vector), turn * inertia * turn.transpose());
     Ok(Link { name: l.name.clone(), parent, joint, mass_kg, com_m, inertia_kg_m2, shapes, foot: false })
 }
 
-/// The primitive, or the file of the mesh.
+/// The primitive, or the mesh's file as the error.
 fn geometry(g: &urdf_rs::Geometry) -> Result<Geometry, String> {
     match g {
         urdf_rs::Geometry::Box { size } => Ok(Geometry::Box { half_m: Vector3::from(size.0) / 2.0 }),
@@ -234,7 +234,7 @@ fn not_negative(name: &str, what: &'static str, value: f64) -> Result<(), UrdfEr
     Err(UrdfError::Value { name: name.to_owned(), what, value })
 }
 
-/// A joint that moves needs something with mass to move: the link or one that hangs on it.
+/// Checks that every movable joint carries mass: that of its link or of a descendant.
 fn check_carried_mass(links: &[Link]) -> Result<(), UrdfError> {
     let mut carried_kg: Vec<f64> = links.iter().map(|l| l.mass_kg).collect();
     for i in (1..links.len()).rev() {

@@ -19,7 +19,7 @@ fn robot_text(parts: &[String]) -> String {
     format!("<robot name=\"r\">{}</robot>", parts.concat())
 }
 
-fn complaint(parts: &[String]) -> String {
+fn error_of(parts: &[String]) -> String {
     parse_urdf(&robot_text(parts), Base::Fixed).unwrap_err().to_string()
 }
 
@@ -72,7 +72,7 @@ fn parents_come_before_children_whatever_the_files_order() {
 }
 
 #[test]
-fn what_is_left_out_is_told() {
+fn missing_limits_and_meshes_are_warned_about() {
     let (joint, warnings) = hinge("");
     assert_eq!(joint.limits, (f64::NEG_INFINITY, f64::INFINITY));
     assert_eq!(warnings, [UrdfWarning::NoLimits { joint: "ab".into() }]);
@@ -83,7 +83,7 @@ fn what_is_left_out_is_told() {
 }
 
 #[test]
-fn whoever_follows_a_follower_follows_its_leader() {
+fn a_follower_of_a_follower_follows_its_leader() {
     let mimics = |leader: &str, numbers: &str| format!("<mimic joint=\"{leader}\" {numbers}/>");
     let parts = |last: &str| {
         let links = ["a", "b", "c", "d"].map(link_text);
@@ -98,41 +98,41 @@ fn whoever_follows_a_follower_follows_its_leader() {
     assert_eq!(follows, [(1, 0, -2.0, 0.5), (2, 0, -6.0, 1.5)]);
     let (again, _) = parse_urdf(&to_urdf(&robot), Base::Fixed).unwrap();
     assert_eq!(again.links[2].joint.mimic, robot.links[2].joint.mimic);
-    assert_eq!(complaint(&parts(&mimics("cd", ""))), "joint `ab` mimics `cd`, which follows it in turn");
+    assert_eq!(error_of(&parts(&mimics("cd", ""))), "joint `ab` mimics `cd`, which follows it in turn");
     assert_eq!(
-        complaint(&parts(&mimics("ef", ""))),
+        error_of(&parts(&mimics("ef", ""))),
         "joint `ab` mimics `ef`, which does not exist, or follows one that does not"
     );
 }
 
 #[test]
-fn what_is_no_robot_is_named() {
+fn invalid_robots_are_described_by_name() {
     let [a, b] = ["a", "b"].map(link_text);
     let ab = |kind: &str| joint_text("ab", kind, "a", "b", "");
     assert_eq!(
-        complaint(&[a.clone(), b.clone(), ab("floating")]),
+        error_of(&[a.clone(), b.clone(), ab("floating")]),
         "joint `ab`: floating joints are not simulated; split it into hinges and slides"
     );
-    assert_eq!(complaint(&[a.clone(), ab("fixed")]), "joint `ab` names the link `b`, which does not exist");
-    assert_eq!(complaint(&[a.clone(), a.clone()]), "two links are called `a`");
-    assert_eq!(complaint(&[a.clone(), b.clone()]), "2 links have no parent (a, b); a robot has one root");
-    assert_eq!(complaint(&[]), "0 links have no parent (); a robot has one root");
+    assert_eq!(error_of(&[a.clone(), ab("fixed")]), "joint `ab` names the link `b`, which does not exist");
+    assert_eq!(error_of(&[a.clone(), a.clone()]), "two links are called `a`");
+    assert_eq!(error_of(&[a.clone(), b.clone()]), "2 links have no parent (a, b); a robot has one root");
+    assert_eq!(error_of(&[]), "0 links have no parent (); a robot has one root");
     assert_eq!(
-        complaint(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
+        error_of(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
         "link `b` hangs on the joints `ab` and `ba`; a robot is a tree"
     );
     let ring = [link_text("root"), a.clone(), b, ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
-    assert_eq!(complaint(&ring), "the links a, b hang on each other in a loop");
+    assert_eq!(error_of(&ring), "the links a, b hang on each other in a loop");
     let hollow = [a.clone(), "<link name=\"b\"/>".into(), ab("continuous")];
-    assert_eq!(complaint(&hollow), "joint `ab` moves `b`, which has no mass and carries none; give it an <inertial>");
-    assert_eq!(complaint(&[a.replace("\"2\"", "\"-1\"")]), "mass of `a` is -1, which is no mass");
-    assert!(complaint(&["<link".into()]).starts_with("not a URDF: "));
+    assert_eq!(error_of(&hollow), "joint `ab` moves `b`, which has no mass and carries none; give it an <inertial>");
+    assert_eq!(error_of(&[a.replace("\"2\"", "\"-1\"")]), "mass of `a` is -1, which is no mass");
+    assert!(error_of(&["<link".into()]).starts_with("not a URDF: "));
 }
 
 #[test]
-fn a_robot_survives_the_way_to_urdf_and_back() {
-    let shapes = r#"<collision><origin xyz="0 1 0" rpy="0.3 -0.2 0.1"/><geometry><box size="0.1 0.2 0.3"/></geometry></collision>
-        <collision><geometry><sphere radius="0.1"/></geometry></collision>
+fn a_robot_survives_a_round_trip_through_urdf() {
+    let shapes = r#"<collision><origin xyz="0 1 0" rpy="0.3 -0.2 0.1"/><geometry><box size="0.1 0.2 0.3"/></geometry>
+        </collision><collision><geometry><sphere radius="0.1"/></geometry></collision>
         <collision><geometry><cylinder radius="0.1" length="0.5"/></geometry></collision>
         <collision><geometry><capsule radius="0.1" length="0.5"/></geometry></collision>"#;
     let inside = r#"<origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><axis xyz="0 1 0"/><dynamics damping="0.5" friction="0.25"/>
