@@ -1,9 +1,8 @@
-//! Steps per second of the ant, the Nao and an arm on the own engine and on Rapier, and what a rollout costs beside its
-//! steps.
+//! Steps per second of the ant, the Nao and an arm on btr's own engine and on Rapier, and the overhead of a rollout.
 //!
 //! `cargo bench -p btr-physics`. One item of `rollouts` is one physics step of 0.055/7 s of one candidate. `set_up`
-//! builds as many as are handed out at once and makes a single step of each: eight times that, beside `rollouts` with
-//! one thread, is not stepping.
+//! builds one batch of rollouts and makes a single step of each: eight times its time, compared with `rollouts` on one
+//! thread, is overhead.
 #![allow(clippy::expect_used, reason = "a benchmark has nobody to report to")]
 
 mod scenes;
@@ -19,8 +18,8 @@ const DT_S: f64 = CONTROL_S / STEPS_PER_CONTROL as f64;
 const DURATION_S: f64 = 2.0;
 /// Rollouts in a population.
 const POPULATION: usize = 64;
-/// Rollouts that are handed out at once: as many as any machine has side by side.
-const AT_ONCE: usize = 8;
+/// Rollouts in a batch: the largest number of SIMD lanes on any machine.
+const BATCH: usize = 8;
 
 fn main() {
     divan::main();
@@ -37,18 +36,18 @@ fn rollouts<const THREADS: usize>(bencher: divan::Bencher, which: &str) {
     let scene = scene(which, DT_S, DURATION_S);
     let steps = (DURATION_S / DT_S).round() as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(THREADS).build().expect("threads");
-    let population = || (0..POPULATION / AT_ONCE).into_par_iter().map(|_| scene.run_all(AT_ONCE)).collect::<Vec<_>>();
+    let population = || (0..POPULATION / BATCH).into_par_iter().map(|_| scene.run_all(BATCH)).collect::<Vec<_>>();
     bencher.counter(ItemsCount::new(POPULATION * steps)).bench_local(|| pool.install(population));
 }
 
-/// Rollouts of a single step: the world, the controller's side, the log.
+/// Rollouts of a single step: building the world, the controller and the log.
 #[divan::bench(args = all(), sample_count = 200)]
 fn set_up(bencher: divan::Bencher, which: &str) {
     let scene = scene(which, DT_S, DT_S);
-    bencher.counter(ItemsCount::new(AT_ONCE)).bench_local(|| scene.run_all(AT_ONCE));
+    bencher.counter(ItemsCount::new(BATCH)).bench_local(|| scene.run_all(BATCH));
 }
 
-/// Working out the motion of 2 s: the Nao's centre of mass, feet and joint angles.
+/// Planning a motion of 2 s: the Nao's centre of mass, feet and joint angles.
 #[divan::bench(args = NAMES, sample_count = 50)]
 fn drive(bencher: divan::Bencher, name: &str) {
     bencher.bench_local(|| scene(name, DT_S, DURATION_S));

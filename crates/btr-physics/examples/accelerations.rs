@@ -1,6 +1,6 @@
-//! Forward dynamics of states that it is told: `accelerations <ant|nao|file.urdf>` prints the names of the joints as a
-//! JSON list, then for every line of its input, a state as JSON, the accelerations: of the root where it floats
-//! (angular, linear, world's axes), then of the joints.
+//! Forward dynamics of given states: `accelerations <ant|nao|file.urdf>` prints the names of the joints as a JSON list.
+//! Then, for every state read from standard input as a line of JSON, it prints the accelerations: those of a floating
+//! root (angular, linear, world's axes), then those of the joints.
 
 use btr_physics::engine::forward_dynamics;
 use btr_physics::engine::{BaseState, RobotState};
@@ -15,9 +15,9 @@ use std::error::Error;
 use std::io::BufRead;
 use std::path::Path;
 
-/// What is read: SI units, the quaternion's real part first.
+/// Input state: SI units, the quaternion's real part first.
 #[derive(Deserialize)]
-struct Told {
+struct InputState {
     base: [f64; 3],
     turn: [f64; 4],
     velocity: [f64; 3],
@@ -27,7 +27,7 @@ struct Told {
     torques: Vec<f64>,
 }
 
-impl Told {
+impl InputState {
     fn state(&self) -> RobotState {
         let [w, x, y, z] = self.turn;
         let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
@@ -52,8 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let joints: Vec<&str> = robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
     println!("{}", serde_json::json!(joints));
     for line in std::io::stdin().lock().lines() {
-        let told: Told = serde_json::from_str(&line?)?;
-        let accelerations = forward_dynamics(&robot, Setup::default().gravity_m_s2, &told.state(), &told.torques);
+        let input: InputState = serde_json::from_str(&line?)?;
+        let accelerations = forward_dynamics(&robot, Setup::default().gravity_m_s2, &input.state(), &input.torques);
         println!("{}", serde_json::json!(accelerations));
     }
     Ok(())

@@ -1,8 +1,8 @@
-//! Writes what MuJoCo needs to repeat a scene: `export_mjcf <ant|nao|arm> <auto|rapier> <dt in s> <duration in s>
-//! <folder>` puts `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's own run on that
-//! engine: commands, joint angles, base) there.
+//! Exports a scene to MuJoCo: `export_mjcf <ant|nao|arm> <auto|rapier> <dt in s> <duration in s> <folder>` writes
+//! `scene.xml` (masses, joints, servos, shapes, floor, step) and `log.csv` (btr's run on that engine: commands, joint
+//! angles, base) to the folder.
 //!
-//! Fixed and free bases, hinges, slides and position servos are known; as in btr, the robot touches the floor only.
+//! Fixed and free bases, hinges, slides and position servos are supported; as in btr, the robot touches the floor only.
 
 #[path = "../benches/scenes/mod.rs"]
 mod scenes;
@@ -43,7 +43,7 @@ fn to_mjcf(robot: &Robot, setup: &Setup) -> String {
     line!(out, "<option timestep=\"{}\" integrator=\"implicitfast\" gravity=\"{} {} {}\"/>", setup.dt_s, g.x, g.y, g.z);
     line!(out, "<worldbody>");
     if let Some(ground) = &setup.ground {
-        // MuJoCo takes the larger of two coefficients, and the robot's have the default of 1 otherwise.
+        // MuJoCo uses the larger of the two coefficients, and the robot's would default to 1.
         let friction = ground.friction;
         line!(out, "<geom type=\"plane\" size=\"0 0 1\" friction=\"{friction}\" contype=\"1\" conaffinity=\"0\"/>");
         push_body(&mut out, robot, 0, friction);
@@ -55,7 +55,7 @@ fn to_mjcf(robot: &Robot, setup: &Setup) -> String {
     out + "</actuator>\n</mujoco>\n"
 }
 
-/// The link and everything it carries.
+/// Appends the link and its descendants.
 fn push_body(out: &mut String, robot: &Robot, index: usize, friction: f64) {
     let link = &robot.links[index];
     let pose = if link.parent.is_some() { link.joint.origin } else { robot.start };

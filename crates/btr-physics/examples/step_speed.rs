@@ -1,6 +1,6 @@
 //! Times rollouts: `step_speed <ant|nao|arm> <auto|rapier> <dt in s> <duration in s> <repetitions> <population>` prints
-//! one JSON line per repetition with the µs per step and candidate: the thread's processor time for all that belongs to
-//! the rollouts of a population that is simulated at once.
+//! one JSON line per repetition with the µs per step and candidate: the thread's processor time for the complete
+//! rollouts of a population that is simulated at once.
 
 #[path = "../benches/scenes/mod.rs"]
 mod scenes;

@@ -10,7 +10,7 @@ use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Ball, Sensors, Setup};
 use nalgebra::Point3;
 
-/// N in the paper.
+/// Number of samples, N in the paper.
 const SAMPLES: usize = 4024;
 
 fn setup(duration_s: f64) -> Setup {
@@ -45,7 +45,7 @@ fn fall_s(log: &Log) -> Option<f64> {
     (0..log.len()).find(|&i| up(i) < 0.7 || z[i] < 0.6 * z[0]).map(|i| log.clock_s()[i])
 }
 
-/// How often the foot comes down after at least 0.1 s in the air; less is a bounce.
+/// Number of landings of the foot after at least 0.1 s in the air; shorter flights are bounces.
 fn landings(log: &Log, foot: &str) -> usize {
     let (mut left_s, mut count) = (None, 0);
     for (&time_s, &force) in log.clock_s().iter().zip(log.values(foot).unwrap()) {
@@ -62,7 +62,7 @@ fn last(log: &Log, name: &str) -> f64 {
     *log.values(name).unwrap().last().unwrap()
 }
 
-/// The Nao with the eight masses of the paper's search space scaled, bodies keeping their shape.
+/// The Nao with the eight masses of the paper's search space scaled; the bodies keep their shape.
 fn with_masses(factors: [f64; 8]) -> Robot {
     let mut robot = nao();
     for (name, factor) in UNCERTAIN_MASSES.iter().zip(factors) {
@@ -90,14 +90,14 @@ fn walks_for_all_the_paper_s_samples() {
     assert!(last(&log, "base_y").abs() < 0.3, "{} m aside", last(&log, "base_y"));
 }
 
-/// The judge of falls must be able to say yes.
+/// Fall detection reports a fall.
 #[test]
 fn a_bad_walk_falls() {
     let log = walk(nao(), &[("sway", 0.08), ("stiffening", 0.0), ("step_period", 0.6)], 10.0);
     assert!(fall_s(&log).is_some());
 }
 
-/// Corners of the ±50 % box, each with four heavy and four light bodies or all alike.
+/// Corners of the ±50 % box, each with four heavy and four light bodies or all equal.
 #[test]
 fn walks_with_wrong_masses() {
     let patterns =
@@ -107,7 +107,7 @@ fn walks_with_wrong_masses() {
     assert!(stood >= 6, "only {stood} of {} stood", patterns.len());
 }
 
-/// A controller that expects other masses leaves traces in what the sensors say, or nothing could be identified.
+/// A controller that assumes other masses changes the readings; otherwise nothing could be identified.
 #[test]
 fn a_heavier_shank_shows_in_the_joint_angles() {
     let nominal = walk(nao(), &[], 4.0);
@@ -128,7 +128,7 @@ fn the_same_walk_gives_the_same_bits() {
 fn kick(changes: &[(&str, f64)]) -> Log {
     let kick = NaoKick::new(&nao(), &point(&NaoKick::space().unwrap(), changes)).unwrap();
     let radius_m = 0.04;
-    // 3 cm before the right foot, whose front is at 0.10.
+    // 3 cm in front of the right foot, whose front is at 0.10.
     let ball = Ball {
         radius_m,
         mass_kg: 0.05,
@@ -151,13 +151,13 @@ fn a_kick_moves_the_ball_and_leaves_the_robot_standing() {
 }
 
 #[test]
-fn a_kick_without_a_swing_leaves_the_ball_alone() {
+fn a_kick_without_a_swing_does_not_move_the_ball() {
     let log = kick(&[("backswing", 0.0), ("follow_through", 0.0)]);
     assert_eq!(fall_s(&log), None);
     assert!((last(&log, "ball_x") - log.values("ball_x").unwrap()[0]).abs() < 1e-3);
 }
 
-/// Every controller of the spaces can be told to the servos, reachable or not: within ranges and speeds.
+/// Every controller of the spaces gives valid references, reachable or not: within ranges and speeds.
 #[test]
 fn corners_of_the_controller_spaces_stay_within_ranges_and_speeds() {
     let robot = nao();

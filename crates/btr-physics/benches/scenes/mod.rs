@@ -1,5 +1,5 @@
-//! What is timed: the ant's tripod gait and the Nao's walk, with the sensors that the paper's robots have, and an arm
-//! of four joints.
+//! Benchmark scenes: the ant's tripod gait and the Nao's walk, with the sensors of the paper's robots, and an arm of
+//! four joints.
 
 use btr_core::log::Log;
 use btr_core::world::WorldError;
@@ -16,7 +16,7 @@ pub(crate) const NAMES: [&str; 3] = ["ant", "nao", "arm"];
 /// The physics engines as model files name them.
 pub(crate) const ENGINES: [&str; 2] = ["auto", "rapier"];
 
-/// A robot where its motion begins, its world and its drive.
+/// A robot in its start state, its world and its drive.
 pub(crate) struct Scene {
     pub(crate) robot: Robot,
     pub(crate) setup: Setup,
@@ -24,8 +24,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// The Nao for the name `nao`, an arm for `arm`, else the ant; on the reference engine for `rapier`, else on the
-    /// own one.
+    /// The Nao for the name `nao`, an arm for `arm`, otherwise the ant; on the reference engine for `rapier`, otherwise
+    /// on btr's own.
     pub(crate) fn new(name: &str, engine: &str, dt_s: f64, duration_s: f64) -> Result<Self, MotionError> {
         let engine = if engine == "rapier" { EngineName::Rapier } else { EngineName::Auto };
         let mut setup = Setup { dt_s, duration_s, control_s: CONTROL_S, interpolate: true, engine, ..Setup::default() };
@@ -41,7 +41,7 @@ impl Scene {
         Ok(Scene { robot, setup, drive })
     }
 
-    /// The robot with other masses, by up to a tenth: one of a population. The first has its own.
+    /// The robot of a candidate, with masses varied by up to a tenth. The first has the nominal masses.
     fn robot_of(&self, number: usize) -> Robot {
         let mut robot = self.robot.clone();
         for (i, link) in robot.links.iter_mut().enumerate() {
@@ -50,8 +50,8 @@ impl Scene {
         robot
     }
 
-    /// Simulates a population of such robots at once, from building their worlds to their logs, which have a sample per
-    /// step and one before them.
+    /// Simulates a population of such robots at once, from building their worlds to their logs, which have one sample
+    /// before the first step and one per step.
     pub(crate) fn run_all(&self, population: usize) -> Result<Vec<Log>, WorldError> {
         let robots: Vec<Robot> = (0..population).map(|number| self.robot_of(number)).collect();
         let candidate = |robot| RolloutRequest::new(robot, &*self.drive).setup(&self.setup);
@@ -64,7 +64,7 @@ fn walk(duration_s: f64) -> Result<Box<dyn Drive>, MotionError> {
     Ok(Box::new(NaoWalk::new(&nao(), &controller, duration_s)?))
 }
 
-/// Every joint swings, each at its own rate.
+/// Every joint oscillates at its own rate.
 struct Swing;
 
 impl Drive for Swing {
@@ -75,7 +75,7 @@ impl Drive for Swing {
     }
 }
 
-/// A bolted arm: a turret, two links that lift and one that rolls, with servos.
+/// A fixed arm with servos: a turret, two links that lift and one that rolls.
 fn arm() -> Robot {
     let link = |number: usize, axis: Vector3<f64>, length_m: f64| {
         let origin = Isometry3::translation(0.0, 0.0, if number == 1 { 0.1 } else { 0.2 });
@@ -106,7 +106,7 @@ fn arm() -> Robot {
     }
 }
 
-/// The ant without the integral part of its servos, which MuJoCo's position servos do not have.
+/// The ant without the integral gain of its servos, which MuJoCo's position servos lack.
 fn ant() -> Robot {
     let mut robot = ant::ant();
     for link in &mut robot.links {

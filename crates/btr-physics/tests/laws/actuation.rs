@@ -1,4 +1,4 @@
-//! Every effect on commands and motors does what its law says.
+//! Effects on commands and motors obey their laws.
 
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
@@ -10,7 +10,7 @@ use btr_physics::robot::Actuator;
 /// kg·m².
 const INERTIA: f64 = 1.3 * 0.49;
 
-/// What a torque motor without weight on it does with a command, by its logged torque.
+/// Log of a torque motor without gravity; its logged torque is the command that reached it.
 fn driven(effect: PlacedEffect, drive: &dyn Drive, duration_s: f64) -> Log {
     let robot = pendulum(1.3, 0.7, Actuator::Torque { max_torque: f64::INFINITY });
     run_with(&robot, &[effect], &fast_weightless(0.0005, duration_s), drive)
@@ -27,7 +27,7 @@ fn torque_at(log: &Log, time_s: f64) -> f64 {
 }
 
 #[test]
-fn a_lag_answers_a_step_with_its_exponential() {
+fn a_lag_responds_to_a_step_exponentially() {
     let log = driven(placed("motor_lag", "hinge", &[0.04]), &step(), 0.4);
     for time_s in [0.12, 0.14, 0.2] {
         // The mean over the step that ends at `time_s`.
@@ -39,24 +39,27 @@ fn a_lag_answers_a_step_with_its_exponential() {
 }
 
 #[test]
-fn a_lag_starts_at_its_first_command_and_forgets_while_the_motor_is_off() {
-    let told = Told(|t: f64| if (0.1..0.2).contains(&t) { f64::NAN } else { 2.0 + (t > 0.15) as u8 as f64 });
-    let log = driven(placed("motor_lag", "hinge", &[0.5]), &told, 0.3);
+fn a_lag_starts_at_its_first_command_and_resets_while_the_motor_is_off() {
+    let commands = Told(|t: f64| if (0.1..0.2).contains(&t) { f64::NAN } else { 2.0 + (t > 0.15) as u8 as f64 });
+    let log = driven(placed("motor_lag", "hinge", &[0.5]), &commands, 0.3);
     assert!((torque_at(&log, 0.01) - 2.0).abs() < 1e-12, "it does not start from zero");
-    assert!(torque_at(&log, 0.15) == 0.0 && (torque_at(&log, 0.25) - 3.0).abs() < 1e-12, "it starts anew");
+    assert!(
+        torque_at(&log, 0.15) == 0.0 && (torque_at(&log, 0.25) - 3.0).abs() < 1e-12,
+        "it restarts at the first command"
+    );
 }
 
 #[test]
-fn a_rate_limit_makes_a_ramp_of_a_step() {
+fn a_rate_limit_turns_a_step_into_a_ramp() {
     let log = driven(placed("command_rate_limit", "hinge", &[4.0]), &step(), 0.5);
-    // The mean over the step that ends then.
+    // The mean over the step that ends at that time.
     for (time_s, expected) in [(0.15, 0.199), (0.3, 0.799), (0.36, 1.0)] {
         assert!((torque_at(&log, time_s) - expected).abs() < 1e-9, "{} at {time_s} s", torque_at(&log, time_s));
     }
 }
 
 #[test]
-fn a_dead_band_leaves_an_error_of_its_size_beside_that_of_the_load() {
+fn a_dead_band_adds_its_size_to_the_static_error() {
     let robot = pendulum(1.3, 0.7, Actuator::Position { kp: 60.0, ki: 0.0, kd: 6.0, max_torque: f64::INFINITY });
     let band = placed("command_deadband", "hinge", &[0.05]);
     let q = last(&run_with(&robot, &[band], &fast(0.001, 5.0), &hold(0.5)), "q_hinge");
@@ -79,13 +82,13 @@ fn a_speed_torque_line_leads_to_the_no_load_speed() {
 }
 
 #[test]
-fn a_sagging_supply_settles_where_load_and_torque_agree() {
+fn a_sagging_supply_settles_where_load_and_torque_balance() {
     let torque = last(&driven(placed("voltage_sag", "*", &[0.3]), &hold(4.0), 0.1), "tau_hinge");
     assert!((torque * (1.0 + 0.3 * torque) - 4.0).abs() < 1e-9, "{torque} N·m");
 }
 
 #[test]
-fn a_motor_fades_with_the_energy_that_it_gave() {
+fn a_motor_fades_with_the_energy_it_has_delivered() {
     let log = driven(placed("thermal_fade", "hinge", &[0.2]), &hold(2.0), 1.5);
     let energy = 0.5 * INERTIA * last(&log, "dq_hinge").powi(2);
     let expected = 2.0 * f64::exp(-0.2 * energy);
@@ -94,7 +97,7 @@ fn a_motor_fades_with_the_energy_that_it_gave() {
 }
 
 #[test]
-fn effects_on_commands_pass_a_steady_command_on() {
+fn command_effects_do_not_change_a_steady_command() {
     let servo = Actuator::Position { kp: 60.0, ki: 0.0, kd: 6.0, max_torque: f64::INFINITY };
     let robot = pendulum(1.3, 0.7, servo);
     let plain = run(&robot, &fast(0.001, 1.0), &hold(0.5));

@@ -1,4 +1,4 @@
-//! No motor exceeds its bound: not in what is logged, and not in what acts.
+//! No motor exceeds its bound, neither in the logged nor in the acting torque.
 
 use crate::scene::{ENGINES, Told, arm, fast, fast_weightless, last, on, placed, run, swimmer};
 use btr_core::log::Log;
@@ -11,7 +11,7 @@ use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::Setup;
 use proptest::prelude::{Just, ProptestConfig, Strategy, prop_assert, prop_oneof, proptest};
 
-/// A robot, whether it is in the air, and what it is told.
+/// A robot by name, and whether it is in the air.
 fn robots() -> impl Strategy<Value = (&'static str, bool)> {
     prop_oneof![Just("pendulum"), Just("arm"), Just("swimmer"), Just("ant"), Just("nao")]
         .prop_flat_map(|name| (Just(name), prop_oneof![Just(false), Just(true)]))
@@ -27,7 +27,7 @@ fn robot(name: &str) -> Robot {
     }
 }
 
-/// What bounds a motor at all speeds, and by its torque-speed line.
+/// Bound of a motor at all speeds, and its torque-speed line.
 #[derive(Clone, Copy, Debug)]
 struct Limits {
     torque: f64,
@@ -77,18 +77,17 @@ proptest! {
         let setup = on(ENGINES[engine], &Setup { ground, control_s: 2.0 * dt_s, ..fast(dt_s, 60.0 * dt_s) });
         let line_of = |(stall, no_load): (f64, f64)| placed("speed_torque_limit", "*", &[stall, no_load]);
         let effects: Vec<PlacedEffect> = line.map(line_of).into_iter().collect();
-        // What blows up has no log.
+        // A diverging run has no log.
         if let Ok(log) = simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects)) {
             let found = exceeded(&log, Limits { torque, line });
             prop_assert!(found.is_none(), "{}", found.unwrap_or_default());
         }
     }
 
-    /// What acts, and not only what is said: a motor that is weaker than the friction in its joint moves nothing,
-    /// however light and stiffly driven the link is. In its first step it would be far beyond its bound if it could
-    /// move freely.
+    /// The bound holds for the acting torque too: a motor that is weaker than the friction in its joint moves nothing,
+    /// even a light link with stiff gains. If the joint moved freely, the first step would far exceed the bound.
     #[test]
-    fn a_motor_does_not_overcome_what_is_stronger_than_its_bound(
+    fn a_motor_does_not_overcome_friction_above_its_bound(
         mass in 0.02..2.0, length in 0.01..0.5, kp in 1.0..300.0, kd in 0.0..5.0, torque in 0.05..2.0, rate in 0.1..100.0,
         dt_s in prop_oneof![Just(0.055 / 7.0), Just(0.002)],
     ) {
@@ -101,7 +100,7 @@ proptest! {
     }
 }
 
-/// With its switches between law and bound found in the step, a bounded motor is as exact as a free one: second order.
+/// The engine locates the switches between law and bound within the step, so a bounded motor is of second order too.
 #[test]
 fn a_bounded_motor_is_of_second_order() {
     let robot = pendulum(1.3, 0.7, Actuator::Position { kp: 80.0, ki: 0.0, kd: 6.0, max_torque: 5.0 });

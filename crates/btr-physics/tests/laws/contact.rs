@@ -1,4 +1,4 @@
-//! Robots on the floor, on both engines. Where one is asked for more, it is said.
+//! Robots on the floor, on both engines. Tests with different tolerances per engine state them.
 
 use crate::scene::{ENGINES, G, Told, brick, hold, last, on, placed, run, run_with, setup};
 use btr_physics::presets::ant;
@@ -25,7 +25,7 @@ fn slab() -> Robot {
 #[test]
 fn slides_just_above_the_friction_angle() {
     let critical = 0.5_f64.atan();
-    // The first steps press it into the floor. Rapier's few sweeps leave a rest.
+    // The first steps press it into the floor. Rapier's few solver iterations leave a residual.
     for (engine, creeps) in [(EngineName::Auto, 5e-5), (EngineName::Rapier, 1e-3)] {
         let slid = |angle: f64| last(&run(&slab(), &on(engine, &slope(angle)), &hold(0.0)), "base_x");
         let (below, above) = (slid(0.99 * critical), slid(1.01 * critical));
@@ -35,7 +35,7 @@ fn slides_just_above_the_friction_angle() {
 }
 
 #[test]
-fn slides_with_the_acceleration_that_is_left() {
+fn slides_with_the_acceleration_of_gravity_minus_friction() {
     let angle: f64 = 0.7;
     let expected = 0.5 * G * (angle.sin() - 0.5 * angle.cos());
     for (engine, most) in [(EngineName::Auto, 1e-4), (EngineName::Rapier, 0.01)] {
@@ -69,7 +69,7 @@ fn nao_stands_and_its_feet_carry_its_weight() {
         let log = run(&robot, &standing(engine, substeps), &hold(0.0));
         let joints = log.channels().filter(|(name, _)| name.starts_with("q_"));
         let worst = joints.flat_map(|(_, c)| &c.values).fold(0.0_f64, |worst, q| worst.max(q.abs()));
-        assert!(worst < 0.01, "{engine:?}: a joint gave way by {worst} rad");
+        assert!(worst < 0.01, "{engine:?}: a joint deflected by {worst} rad");
         let z = last(&log, "base_z");
         assert!((z - 0.35).abs() < 1e-3, "{engine:?}: the torso is at {z} m");
         let feet = last(&log, "foot_RAnkleRoll") + last(&log, "foot_LAnkleRoll");
@@ -80,7 +80,7 @@ fn nao_stands_and_its_feet_carry_its_weight() {
 }
 
 #[test]
-fn nothing_falls_asleep() {
+fn resting_bodies_stay_active() {
     let late = Told(|t: f64| if t < 4.0 { 0.0 } else { 0.1 });
     for engine in ENGINES {
         let log = run(&nao(), &Setup { duration_s: 5.0, ..standing(engine, 1) }, &late);
@@ -110,7 +110,7 @@ fn longer_legs_start_on_the_floor() {
         let log = run(&robot, &still, &ant::drive(vec![0.0; 36]));
         let z = log.values("base_z").unwrap();
         assert!((z[0] - ant::ant().start.translation.z).abs() < 1e-9);
-        assert!(z.iter().all(|now| (now - z[0]).abs() < 0.01), "{engine:?}: nothing throws it up");
+        assert!(z.iter().all(|now| (now - z[0]).abs() < 0.01), "{engine:?}: nothing pushes it up");
     }
 }
 
@@ -129,14 +129,14 @@ fn ball_rests_on_the_floor_and_is_pushed() {
         let log = run(&slab(), &still, &hold(0.0));
         let [x, z] = ["ball_x", "ball_z"].map(|channel| last(&log, channel));
         assert!((x - 0.2).abs() < 1e-3 && (z - 0.03).abs() < 1e-3, "{engine:?}: {x} m, {z} m");
-        // A slab that slides into it drives it ahead.
+        // A slab that slides into it pushes it ahead.
         let sliding = Setup { ball: Some(ball), engine, ..slope(0.7) };
         let log = run(&slab(), &sliding, &hold(0.0));
         assert!(last(&log, "ball_x") > last(&log, "base_x") + 0.1, "{engine:?}");
     }
 }
 
-/// A ball of 1 kg dropped from where it just touches a floor of 1000 N/m.
+/// A ball of 1 kg released at first contact with a floor of 1000 N/m.
 fn on_a_soft_floor(engine: EngineName, damping: f64) -> btr_core::log::Log {
     let mut ball = brick(Vector3::repeat(0.1), 1.0, Vector3::zeros());
     ball.links[0].shapes[0].geometry = Geometry::Sphere { radius_m: 0.1 };
@@ -147,7 +147,7 @@ fn on_a_soft_floor(engine: EngineName, damping: f64) -> btr_core::log::Log {
 }
 
 #[test]
-fn a_soft_floor_gives_way_by_weight_over_stiffness() {
+fn a_soft_floor_deflects_by_weight_over_stiffness() {
     for engine in ENGINES {
         let log = on_a_soft_floor(engine, 30.0);
         let (sunk, force) = (0.1 - last(&log, "base_z"), last(&log, "foot_brick"));

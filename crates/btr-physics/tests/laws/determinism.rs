@@ -18,12 +18,12 @@ fn walk(engine: EngineName, noise_seed: Option<u64>) -> Log {
 #[test]
 fn repeats_and_threads_agree_bitwise() {
     for engine in ENGINES {
-        let here = walk(engine, Some(7));
-        let there: Vec<Log> = std::thread::scope(|scope| {
+        let expected = walk(engine, Some(7));
+        let threaded: Vec<Log> = std::thread::scope(|scope| {
             let threads: Vec<_> = (0..4).map(|_| scope.spawn(|| walk(engine, Some(7)))).collect();
             threads.into_iter().map(|thread| thread.join().unwrap()).collect()
         });
-        assert!(there.iter().all(|log| *log == here), "{engine:?}");
+        assert!(threaded.iter().all(|log| *log == expected), "{engine:?}");
     }
 }
 
@@ -50,7 +50,7 @@ fn samples_are_thinned_without_changing_the_run() {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error() {
+fn invalid_setups_and_sites_are_errors() {
     let robot = ant::ant();
     let run = |setup: &Setup, effects: &[PlacedEffect]| {
         simulate(RolloutRequest::new(&robot, &ant::tripod()).setup(setup).effects(effects))
@@ -62,7 +62,7 @@ fn what_does_not_fit_is_an_error() {
 }
 
 #[test]
-fn blow_ups_are_reported_with_time_and_joint() {
+fn divergence_is_reported_with_time_and_joint() {
     let mut robot =
         btr_physics::presets::pendulum::pendulum(1.0, 1.0, btr_physics::robot::Actuator::Torque { max_torque: 1e9 });
     robot.links[1].joint.name = "knee".to_owned();

@@ -1,4 +1,4 @@
-//! Drives say what they are made of.
+//! Drives give the specified references.
 
 use crate::scene::{hold, run, setup};
 use btr_core::log::{Log, Role};
@@ -26,9 +26,9 @@ fn replaying_a_log_repeats_it_bitwise() {
     assert_eq!(log, again);
 }
 
-/// What a replay of so many missing commands, and then of 3 and 4, tells at its start, in their midst, at the 3 and for
-/// ever after.
-fn told(missing: usize, torque_on: Option<[f64; 2]>) -> [f64; 4] {
+/// Commands of a replay of 1, then of `missing` missing commands, then of 3 and 4: at the start, amid the missing ones,
+/// at the 3, and after the end.
+fn replayed(missing: usize, torque_on: Option<[f64; 2]>) -> [f64; 4] {
     let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
     let mut log = Log::new((0..missing + 3).map(|i| 10.0 + 0.1 * i as f64).collect()).unwrap();
     let commands = [vec![1.0], vec![f64::NAN; missing], vec![3.0, 4.0]].concat();
@@ -47,15 +47,15 @@ fn told(missing: usize, torque_on: Option<[f64; 2]>) -> [f64; 4] {
 
 #[test]
 fn replay_holds_and_switches_off() {
-    let [start, missing, held, after] = told(4, None);
-    assert!(missing.is_nan() && [start, held, after].map(|told| told as i32) == [1, 3, 4]);
-    assert_eq!(told(1, None).map(|told| told as i32), [1, 1, 3, 4]);
-    let gated = told(4, Some([0.0, 1.0]));
+    let [start, missing, held, after] = replayed(4, None);
+    assert!(missing.is_nan() && [start, held, after].map(|command| command as i32) == [1, 3, 4]);
+    assert_eq!(replayed(1, None).map(|command| command as i32), [1, 1, 3, 4]);
+    let gated = replayed(4, Some([0.0, 1.0]));
     assert!(gated[2].is_nan() && gated[3] > 3.5);
 }
 
 #[test]
-fn references_are_held_or_led() {
+fn references_are_held_or_interpolated() {
     let robot = pendulum(1.0, 1.0, Actuator::Torque { max_torque: 1.0 });
     let ramp = crate::scene::Told(|t: f64| t);
     let held = Setup { control_s: 0.04, ..setup(0.01, 0.1) };

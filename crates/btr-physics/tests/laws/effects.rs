@@ -1,4 +1,4 @@
-//! What is asked of every registered effect, newcomers included.
+//! Requirements on every registered effect.
 
 use crate::scene::arm;
 use btr_core::log::Log;
@@ -11,7 +11,7 @@ use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Sensors, Setup};
 use rand::RngExt;
 
-/// A motion in which everything happens: joints reverse, start, stop and work hard.
+/// A motion that excites every effect: joints reverse, start, stop and carry high torque.
 struct Exercise;
 
 impl Drive for Exercise {
@@ -24,7 +24,7 @@ impl Drive for Exercise {
     }
 }
 
-/// Where an effect is tried: what sits on the floor or the base on a walking ant, everything else on a bolted arm.
+/// Runs an effect: effects on the floor or the base on a walking ant, all others on a fixed arm.
 fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
     match effect.spec().site {
         SiteKind::Ground | SiteKind::Base => {
@@ -49,10 +49,10 @@ fn bits(log: &Log) -> Vec<(String, Vec<u64>)> {
     log.channels().map(|(n, c)| (n.to_owned(), c.values.iter().map(|v| v.to_bits()).collect())).collect()
 }
 
-/// The largest difference of a channel that `is_meant`.
-fn apart(a: &Log, b: &Log, is_meant: impl Fn(&str) -> bool) -> f64 {
+/// The largest difference of a channel that is selected.
+fn apart(a: &Log, b: &Log, is_selected: impl Fn(&str) -> bool) -> f64 {
     let pairs =
-        a.channels().filter(|(name, _)| is_meant(name)).map(|(name, channel)| (channel, b.values(name).unwrap()));
+        a.channels().filter(|(name, _)| is_selected(name)).map(|(name, channel)| (channel, b.values(name).unwrap()));
     let differences = pairs.flat_map(|(channel, other)| channel.values.iter().zip(other).map(|(a, b)| (a - b).abs()));
     differences.fold(0.0, f64::max)
 }
@@ -68,21 +68,21 @@ fn off_changes_no_bit() {
 }
 
 #[test]
-fn at_its_hint_it_shows_and_spoils_nothing() {
+fn at_its_hint_an_effect_is_visible_but_moderate() {
     for &effect in EFFECTS {
         let name = effect.spec().name;
         let plain = run(effect, &[], 2.0);
         let planted = run(effect, &[PlacedEffect::hinted(effect, "*")], 2.0);
         let joints = apart(&plain, &planted, |channel| channel.starts_with("q_"));
         let inertial = apart(&plain, &planted, |channel| channel.starts_with("imu_"));
-        // Encoders resolve about a milliradian.
+        // The resolution of encoders is about a milliradian.
         assert!(joints.max(inertial) > 5e-3, "`{name}` at its hint moves joints by no more than {joints} rad");
         assert!(joints < 0.8, "`{name}` at its hint moves joints by {joints} rad");
     }
 }
 
 #[test]
-fn the_same_bits_twice() {
+fn a_repeated_run_is_bit_identical() {
     for &effect in EFFECTS {
         let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[PlacedEffect::hinted(effect, "*")], 0.4)));
         assert!(once == twice, "`{}`", effect.spec().name);
@@ -90,14 +90,14 @@ fn the_same_bits_twice() {
 }
 
 #[test]
-fn nothing_within_its_bounds_breaks_a_run() {
+fn no_value_within_the_bounds_breaks_a_run() {
     for (key, &effect) in EFFECTS.iter().enumerate() {
         let spec = effect.spec();
         let at = |value: &mut dyn FnMut(f64, f64) -> f64| {
             let values = spec.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
             let log = run(effect, &[PlacedEffect { effect, site: "*".to_owned(), values }], 0.2);
             let finite = log.channels().all(|(_, channel)| channel.values.iter().all(|x| x.is_finite()));
-            assert!(finite, "`{}` leaves numbers that are none", spec.name);
+            assert!(finite, "`{}` leaves values that are not finite", spec.name);
         };
         at(&mut |min, _| min);
         at(&mut |_, max| max);
@@ -109,12 +109,12 @@ fn nothing_within_its_bounds_breaks_a_run() {
 }
 
 #[test]
-fn cards_are_complete() {
+fn specifications_are_complete() {
     for &effect in EFFECTS {
         let spec = effect.spec();
         let named = spec.name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
         assert!(named && !spec.name.is_empty(), "`{}`", spec.name);
-        for (what, text) in [("law", spec.law), ("cite", spec.cite), ("tell", spec.symptom)] {
+        for (what, text) in [("law", spec.law), ("cite", spec.cite), ("symptom", spec.symptom)] {
             assert!(text.len() > 5, "`{}` has no {what}", spec.name);
         }
         assert!(spec.params.iter().any(|param| !param.shape), "`{}` cannot be switched on", spec.name);
@@ -135,20 +135,21 @@ fn cards_are_complete() {
 }
 
 #[test]
-fn what_contains_a_law_becomes_it() {
+fn an_effect_that_contains_another_equals_it() {
     for &effect in EFFECTS {
         for (name, values) in effect.spec().nested {
             let other = find(name).unwrap();
             assert!(effect.spec().similar.contains(name), "`{}` contains `{name}`", effect.spec().name);
             let inside = PlacedEffect { effect, site: "*".to_owned(), values: values.to_vec() };
-            let (larger, own) = (run(effect, &[inside], 0.4), run(other, &[PlacedEffect::hinted(other, "*")], 0.4));
-            let apart = apart(&larger, &own, |channel| channel.starts_with("q_"));
+            let (larger, contained) =
+                (run(effect, &[inside], 0.4), run(other, &[PlacedEffect::hinted(other, "*")], 0.4));
+            let apart = apart(&larger, &contained, |channel| channel.starts_with("q_"));
             assert!(apart < 1e-3 * 0.2, "`{}` at {values:?} is {apart} rad from `{name}`", effect.spec().name);
         }
     }
 }
 
-/// A search can start wherever a card says.
+/// Checks that the starts of a search are within the bounds.
 fn starts_fit(spec: &EffectSpec) {
     let shapes: Vec<_> = spec.params.iter().filter(|param| param.shape).collect();
     assert_eq!(shapes.is_empty(), spec.starts.is_empty(), "`{}`: shapes need starts", spec.name);
@@ -165,7 +166,7 @@ fn names_find_their_effects() {
     for (i, &effect) in EFFECTS.iter().enumerate() {
         let name = effect.spec().name;
         assert_eq!(find(name).map(|found| found.spec().name), Some(name));
-        assert!(EFFECTS[..i].iter().all(|other| other.spec().name != name), "`{name}` is there twice");
+        assert!(EFFECTS[..i].iter().all(|other| other.spec().name != name), "`{name}` is registered twice");
     }
     assert!(find("phlogiston").is_none());
 }

@@ -1,4 +1,4 @@
-//! The two engines are independent implementations of the same mechanics: they agree ever better as the step shrinks.
+//! The two engines are independent implementations of the same mechanics: they converge as the step shrinks.
 
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
@@ -23,7 +23,7 @@ pub(crate) fn link(name: &str, parent: Option<usize>, joint: Joint, mass_kg: f64
     }
 }
 
-/// Two hinges askew with a slide on top, and a second arm on the first link.
+/// Two skew hinges with a slide at the end, and a second arm on the first link.
 pub(crate) fn tree(actuator: &Actuator) -> Robot {
     let joint = |name: &str, kind, at: [f64; 3], turn: [f64; 3], axis: [f64; 3], start| Joint {
         actuator: actuator.clone(),
@@ -106,8 +106,8 @@ fn a_driven_tree_is_of_second_order() {
     let wave = Told(|t: f64| 0.4 * (9.0 * t).sin());
     let effects = [placed("viscous_friction", "*", &[0.2]), placed("armature", "*", &[0.01])];
     let end = |dt: f64| {
-        let told = Setup { engine: EngineName::Auto, ..at(dt, 1.0) };
-        let log = run_with(&tree(&servo()), &effects, &told, &wave);
+        let setup = Setup { engine: EngineName::Auto, ..at(dt, 1.0) };
+        let log = run_with(&tree(&servo()), &effects, &setup, &wave);
         ["a", "b", "c", "d"].map(|j| last(&log, &format!("q_{j}")))
     };
     let truth = end(0.000_062_5);
@@ -159,7 +159,10 @@ fn a_joint_stops_at_its_limit() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     #[test]
-    fn the_first_step_from_any_state_is_the_same(q in prop::array::uniform4(-1.5..1.5f64), dq in prop::array::uniform4(-3.0..3.0f64)) {
+    fn the_first_step_from_any_state_is_the_same(
+        q in prop::array::uniform4(-1.5..1.5f64),
+        dq in prop::array::uniform4(-3.0..3.0f64),
+    ) {
         let mut robot = tree(&Actuator::Passive);
         robot.links.iter_mut().skip(1).zip(q).for_each(|(link, q)| link.joint.start = q);
         let dt_s = 1e-6;
@@ -168,10 +171,10 @@ proptest! {
             let log = run(&robot, &Setup { engine, ..start.clone() }, &hold(0.0));
             ["a", "b", "c", "d"].map(|j| last(&log, &format!("dq_{j}")))
         };
-        let (ours, theirs) = (end(EngineName::Auto), end(EngineName::Rapier));
+        let (own, rapier) = (end(EngineName::Auto), end(EngineName::Rapier));
         for i in 0..4 {
-            // Accelerations of some ten rad/s²: equal to a millionth.
-            prop_assert!((ours[i] - theirs[i]).abs() / dt_s < 2e-3, "{:?} {:?}", ours, theirs);
+            // Accelerations of tens of rad/s² agree to a relative error of 1e-6.
+            prop_assert!((own[i] - rapier[i]).abs() / dt_s < 2e-3, "{:?} {:?}", own, rapier);
         }
     }
 }

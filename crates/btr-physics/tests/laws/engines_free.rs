@@ -12,7 +12,7 @@ use proptest::prelude::*;
 
 const EVERY_S: f64 = 0.01;
 
-/// Sampled alike whatever the step; commands are led, so that they do not depend on it either.
+/// Samples at fixed times for any step; commands are interpolated, so that they do not depend on the step either.
 fn sampled(dt_s: f64, duration_s: f64) -> Setup {
     Setup { control_s: EVERY_S, interpolate: true, sample_s: Some(EVERY_S), ..setup(dt_s, duration_s) }
 }
@@ -21,7 +21,7 @@ fn on_the_floor(dt_s: f64, duration_s: f64) -> Setup {
     Setup { ground: Setup::default().ground, ..sampled(dt_s, duration_s) }
 }
 
-/// Largest distance of joint positions, in rad.
+/// Largest difference of joint positions, in rad.
 fn apart(robot: &Robot, a: &Log, b: &Log) -> f64 {
     let far = |name: &str| {
         let pairs = a.values(name).unwrap().iter().zip(b.values(name).unwrap());
@@ -35,7 +35,7 @@ fn between(robot: &Robot, setup: &Setup, drive: &dyn Drive) -> f64 {
     apart(robot, &own, &rapier)
 }
 
-/// The ant without the integral part of its servos.
+/// The ant without the integral gain of its servos.
 fn walker() -> Robot {
     let mut robot = ant::ant();
     for link in &mut robot.links {
@@ -57,15 +57,15 @@ fn in_the_air_they_converge() {
 }
 
 #[test]
-fn on_the_floor_they_converge_but_for_its_stiffness() {
-    // Contacts are springs in both engines, of different stiffness: 0.003 rad remain, however small the step.
+fn on_the_floor_they_converge_except_for_its_stiffness() {
+    // Contacts are springs of different stiffness in the two engines: 0.003 rad remain for any step.
     let robot = walker();
     let [coarse, fine] = [0.0025, 0.000_625].map(|dt| between(&robot, &on_the_floor(dt, 0.3), &ant::tripod()));
     assert!(fine < 7e-3 && fine < 0.4 * coarse, "{coarse}, then {fine} rad");
 }
 
 #[test]
-fn on_the_floor_the_own_engine_errs_less_and_ever_less() {
+fn on_the_floor_the_own_engine_errs_less_and_converges() {
     let (robot, drive) = (walker(), ant::tripod());
     let errors = |engine, steps: [f64; 3]| {
         let walk = |dt: f64| run(&robot, &on(engine, &on_the_floor(dt, 0.4)), &drive);
@@ -73,14 +73,14 @@ fn on_the_floor_the_own_engine_errs_less_and_ever_less() {
         steps.map(|dt| apart(&robot, &walk(dt), &truth))
     };
     let steps = [0.0025, 0.00125, 0.000_625];
-    let [own, theirs] = ENGINES.map(|engine| errors(engine, steps));
+    let [own, rapier] = ENGINES.map(|engine| errors(engine, steps));
     assert!(own[2] < 0.25 * own[0], "at least first order: {own:?} rad");
-    assert!(own[1] < theirs[1] / 3.0, "{own:?} rad, Rapier {theirs:?} rad");
+    assert!(own[1] < rapier[1] / 3.0, "{own:?} rad, Rapier {rapier:?} rad");
 }
 
 #[test]
-fn a_robot_on_the_floor_answers_smoothly() {
-    // Rapier does not: a trunk that is heavier by 1e-8 changes as much there as one that is heavier by 1e-6.
+fn a_robot_on_the_floor_responds_smoothly() {
+    // Rapier does not: there, a trunk heavier by 1e-8 changes the motion as much as one heavier by 1e-6.
     let (robot, drive) = (walker(), ant::tripod());
     let walk = |heavier: f64| {
         let mut robot = robot.clone();
@@ -90,13 +90,13 @@ fn a_robot_on_the_floor_answers_smoothly() {
         let joints = robot.movable().map(|(_, link)| log.values(&format!("q_{}", link.joint.name)).unwrap().to_vec());
         DVector::from_vec(joints.flatten().collect())
     };
-    let as_it_is = walk(0.0);
-    let answer = |heavier: f64| (walk(heavier) - &as_it_is) / heavier;
-    let tiny = answer(1e-8);
-    // A hundredth moves footfalls by whole steps.
+    let nominal = walk(0.0);
+    let response = |heavier: f64| (walk(heavier) - &nominal) / heavier;
+    let reference = response(1e-8);
+    // A change of 1 % shifts footfalls by whole steps.
     for (heavier, most) in [(1e-4, 0.02), (1e-2, 0.2)] {
-        let other = (answer(heavier) - &tiny).norm() / tiny.norm();
-        assert!(other < most, "{heavier}: other by {other}");
+        let difference = (response(heavier) - &reference).norm() / reference.norm();
+        assert!(difference < most, "{heavier}: differs by {difference}");
     }
 }
 
@@ -112,7 +112,7 @@ proptest! {
         robot.start.rotation = UnitQuaternion::from_scaled_axis(Vector3::from(turn));
         for (link, (q, _)) in robot.links.iter_mut().skip(1).zip(&states) {
             (link.joint.start, link.joint.actuator) = (*q, Actuator::Passive);
-            // A joint beyond its range would be pushed back by its stop.
+            // A joint outside its range would be pushed back by its limit.
             link.joint.limits = (f64::NEG_INFINITY, f64::INFINITY);
         }
         let dt_s = 1e-6;
@@ -127,10 +127,10 @@ proptest! {
             let acc = ["x", "y", "z"].map(|axis| last(&log, &format!("imu_acc_{axis}")));
             names.iter().map(|name| gained(name)).chain(gyro).chain(acc).collect::<Vec<f64>>()
         };
-        let [ours, theirs] = ENGINES.map(accelerations);
-        let largest = ours.iter().fold(G, |most, a| most.max(a.abs()));
-        let worst = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // They differ by what a step of a microsecond leaves.
-        prop_assert!(worst < 5e-5 * largest, "{}: {:?} {:?}", robot.name, ours, theirs);
+        let [own, rapier] = ENGINES.map(accelerations);
+        let largest = own.iter().fold(G, |most, a| most.max(a.abs()));
+        let worst = own.iter().zip(&rapier).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // They differ by the error of a step of one microsecond.
+        prop_assert!(worst < 5e-5 * largest, "{}: {:?} {:?}", robot.name, own, rapier);
     }
 }

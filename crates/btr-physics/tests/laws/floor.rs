@@ -1,4 +1,4 @@
-//! The own engine on the floor: what stands, stands; what rolls, rolls; what bounces, bounces.
+//! Btr's own engine on the floor: standing, rolling, sliding and bouncing.
 
 use crate::scene::{G, brick, hold, last, on, placed, run, run_with};
 use btr_core::log::Log;
@@ -18,14 +18,14 @@ fn tilted(friction: f64, angle_rad: f64) -> Setup {
     }
 }
 
-/// How far the base went between the first sample and the one that is furthest from it, in m.
+/// Largest distance of the base from its first sample, in m.
 fn moved(log: &Log) -> f64 {
     let axes = ["base_x", "base_y", "base_z"].map(|axis| log.values(axis).unwrap());
     let at = |i: usize| Vector3::from(axes.map(|axis| axis[i]));
     (0..log.len()).map(|i| (at(i) - at(0)).norm()).fold(0.0, f64::max)
 }
 
-/// A body of 1 kg of this shape, whose axis is turned by `turn` from the vertical about x, on the floor.
+/// A body of 1 kg of this shape on the floor, its axis rotated by `turn` from the vertical about x.
 fn body(geometry: Geometry, turn: f64, height_m: f64) -> Robot {
     let mut robot = brick(Vector3::repeat(0.1), 1.0, Vector3::zeros());
     let link = &mut robot.links[0];
@@ -40,8 +40,8 @@ const CYLINDER: Geometry = Geometry::Cylinder { radius_m: 0.05, half_length_m: 0
 const CAPSULE: Geometry = Geometry::Capsule { radius_m: 0.05, half_length_m: 0.08 };
 
 #[test]
-fn nao_stands_still_where_it_is_put() {
-    // Held by servos on a slope as on the level.
+fn nao_stands_still_on_level_and_sloped_floors() {
+    // The servos hold it on a slope as on a level floor.
     for angle in [0.0, 0.9 * 0.15_f64.atan()] {
         let still = Setup { dt_s: 0.005, rest_s: 6.0, duration_s: 10.0, ..tilted(0.15, angle) };
         let crept = moved(&run(&nao(), &still, &hold(0.0)));
@@ -50,9 +50,9 @@ fn nao_stands_still_where_it_is_put() {
 }
 
 #[test]
-fn nao_hardly_sinks_in() {
+fn nao_sinks_in_by_less_than_half_a_millimetre() {
     let mut stiff = nao();
-    // What the servos give way by is not the floor's.
+    // Stiff servos, so that their deflection does not count as the floor's.
     stiff.links.iter_mut().for_each(|link| link.joint.kind = JointKind::Fixed);
     let log = run(&stiff, &Setup { duration_s: 3.0, ..Setup::default() }, &hold(0.0));
     let sunk = stiff.start.translation.z - last(&log, "base_z");
@@ -92,7 +92,7 @@ fn round_shapes_roll_and_slide() {
         [("sphere", SPHERE, 0.0), ("cylinder", CYLINDER, FRAC_PI_2), ("capsule", CAPSULE, FRAC_PI_2)]
     {
         let robot = body(geometry, turn, 0.05);
-        // The inertia of the spin, seen as a mass at the surface.
+        // Rotational inertia as an equivalent mass at the surface.
         let drag = robot.links[0].inertia_kg_m2[(2, 2)] / 0.05_f64.powi(2);
         for (angle, friction) in [(0.2_f64, 0.5), (0.6, 0.1)] {
             let slides = friction < angle.tan() * drag / (1.0 + drag);
@@ -101,14 +101,14 @@ fn round_shapes_roll_and_slide() {
             for (engine, most) in [(EngineName::Auto, 3e-5), (EngineName::Rapier, 3e-3)] {
                 let log = run(&robot, &on(engine, &tilted(friction, angle)), &hold(0.0));
                 let went = last(&log, "base_x") / (0.5 * acceleration);
-                assert!((went - 1.0).abs() < most, "{engine:?}, {name}: {went} of what is expected");
+                assert!((went - 1.0).abs() < most, "{engine:?}, {name}: {went} of the expected distance");
             }
         }
     }
 }
 
 #[test]
-fn a_dropped_ball_keeps_its_share_of_speed() {
+fn a_dropped_ball_rebounds_by_its_restitution() {
     let mut aside = brick(Vector3::repeat(0.02), 1.0, Vector3::zeros());
     aside.start.translation = Vector3::new(1.0, 0.0, 0.02).into();
     for restitution in [0.0, 0.6, 1.0] {
@@ -124,20 +124,20 @@ fn a_dropped_ball_keeps_its_share_of_speed() {
         let z = log.values("ball_z").unwrap();
         let hit = z.iter().position(|z| *z < 0.0305).unwrap();
         let highest = z[hit + 20..].iter().copied().fold(0.0, f64::max) - 0.03;
-        // Half of it is the floor's share, which has none.
+        // Restitution is averaged with that of the floor, which is zero.
         let kept = (highest.max(0.0) / 0.5).sqrt();
         assert!((kept - 0.5 * restitution).abs() < 3e-3, "{kept} of the speed, restitution {restitution}");
     }
 }
 
 #[test]
-fn whoever_rests_first_is_put_on_the_floor_and_stands_still() {
+fn a_rest_phase_puts_the_robot_on_the_floor_at_standstill() {
     let mut aloft = ant::ant();
     aloft.start.translation.z += 0.02;
     let still = Setup { rest_s: 2.0, ..Setup::default() };
     for link in &mut aloft.links {
         if let Actuator::Position { ki, .. } = &mut link.joint.actuator {
-            // What it adds up goes on for much longer.
+            // The integral settles much more slowly.
             *ki = 0.0;
         }
     }
@@ -154,7 +154,7 @@ fn whoever_rests_first_is_put_on_the_floor_and_stands_still() {
 }
 
 #[test]
-fn a_foot_in_the_air_carries_nothing() {
+fn a_foot_in_the_air_reports_no_force() {
     let springy = placed("contact_compliance", "*", &[1000.0, 2.0]);
     let log = run_with(&body(SPHERE, 0.0, 0.1), &[springy], &tilted(0.5, 0.0), &hold(0.0));
     let (z, force) = (log.values("base_z").unwrap(), log.values("foot_brick").unwrap());

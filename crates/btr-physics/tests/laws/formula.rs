@@ -1,4 +1,4 @@
-//! A user's own laws.
+//! User-defined laws.
 
 use crate::scene::{Told, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
@@ -19,7 +19,7 @@ fn law(on: FormulaTarget, text: &str, params: &[(&str, f64)]) -> PlacedEffect {
     PlacedEffect { effect: formula(on, text, &names).unwrap(), site: "elbow".to_owned(), values }
 }
 
-fn told(effects: &[PlacedEffect]) -> Log {
+fn run_arm(effects: &[PlacedEffect]) -> Log {
     run_with(&arm(), effects, &fast(0.001, 1.0), &Told(|t: f64| 0.4 * (5.0 * t).sin()))
 }
 
@@ -29,7 +29,7 @@ fn apart(a: &Log, b: &Log, channel: &str) -> f64 {
 }
 
 #[test]
-fn laws_that_the_library_has_do_the_same() {
+fn formulas_equal_the_librarys_effects_of_the_same_law() {
     let same = [
         (law(FormulaTarget::Torque, "-c*dq", &[("c", 0.3)]), placed("viscous_friction", "elbow", &[0.3])),
         (law(FormulaTarget::Torque, "-c*dq*abs(dq)", &[("c", 0.2)]), placed("quadratic_drag", "elbow", &[0.2])),
@@ -40,11 +40,11 @@ fn laws_that_the_library_has_do_the_same() {
             placed("command_deadband", "elbow", &[0.03]),
         ),
     ];
-    let plain = told(&[]);
-    for (mine, library) in same {
-        let (name, mine, library) = (mine.effect.spec().law, told(&[mine]), told(&[library]));
-        let (shows, error) = (apart(&plain, &library, "q_elbow"), apart(&mine, &library, "q_elbow"));
-        assert!(error < 0.03 * shows, "{name}: {error} of {shows} rad");
+    let plain = run_arm(&[]);
+    for (formula, library) in same {
+        let (name, formula, library) = (formula.effect.spec().law, run_arm(&[formula]), run_arm(&[library]));
+        let (visible, error) = (apart(&plain, &library, "q_elbow"), apart(&formula, &library, "q_elbow"));
+        assert!(error < 0.03 * visible, "{name}: {error} of {visible} rad");
     }
 }
 
@@ -99,7 +99,7 @@ fn function(on: FormulaTarget, name: &str, call: Arc<LawFunction>) -> Result<&'s
 }
 
 #[test]
-fn a_function_does_bit_by_bit_what_the_same_expression_does() {
+fn a_function_is_bit_identical_to_the_same_expression() {
     let cases: [(FormulaTarget, &str, Arc<LawFunction>); 3] = [
         (
             FormulaTarget::Torque,
@@ -112,14 +112,14 @@ fn a_function_does_bit_by_bit_what_the_same_expression_does() {
     for (on, text, call) in cases {
         let effect = function(on, "test:law", call).unwrap();
         assert_eq!((effect.spec().law, effect.spec().params[0].name), ("test:law", "a"));
-        let called = told(&[PlacedEffect { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
-        assert_eq!(called, told(&[law(on, text, &[("a", 0.2)])]), "{text}");
-        assert_ne!(called, told(&[]), "{text}");
+        let called = run_arm(&[PlacedEffect { effect, site: "elbow".to_owned(), values: vec![0.2] }]);
+        assert_eq!(called, run_arm(&[law(on, text, &[("a", 0.2)])]), "{text}");
+        assert_ne!(called, run_arm(&[]), "{text}");
     }
 }
 
 #[test]
-fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
+fn functions_of_one_name_are_distinguished_and_absent_ones_refused() {
     let [one, other]: [Arc<LawFunction>; 2] = [
         Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| p[0]),
         Arc::new(|_: &LawInputs, _: &[Param], p: &[f64]| -p[0]),
@@ -134,7 +134,7 @@ fn functions_of_one_name_are_told_apart_and_absent_ones_refused() {
 }
 
 #[test]
-fn a_law_that_gives_no_number_is_to_blame() {
+fn a_law_that_returns_no_finite_number_is_reported() {
     let ended = |on, text: &str, params: &[(&str, f64)], duration_s| {
         simulate(
             RolloutRequest::new(&arm(), &hold(0.2)).setup(&fast(0.001, duration_s)).effects(&[law(on, text, params)]),
@@ -147,19 +147,19 @@ fn a_law_that_gives_no_number_is_to_blame() {
             "the law `a/(t - t)` on the torque of `elbow` gave inf at q=0.3, dq=0, ddq=0, cmd=0.2, ",
         ),
         (FormulaTarget::Torque, "a*sqrt(0.1 - t)", "the law `a*sqrt(0.1 - t)` on the torque of `elbow` gave NaN at q="),
-        // A motor that nobody drives, and a reading that nobody asks for, would pass for something else.
+        // NaN also means a motor that is switched off, and a reading may be unused: both must still be reported.
         (FormulaTarget::Command, "a*ln(q - 9)", "the law `a*ln(q - 9)` on the command of `elbow` gave NaN at q=0.3, "),
         (FormulaTarget::Reading, "q/(a - a)", "the law `q/(a - a)` on the reading of `elbow` gave inf at q=0.3, "),
     ];
     for (on, text, begins) in cases {
-        let said = ended(on, text, &[("a", 2.0)], 0.5).unwrap_err();
-        let what = said.to_string();
-        assert!(matches!(said, WorldError::Law { .. }) && what.starts_with(begins), "{what}");
+        let error = ended(on, text, &[("a", 2.0)], 0.5).unwrap_err();
+        let what = error.to_string();
+        assert!(matches!(error, WorldError::Law { .. }) && what.starts_with(begins), "{what}");
         assert!(what.ends_with(" with a=2"), "{what}");
     }
     assert!(ended(FormulaTarget::Torque, "a*sqrt(0.1 - t)", &[("a", 2.0)], 0.05).is_ok(), "not before it happens");
     let wild = ended(FormulaTarget::Torque, "a*q", &[("a", 1e9)], 0.5).unwrap_err().to_string();
-    assert!(wild.contains("blew up") && wild.contains("joint `"), "what is a number is no law's mistake: {wild}");
+    assert!(wild.contains("blew up") && wild.contains("joint `"), "a finite value is not the law's fault: {wild}");
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn wrong_laws_are_refused() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
-    /// Whatever is typed is refused, or runs, or ends the simulation with an error.
+    /// Any text is refused, or runs, or ends the simulation with an error.
     #[test]
     fn no_text_makes_it_panic(text in "(q|dq|cmd|t|sin|max|sign|abs|[-+*/^(), {}.0-9eE]|PI|é){0,12}") {
         if let Ok(effect) = formula(FormulaTarget::Torque, &text, &[]) {

@@ -1,4 +1,4 @@
-//! Bodies that nothing holds, on both engines: the own one is of second order, the reference of first.
+//! Free bodies on both engines: btr's own is of second order, the reference of first.
 
 use crate::scene::{ENGINES, G, Told, brick, centre_of_mass, hold, last, on, poses, run, setup, swimmer, weightless};
 use btr_core::log::Log;
@@ -10,13 +10,13 @@ fn servo() -> Actuator {
     Actuator::Position { kp: 5.0, ki: 0.0, kd: 0.2, max_torque: 10.0 }
 }
 
-/// The same with an IMU.
-fn felt(mut setup: Setup) -> Setup {
+/// The same setup with an IMU.
+fn with_imu(mut setup: Setup) -> Setup {
     setup.sensors.imu = true;
     setup
 }
 
-/// An error falls at least to this share at half the step.
+/// Factor to which an error falls at least when the step is halved.
 fn falls(engine: EngineName) -> f64 {
     if engine == EngineName::Auto { 0.3 } else { 0.6 }
 }
@@ -36,7 +36,7 @@ fn falls_by_half_g_t_squared() {
 }
 
 #[test]
-fn centre_of_mass_stays_when_only_joints_push() {
+fn centre_of_mass_stays_under_internal_forces() {
     let robot = swimmer(servo());
     let wave = Told(|t: f64| (6.0 * t).sin());
     for (engine, most) in [(EngineName::Auto, 3e-4), (EngineName::Rapier, 2e-3)] {
@@ -80,11 +80,11 @@ fn spin(robot: &Robot, log: &Log, i: usize) -> (Vector3<f64>, f64) {
 }
 
 #[test]
-fn what_nothing_touches_keeps_its_spin_and_energy() {
+fn a_free_body_keeps_its_angular_momentum_and_energy() {
     let robot = swimmer(Actuator::Passive);
     for (engine, most) in [(EngineName::Auto, [5e-4, 4e-4]), (EngineName::Rapier, [0.12, 0.2])] {
         let drift = |dt: f64| {
-            let flicked = Setup { start_velocities: vec![8.0], ..felt(weightless(dt, 2.0)) };
+            let flicked = Setup { start_velocities: vec![8.0], ..with_imu(weightless(dt, 2.0)) };
             let log = run(&robot, &on(engine, &flicked), &hold(0.0));
             let (momentum, energy) = spin(&robot, &log, 0);
             let ends: Vec<_> = (0..log.len()).map(|i| spin(&robot, &log, i)).collect();
@@ -119,16 +119,16 @@ fn resting_accelerometer_reads_g_upwards() {
     let mut robot = brick(Vector3::new(0.1, 0.1, 0.05), 2.0, Vector3::zeros());
     robot.base = Base::Fixed;
     for engine in ENGINES {
-        let log = run(&robot, &on(engine, &felt(setup(0.002, 0.1))), &hold(0.0));
+        let log = run(&robot, &on(engine, &with_imu(setup(0.002, 0.1))), &hold(0.0));
         assert!((last(&log, "imu_acc_z") - G).abs() < 1e-12 && last(&log, "imu_acc_x").abs() < 1e-12);
     }
 }
 
 #[test]
-fn falling_accelerometer_reads_nothing() {
+fn falling_accelerometer_reads_zero() {
     let robot = brick(Vector3::new(0.1, 0.1, 0.05), 2.0, Vector3::new(0.2, 0.0, 0.0));
     for engine in ENGINES {
-        let log = run(&robot, &on(engine, &felt(setup(0.002, 0.1))), &hold(0.0));
+        let log = run(&robot, &on(engine, &with_imu(setup(0.002, 0.1))), &hold(0.0));
         assert!(last(&log, "imu_acc_z").abs() < 1e-9, "{engine:?}");
     }
 }
@@ -143,9 +143,9 @@ fn wheel() -> Robot {
 
 #[test]
 fn gyroscope_integrates_to_the_pose() {
-    // The wheel turns the body the other way; the gyroscope must say how far.
+    // The wheel rotates the body the opposite way; the gyroscope must measure how far.
     for engine in ENGINES {
-        let log = run(&wheel(), &on(engine, &felt(weightless(0.001, 1.0))), &Told(|t: f64| t));
+        let log = run(&wheel(), &on(engine, &with_imu(weightless(0.001, 1.0))), &Told(|t: f64| t));
         let turned: f64 = log.values("imu_gyro_z").unwrap().iter().skip(1).map(|w| w * 0.001).sum();
         let yaw = 2.0 * last(&log, "base_qz").atan2(last(&log, "base_qw"));
         assert!(yaw.abs() > 0.05 && (turned - yaw).abs() < 1e-3, "{engine:?}: gyro {turned} rad, pose {yaw} rad");
@@ -154,14 +154,15 @@ fn gyroscope_integrates_to_the_pose() {
 
 #[test]
 fn angular_momentum_stays() {
-    // A wheel that spins up and then runs evenly: the body turns against it by the ratio of their inertias, undamped.
+    // A wheel spins up and then runs at constant speed: the body counter-rotates by the ratio of their inertias,
+    // undamped.
     let mut robot = wheel();
     for link in &mut robot.links {
         link.com_m = nalgebra::Point3::origin();
     }
     let [body, wheel] = [0, 1].map(|i| robot.links[i].inertia_kg_m2[(2, 2)]);
     for engine in ENGINES {
-        let log = run(&robot, &on(engine, &felt(weightless(0.001, 8.0))), &Told(|t: f64| t));
+        let log = run(&robot, &on(engine, &with_imu(weightless(0.001, 8.0))), &Told(|t: f64| t));
         let expected = -wheel / (body + wheel) * last(&log, "dq_shoulder");
         let turning = last(&log, "imu_gyro_z");
         assert!((turning / expected - 1.0).abs() < 1e-6, "{engine:?}: {turning} rad/s, expected {expected} rad/s");

@@ -1,4 +1,4 @@
-//! Every friction and spring of the library does what its law says.
+//! Frictions and springs obey their laws.
 
 use crate::scene::{G, fast, fast_weightless, hold, last, placed, run_with};
 use btr_core::log::Log;
@@ -16,13 +16,13 @@ fn hanging(start_rad: f64) -> Robot {
     robot
 }
 
-/// A pendulum without weight that coasts from a speed for half a second.
+/// A pendulum without gravity that coasts from a speed for half a second.
 fn coast(effect: PlacedEffect, speed: f64) -> Log {
     let setup = Setup { start_velocities: vec![speed], ..fast_weightless(0.0005, 0.5) };
     run_with(&hanging(0.0), &[effect], &setup, &hold(0.0))
 }
 
-/// A weightless pendulum that a constant torque drives.
+/// A pendulum without gravity that a constant torque drives.
 fn pushed(effect: PlacedEffect, torque: f64, duration_s: f64) -> Log {
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
@@ -41,7 +41,7 @@ fn stribeck_breaks_away_at_its_static_torque() {
 }
 
 #[test]
-fn stribeck_rubs_like_coulomb_once_it_moves() {
+fn stribeck_equals_coulomb_at_speed() {
     let end = last(&coast(placed("stribeck_friction", "hinge", &[1.0, 3.0, 0.05]), 3.0), "dq_hinge");
     assert!((end - (3.0 - 0.5 / INERTIA)).abs() < 1e-6, "{end} rad/s");
 }
@@ -53,7 +53,7 @@ fn asymmetric_friction_brakes_each_direction_with_its_own_torque_and_holds() {
     let backward = last(&coast(friction(0.0), -3.0), "dq_hinge");
     assert!((forward - (3.0 - 0.5 / INERTIA)).abs() < 1e-9, "{forward} rad/s");
     assert!((backward + (3.0 - 0.2 / INERTIA)).abs() < 1e-9, "{backward} rad/s");
-    assert!(last(&coast(friction(0.5), 3.0), "dq_hinge") < forward - 0.1, "oil only forward");
+    assert!(last(&coast(friction(0.5), 3.0), "dq_hinge") < forward - 0.1, "viscous only forward");
     assert!((last(&coast(friction(0.5), -3.0), "dq_hinge") - backward).abs() < 1e-9);
     assert!(last(&coast(friction(0.0), 0.0), "q_hinge").abs() < 1e-12, "it must not start by itself");
     let stands = |torque: f64| last(&pushed(friction(0.0), torque, 0.5), "q_hinge").abs() < 1e-12;
@@ -67,14 +67,14 @@ fn load_dependent_friction_takes_its_share_of_the_torque() {
 }
 
 #[test]
-fn quadratic_drag_makes_the_inverse_speed_grow_evenly() {
+fn under_quadratic_drag_the_inverse_speed_grows_linearly() {
     let speed = last(&coast(placed("quadratic_drag", "hinge", &[0.3]), 3.0), "dq_hinge");
     let expected = 1.0 / (1.0 / 3.0 + 0.3 * 0.5 / INERTIA);
     assert!((speed / expected - 1.0).abs() < 1e-3, "{speed} rad/s, expected {expected}");
 }
 
 #[test]
-fn a_parallel_spring_gives_way_by_torque_over_stiffness() {
+fn a_parallel_spring_deflects_by_torque_over_stiffness() {
     let effects = [placed("parallel_spring", "hinge", &[4.0, -0.5]), placed("viscous_friction", "hinge", &[4.0])];
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
@@ -83,7 +83,7 @@ fn a_parallel_spring_gives_way_by_torque_over_stiffness() {
 }
 
 #[test]
-fn cogging_pulls_a_servo_aside_by_what_its_sine_says() {
+fn cogging_deflects_a_servo_by_its_sine() {
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Position { kp: 20.0, ki: 0.0, kd: 4.0, max_torque: f64::INFINITY };
     let effect = placed("cogging", "hinge", &[0.8, 5.0, 0.7]);

@@ -1,4 +1,4 @@
-//! Joints that swing, stick and resist.
+//! Passive joints: swinging, friction, inertia and limits.
 
 use crate::scene::{G, hold, last, placed, run, run_with, setup, weightless};
 use btr_physics::effects::PlacedEffect;
@@ -23,7 +23,7 @@ fn period_s(robot: &Robot, dt_s: f64) -> f64 {
     2.0 * (times[1] - times[0])
 }
 
-/// The period of a pendulum of any amplitude, through the arithmetic-geometric mean (Gauss).
+/// The period of a pendulum of any amplitude, by the arithmetic-geometric mean (Gauss).
 fn exact_period_s(length_m: f64, amplitude_rad: f64) -> f64 {
     let (mut a, mut b) = (1.0, (amplitude_rad / 2.0).cos());
     for _ in 0..20 {
@@ -79,7 +79,7 @@ fn viscous_friction_decays_exponentially() {
 }
 
 #[test]
-fn coulomb_friction_brakes_evenly_and_then_holds() {
+fn coulomb_friction_decelerates_constantly_and_then_holds() {
     let mut free = weightless(0.001, 2.0);
     free.start_velocities = vec![2.0];
     let friction = [placed("coulomb_friction", "hinge", &[1.0])];
@@ -114,7 +114,7 @@ fn armature_adds_to_the_inertia() {
 }
 
 #[test]
-fn what_is_fixed_together_moves_as_one() {
+fn links_joined_by_fixed_joints_move_as_one() {
     let whole = hanging(0.8);
     let mut parts = whole.clone();
     parts.links[1].mass_kg = 0.0;

@@ -16,7 +16,7 @@ fn follows(robot: &mut Robot, joint: &str, leader: &str, ratio: f64, offset: f64
     (link.joint.mimic, link.joint.actuator) = (Some(mimic), Actuator::Passive);
 }
 
-/// The tree, whose two arms are linked, and so is the slide with the hinge that carries it.
+/// The tree with its two arms linked, and the slide linked to the hinge that carries it.
 fn linked(base: Base) -> Robot {
     let mut robot = Robot { base, ..tree(&Actuator::Passive) };
     follows(&mut robot, "d", "b", -1.5, 0.2);
@@ -25,7 +25,7 @@ fn linked(base: Base) -> Robot {
 }
 
 #[test]
-fn a_follower_is_where_its_leader_puts_it() {
+fn a_follower_stays_at_the_ratio_of_its_leader() {
     let servo = Actuator::Position { kp: 30.0, ki: 0.0, kd: 1.0, max_torque: f64::INFINITY };
     for base in [Base::Fixed, Base::Floating] {
         let mut robot = linked(base);
@@ -38,17 +38,20 @@ fn a_follower_is_where_its_leader_puts_it() {
         for (joint, leader, ratio, offset) in [("d", "b", -1.5, 0.2), ("c", "a", 0.3, 0.0)] {
             let values = |kind: &str, name: &str| log.values(&format!("{kind}_{name}")).unwrap().to_vec();
             let at = values("q", joint).into_iter().zip(values("q", leader));
-            let beside = at.map(|(q, leader)| (q - ratio * leader - offset).abs()).fold(0.0, f64::max);
+            let deviation = at.map(|(q, leader)| (q - ratio * leader - offset).abs()).fold(0.0, f64::max);
             let speeds = values("dq", joint).into_iter().zip(values("dq", leader));
-            let faster = speeds.map(|(dq, leader)| (dq - ratio * leader).abs()).fold(0.0, f64::max);
-            assert!(beside < 1e-4 && faster < 1e-2, "{base:?} {joint}: {beside} rad, {faster} rad/s");
+            let speed_deviation = speeds.map(|(dq, leader)| (dq - ratio * leader).abs()).fold(0.0, f64::max);
+            assert!(
+                deviation < 1e-4 && speed_deviation < 1e-2,
+                "{base:?} {joint}: {deviation} rad, {speed_deviation} rad/s"
+            );
         }
     }
 }
 
 #[test]
 fn linked_arms_keep_their_energy() {
-    // Two pendulums on one axis, linked at -1: together they swing as one whose weight is the difference.
+    // Two pendulums on one axis, linked at -1, swing as one whose weight is the difference.
     let mut robot = arm();
     robot.links.truncate(2);
     let mut bob = robot.links[1].clone();
@@ -76,7 +79,7 @@ fn linked_arms_keep_their_energy() {
 }
 
 #[test]
-fn the_reference_engine_says_that_it_cannot() {
+fn the_reference_engine_refuses_linkages() {
     let setup = Setup { engine: EngineName::Rapier, ..fast(0.002, 0.1) };
     let error = simulate(RolloutRequest::new(&linked(Base::Fixed), &hold(0.0)).setup(&setup)).unwrap_err().to_string();
     assert!(error.contains("`c` mimics `a`, which the reference engine cannot simulate"), "{error}");
@@ -84,9 +87,13 @@ fn the_reference_engine_says_that_it_cannot() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// What holds a follower does no work: it pushes both joints in the ratio of their motion.
+    /// The constraint force of a follower does no work: it acts on both joints in the ratio of their motion.
     #[test]
-    fn linkages_do_no_work(q in prop::array::uniform2(-1.0..1.0f64), dq in prop::array::uniform2(-2.0..2.0f64), torques in prop::array::uniform4(-2.0..2.0f64)) {
+    fn linkages_do_no_work(
+        q in prop::array::uniform2(-1.0..1.0f64),
+        dq in prop::array::uniform2(-2.0..2.0f64),
+        torques in prop::array::uniform4(-2.0..2.0f64),
+    ) {
         let robot = linked(Base::Floating);
         let free = Robot { base: Base::Floating, ..tree(&Actuator::Passive) };
         let base = BaseState { pose: Isometry3::identity(), velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::x() };
@@ -99,12 +106,12 @@ proptest! {
             let pushed = [torques[0] - 0.3 * extra[0], torques[1] + 1.5 * extra[1], torques[2] + extra[0], torques[3] + extra[1]];
             forward_dynamics(&free, gravity, &state, &pushed)
         };
-        // Accelerations are linear in the two forces: find those that bring the followers where they are, and look at
-        // all others.
+        // Accelerations are linear in the two forces: solve for the forces that give the followers' accelerations, and
+        // compare all others.
         let (none, one, other) = (alone([0.0; 2]), alone([1.0, 0.0]), alone([0.0, 1.0]));
         let column = |with: &[f64]| nalgebra::Vector2::new(with[8] - none[8], with[9] - none[9]);
-        let answers = nalgebra::Matrix2::from_columns(&[column(&one), column(&other)]);
-        let needed = answers.try_inverse().unwrap() * nalgebra::Vector2::new(linked[8] - none[8], linked[9] - none[9]);
+        let response = nalgebra::Matrix2::from_columns(&[column(&one), column(&other)]);
+        let needed = response.try_inverse().unwrap() * nalgebra::Vector2::new(linked[8] - none[8], linked[9] - none[9]);
         for (a, b) in alone(needed.into()).iter().zip(&linked) {
             prop_assert!((a - b).abs() < 1e-8 * (1.0 + b.abs()), "{} and {}", a, b);
         }
@@ -112,7 +119,7 @@ proptest! {
 }
 
 #[test]
-fn whoever_starts_moving_takes_its_followers_along() {
+fn a_leader_with_a_start_velocity_moves_its_followers() {
     let mut robot = linked(Base::Fixed);
     robot.links[1].joint.start = 0.4;
     let moving = Setup { start_velocities: vec![2.0, 0.0, 0.0, 0.0], ..fast(0.001, 0.01) };
@@ -123,7 +130,7 @@ fn whoever_starts_moving_takes_its_followers_along() {
     assert!(jump.abs() < 0.05, "no jump in the first step: {jump} m/s");
 }
 
-/// Heavy pendulums that all follow a light one: what one sweep after the other would take for ever to find.
+/// Heavy pendulums that all follow a light one, for which an iterative solver would converge very slowly.
 #[test]
 fn a_light_leader_leads_many_heavy_followers_exactly() {
     let mut robot = arm();
@@ -153,8 +160,8 @@ fn a_light_leader_leads_many_heavy_followers_exactly() {
     let found = forward_dynamics(&robot, Vector3::zeros(), &state, &torques);
     let axis = leader.joint.axis;
     let offset = leader.com_m.coords - axis * axis.dot(&leader.com_m.coords);
-    let own = (leader.inertia_kg_m2 * axis).dot(&axis) + leader.mass_kg * offset.norm_squared();
-    let expected = 1.0 / (own * (1.0 + 100.0 * (3.0 + 3.0 * 4.0)));
+    let inertia = (leader.inertia_kg_m2 * axis).dot(&axis) + leader.mass_kg * offset.norm_squared();
+    let expected = 1.0 / (inertia * (1.0 + 100.0 * (3.0 + 3.0 * 4.0)));
     for (k, acceleration) in found.iter().enumerate() {
         let ratio = [1.0, 1.0, -2.0, 1.0, -2.0, 1.0, -2.0][k];
         assert!(

@@ -1,4 +1,4 @@
-//! Laws of mechanics that every simulation here must obey, and the habits of the engine that they rest on.
+//! Laws of mechanics that every simulation must obey, and properties of the engines on which they depend.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod accuracy;

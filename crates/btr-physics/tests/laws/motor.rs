@@ -1,4 +1,4 @@
-//! Actuators do what their formulas say.
+//! Actuators obey their formulas.
 
 use crate::scene::{G, Told, hold, last, placed, run, run_with, setup, weightless};
 use btr_physics::presets::pendulum::pendulum;
@@ -17,7 +17,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn servo_gives_way_by_gravity_over_kp(
+    fn servo_deflects_by_gravity_over_kp(
         mass in 0.05..3.0, length in 0.05..1.0, kp in 30.0..200.0, target in -2.0..2.0,
     ) {
         let inertia: f64 = mass * length * length;
@@ -32,7 +32,7 @@ proptest! {
 }
 
 #[test]
-fn integral_takes_the_standing_error_away() {
+fn integral_gain_removes_the_static_error() {
     let robot = with(Actuator::Position { kp: 80.0, ki: 100.0, kd: 8.0, max_torque: 100.0 });
     let q = last(&run(&robot, &setup(0.002, 20.0), &hold(1.0)), "q_hinge");
     assert!((q - 1.0).abs() < 1e-4, "{q} rad");
@@ -52,7 +52,7 @@ fn saturated_servo_pushes_with_its_limit() {
 }
 
 #[test]
-fn torque_motor_gives_what_it_is_told() {
+fn torque_motor_delivers_its_command() {
     let log = run(&with(Actuator::Torque { max_torque: 3.0 }), &weightless(0.001, 0.5), &hold(2.0));
     assert!((last(&log, "dq_hinge") - 0.5 * 2.0 / INERTIA).abs() < 1e-6);
     let log = run(&with(Actuator::Torque { max_torque: 3.0 }), &weightless(0.001, 0.5), &hold(-7.0));
@@ -91,7 +91,7 @@ fn nan_switches_the_torque_off() {
 }
 
 #[test]
-fn prescribed_joint_follows_and_tells_the_torque_that_it_needs() {
+fn prescribed_joint_follows_and_logs_the_required_torque() {
     let robot = with(Actuator::Prescribed);
     let (dt, w) = (0.001, 4.0);
     let log = run(&robot, &setup(dt, 2.0), &Told(move |t: f64| 0.5 * (w * t).sin()));
@@ -99,7 +99,7 @@ fn prescribed_joint_follows_and_tells_the_torque_that_it_needs() {
     for i in (100..2000).step_by(50) {
         let t = i as f64 * dt;
         assert!((q[i] - 0.5 * (w * t).sin()).abs() < 1e-5);
-        // The acceleration is a backward difference: that of half a step ago, and a half.
+        // The acceleration is a backward difference, half a step late.
         let needed =
             -INERTIA * w * w * 0.5 * (w * (t - dt)).sin() + MASS * G * LENGTH * (0.5 * (w * (t - dt)).sin()).sin();
         assert!((tau[i] - needed).abs() < 5e-3, "t = {t}: {} N·m, needed {needed}", tau[i]);
@@ -133,7 +133,7 @@ fn fractional_delay_lies_between_its_neighbours() {
 
 #[test]
 fn stiff_servo_on_a_light_link_settles_at_the_papers_step() {
-    // Neither the stiffness nor the bound may make it chatter, although kd·dt is a thousand times the inertia.
+    // It must not chatter with or without the bound, although kd·dt is a thousand times the inertia.
     for max_torque in [f64::INFINITY, 2.0] {
         let robot = pendulum(0.06, 0.01, Actuator::Position { kp: 200.0, ki: 0.0, kd: 1.0, max_torque });
         let log = run(&robot, &setup(0.055 / 7.0, 2.0), &hold(0.5));

@@ -1,4 +1,4 @@
-//! Parameters reach what they name.
+//! Parameters change the quantities that they name.
 
 use btr_physics::effects::PlacedEffect;
 use btr_physics::model::parameter::{ParameterError, Target, apply};
@@ -54,7 +54,7 @@ fn stretching_by_one_changes_nothing_and_by_a_factor_stretches_the_inertia() {
     set("length@L1_femur", 1.0, &mut robot);
     let link = robot.link("L1_femur").unwrap();
     assert!((robot.links[link].inertia_kg_m2 - nominal.links[link].inertia_kg_m2).norm() < 1e-15);
-    // A thin rod's inertia grows with the cube of its length.
+    // The inertia of a thin rod grows with the cube of its length.
     let rod = Geometry::Cylinder { radius_m: 1e-6, half_length_m: 0.05 };
     let across = rod.inertia_kg_m2(0.3)[(0, 0)];
     robot.links[link].inertia_kg_m2 = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(0.0, across, across));
@@ -81,7 +81,7 @@ fn motors_floors_and_effects() {
 }
 
 #[test]
-fn wrong_names_get_near_ones() {
+fn unknown_names_get_similar_suggestions() {
     let robot = nao();
     let near = |name: &str| match Target::parse(name, &robot).unwrap_err() {
         ParameterError::Unknown { near, .. } | ParameterError::Site { near, .. } => near,

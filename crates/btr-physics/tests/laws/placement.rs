@@ -1,4 +1,4 @@
-//! Every effect on links, mounting, sensors and clock does what its law says.
+//! Effects on links, mounting, sensors and clock obey their laws.
 
 use crate::scene::{G, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_physics::effects::PlacedEffect;
@@ -8,7 +8,7 @@ use btr_physics::robot::Actuator;
 use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Sensors, Setup};
 
-/// The position and the motor's torque that a stiff servo settles at.
+/// Steady-state position and motor torque of a stiff servo.
 fn held(effect: PlacedEffect, at_rad: f64) -> (f64, f64) {
     let servo = Actuator::Position { kp: 400.0, ki: 0.0, kd: 40.0, max_torque: f64::INFINITY };
     let log = run_with(&pendulum(1.3, 0.7, servo), &[effect], &fast(0.001, 4.0), &hold(at_rad));
@@ -16,7 +16,7 @@ fn held(effect: PlacedEffect, at_rad: f64) -> (f64, f64) {
 }
 
 #[test]
-fn a_moved_centre_of_mass_turns_the_gravity_torque() {
+fn a_shifted_centre_of_mass_changes_the_gravity_torque() {
     let (q, torque) = held(placed("com_offset", "bob", &[0.1, 0.05, 0.2]), 0.4);
     let expected = -1.3 * G * (0.1 * q.cos() - 0.5 * q.sin());
     assert!((torque - expected).abs() < 1e-6, "{torque} N·m, expected {expected}");
@@ -32,7 +32,7 @@ fn an_inertia_is_added_to_the_links() {
 }
 
 #[test]
-fn a_tilted_base_turns_gravity_about_the_hinge() {
+fn a_tilted_base_rotates_gravity_about_the_hinge() {
     let (q, torque) = held(placed("gravity_tilt", "base", &[0.0, 0.2]), 0.4);
     assert!((torque - 1.3 * G * 0.7 * (q + 0.2).sin()).abs() < 1e-6, "{torque} N·m");
     let (q, torque) = held(placed("gravity_tilt", "base", &[0.3, 0.0]), 0.4);
@@ -40,7 +40,7 @@ fn a_tilted_base_turns_gravity_about_the_hinge() {
 }
 
 #[test]
-fn an_encoders_offset_and_scale_mislead_servo_and_log_alike() {
+fn an_encoders_offset_and_scale_affect_servo_and_log_alike() {
     let weight = |q: f64| 1.3 * G * 0.7 * q.sin();
     let (reading, torque) = held(placed("encoder_offset", "hinge", &[0.1]), 0.5);
     assert!((400.0 * (0.5 - reading) - torque).abs() < 1e-6, "the servo works with its reading");
@@ -51,7 +51,7 @@ fn an_encoders_offset_and_scale_mislead_servo_and_log_alike() {
 }
 
 #[test]
-fn an_encoders_scale_is_felt_by_the_damping_too() {
+fn an_encoders_scale_affects_the_damping_too() {
     let robot = |kd: f64| pendulum(1.3, 0.7, Actuator::Position { kp: 0.0, ki: 0.0, kd, max_torque: 100.0 });
     let coast = Setup { start_velocities: vec![2.0], ..fast_weightless(0.001, 0.4) };
     let misread = run_with(&robot(0.5), &[placed("encoder_scale", "hinge", &[0.2])], &coast, &hold(0.0));
@@ -75,14 +75,14 @@ fn a_late_encoder_shifts_the_log_and_nothing_else() {
 }
 
 #[test]
-fn a_log_of_few_samples_shows_a_late_encoder_as_one_of_many_does() {
+fn a_delay_looks_the_same_in_coarsely_and_finely_sampled_logs() {
     let swing = |sample_s: f64, effects: &[PlacedEffect]| {
         let setup = Setup { sample_s: Some(sample_s), start_velocities: vec![3.0], ..fast(0.001, 1.0) };
         run_with(&pendulum(1.3, 0.7, Actuator::Passive), effects, &setup, &hold(0.0))
     };
     for effect in [placed("encoder_delay", "hinge", &[0.013]), placed("clock_skew", "*", &[0.03])] {
         let (few, many) = (swing(0.01, std::slice::from_ref(&effect)), swing(0.001, &[effect]));
-        // The first readings are held: what would have been before is not known.
+        // The first readings are held, since earlier ones are unknown.
         for (i, q) in few.values("q_hinge").unwrap().iter().enumerate().skip(2) {
             let expected = many.values("q_hinge").unwrap()[10 * i];
             assert!((q - expected).abs() < 1e-6, "{q} and {expected} at {i}");
@@ -99,7 +99,7 @@ fn a_fast_clock_stretches_what_was_measured() {
 }
 
 #[test]
-fn a_biased_imu_reads_that_much_more() {
+fn an_imu_bias_is_added_to_the_readings() {
     let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
     let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.2, sensors, ..Setup::default() };
     let bias = [0.1, -0.2, 0.3, -1.0, 2.0, 0.5];

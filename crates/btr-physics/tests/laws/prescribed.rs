@@ -1,4 +1,4 @@
-//! A joint that follows its measured motion tells what that takes.
+//! A joint that follows its measured motion logs the required torque.
 
 use crate::scene::{G, Told, arm, fast, fast_weightless, placed, run, run_with};
 use btr_core::log::{Log, Role};
@@ -9,11 +9,11 @@ use btr_physics::robot::{Actuator, Robot};
 
 const MASS: f64 = 1.3;
 const LENGTH: f64 = 0.7;
-/// Of the swing, in rad/s.
+/// Angular frequency of the swing, in rad/s.
 const RATE: f64 = 4.0;
 const DT_S: f64 = 0.001;
 
-/// A log that has measured nothing but a swing of one rad.
+/// A log whose only channel is a measured swing of 1 rad amplitude.
 fn swing() -> Log {
     let clock: Vec<f64> = (0..=2000).map(|i| DT_S * f64::from(i)).collect();
     let q = clock.iter().map(|t| (RATE * t).sin()).collect();
@@ -22,7 +22,7 @@ fn swing() -> Log {
     log
 }
 
-/// What the swing takes, next to what inverse dynamics says; away from the ends, where smoothing knows less.
+/// Largest error of the swing's torque against inverse dynamics, away from the ends, where smoothing is less accurate.
 fn needed(effects: &[PlacedEffect], steps: usize, extra: impl Fn(f64, f64, f64) -> f64) -> f64 {
     let robot = pendulum(MASS, LENGTH, Actuator::Prescribed);
     let setup = btr_physics::setup::Setup { sample_s: Some(DT_S), ..fast(DT_S / steps as f64, 1.9) };
@@ -31,7 +31,7 @@ fn needed(effects: &[PlacedEffect], steps: usize, extra: impl Fn(f64, f64, f64) 
     let error = |(i, tau): (usize, &f64)| {
         let t = i as f64 * DT_S;
         let (q, dq, ddq) = ((RATE * t).sin(), RATE * (RATE * t).cos(), -RATE * RATE * (RATE * t).sin());
-        // Where it turns, the sign of its velocity is a matter of rounding.
+        // At reversals the sign of the velocity depends on rounding.
         let turns = dq.abs() < 0.01;
         let rigid = MASS * LENGTH * LENGTH * ddq + MASS * G * LENGTH * q.sin();
         if turns { 0.0 } else { (tau - rigid - extra(q, dq, ddq)).abs() }
@@ -42,11 +42,11 @@ fn needed(effects: &[PlacedEffect], steps: usize, extra: impl Fn(f64, f64, f64) 
 #[test]
 fn the_torque_is_inverse_dynamics_of_the_measured_motion() {
     assert!(needed(&[], 1, |_, _, _| 0.0) < 2e-3);
-    assert!(needed(&[], 3, |_, _, _| 0.0) < 2e-3, "no less so with finer steps than the log's");
+    assert!(needed(&[], 3, |_, _, _| 0.0) < 2e-3, "also with finer steps than the log's");
 }
 
 #[test]
-fn friction_and_rotors_cost_torque() {
+fn friction_and_rotors_add_to_the_torque() {
     let effects = [
         placed("coulomb_friction", "hinge", &[0.4]),
         placed("viscous_friction", "hinge", &[0.3]),
@@ -58,7 +58,7 @@ fn friction_and_rotors_cost_torque() {
     assert!(needed(&asymmetric, 1, law) < 2e-3);
 }
 
-/// The arm pushed by torques, and what it was pushed with at a time.
+/// The arm driven by torques, its log, and the torque over time.
 fn pushed() -> (Robot, Log, impl Fn(f64) -> f64 + Copy) {
     let mut robot = arm();
     robot.links.iter_mut().for_each(|link| link.joint.actuator = Actuator::Torque { max_torque: f64::INFINITY });
@@ -68,13 +68,13 @@ fn pushed() -> (Robot, Log, impl Fn(f64) -> f64 + Copy) {
 }
 
 #[test]
-fn the_torques_that_moved_an_arm_are_found_again() {
+fn the_torques_that_moved_an_arm_are_recovered() {
     let (mut robot, log, push) = pushed();
     robot.links.iter_mut().for_each(|link| link.joint.actuator = Actuator::Prescribed);
     let again = run(&robot, &fast_weightless(DT_S, 1.4), &Replay::new(&log, &robot));
     for joint in ["waist", "shoulder", "elbow"] {
         let tau = again.values(&format!("tau_{joint}")).unwrap();
-        // A torque that is held acts half a step late.
+        // A torque that is held over a step acts half a step late.
         let error = |i: usize| (tau[i] - push((i as f64 - 0.5) * DT_S)).abs();
         let worst = (10..tau.len()).map(error).fold(0.0, f64::max);
         assert!(worst < 2e-4, "{joint}: {worst} of 0.02 N·m");
@@ -82,7 +82,7 @@ fn the_torques_that_moved_an_arm_are_found_again() {
 }
 
 #[test]
-fn free_joints_feel_those_that_are_led() {
+fn free_joints_react_to_prescribed_ones() {
     let (mut robot, log, push) = pushed();
     for link in robot.links.iter_mut().filter(|link| link.name != "shoulder") {
         link.joint.actuator = Actuator::Prescribed;
@@ -99,7 +99,7 @@ fn free_joints_feel_those_that_are_led() {
 }
 
 #[test]
-fn samples_that_are_missing_leave_no_hole() {
+fn missing_samples_are_interpolated() {
     let robot = pendulum(MASS, LENGTH, Actuator::Prescribed);
     let mut log = swing();
     log.values_mut("q_hinge").unwrap()[500..520].fill(f64::NAN);

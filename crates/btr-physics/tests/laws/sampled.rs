@@ -1,4 +1,4 @@
-//! Digital servos read, compute and hold.
+//! Digital servos sample, compute and hold.
 
 use crate::scene::{Told, fast, placed, run, run_with};
 use btr_core::log::Log;
@@ -40,7 +40,7 @@ fn a_digital_servo_becomes_a_continuous_one_as_its_period_falls() {
     let error = |period_s: f64| apart(&continuous, &run(&servo(period_s, 1), &fast(DT_S, 2.0), &wave()));
     let (coarse, middle, fine) = (error(8.0 * DT_S), error(4.0 * DT_S), error(2.0 * DT_S));
     assert!(coarse > 1e-3, "{coarse}");
-    // What it does late is late by half a period: of first order.
+    // The delay is half a period on average, hence a first-order error.
     assert!(
         (1.6..2.6).contains(&(coarse / middle)) && (1.5..2.6).contains(&(middle / fine)),
         "{coarse} {middle} {fine}"
@@ -63,7 +63,7 @@ fn a_duty_loop_can_be_digital_as_well() {
 }
 
 #[test]
-fn what_was_worked_out_is_held_until_the_next_instant() {
+fn the_output_is_held_until_the_next_instant() {
     let log = run(&servo(5.0 * DT_S, 1), &fast(DT_S, 1.0), &wave());
     let tau = log.values("tau_hinge").unwrap();
     for held in tau.chunks_exact(5) {
@@ -75,7 +75,7 @@ fn what_was_worked_out_is_held_until_the_next_instant() {
 }
 
 #[test]
-fn the_log_says_at_an_instant_what_is_worked_out_at_it() {
+fn the_log_at_an_instant_has_the_output_computed_at_it() {
     for every in [1, 4] {
         let setup = Setup { sample_s: Some(0.002), ..fast(0.002 / f64::from(every), 1.0) };
         let log = run(&servo(0.002, 2), &setup, &wave());
@@ -83,9 +83,9 @@ fn the_log_says_at_an_instant_what_is_worked_out_at_it() {
         let (cmd, q, tau) = (values("cmd_hinge"), values("q_hinge"), values("tau_hinge"));
         let mut limited = 0;
         for i in 2..tau.len() {
-            let wanted = KP * (cmd[i] - q[i]) - KD * (q[i] - q[i - 2]) / (2.0 * 0.002);
-            limited += usize::from(wanted.abs() > LIMIT);
-            assert!((tau[i] - wanted.clamp(-LIMIT, LIMIT)).abs() < 1e-9, "sample {i}: {} {wanted}", tau[i]);
+            let output = KP * (cmd[i] - q[i]) - KD * (q[i] - q[i - 2]) / (2.0 * 0.002);
+            limited += usize::from(output.abs() > LIMIT);
+            assert!((tau[i] - output.clamp(-LIMIT, LIMIT)).abs() < 1e-9, "sample {i}: {} {output}", tau[i]);
         }
         assert!(limited < tau.len() / 2);
     }
@@ -102,7 +102,7 @@ fn effects_on_commands_and_motors_act_on_digital_servos() {
 }
 
 #[test]
-fn instants_fall_between_steps() {
+fn instants_between_steps_are_refused() {
     let result = simulate(RolloutRequest::new(&servo(1.5 * DT_S, 1), &wave()).setup(&fast(DT_S, 0.1)));
     assert!(matches!(result, Err(WorldError::Setup { .. })), "{result:?}");
 }

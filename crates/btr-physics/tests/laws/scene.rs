@@ -1,4 +1,4 @@
-//! Small robots and short cuts for the laws.
+//! Small robots and helpers of the tests.
 
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
@@ -10,15 +10,15 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 pub(crate) const G: f64 = 9.81;
 
-/// The own engine and the reference.
+/// Btr's own engine and the reference.
 pub(crate) const ENGINES: [EngineName; 2] = [EngineName::Auto, EngineName::Rapier];
 
-/// The same on this engine.
+/// The same setup on this engine.
 pub(crate) fn on(engine: EngineName, setup: &Setup) -> Setup {
     Setup { engine, ..setup.clone() }
 }
 
-/// A drive made of a function of time, the same for all joints.
+/// A drive from a function of time, the same for all joints.
 pub(crate) struct Told<F>(pub(crate) F);
 
 impl<F: Fn(f64) -> f64 + Send + Sync> Drive for Told<F> {
@@ -27,7 +27,7 @@ impl<F: Fn(f64) -> f64 + Send + Sync> Drive for Told<F> {
     }
 }
 
-/// Every joint is told this all the time.
+/// A constant command for every joint.
 pub(crate) fn hold(value: f64) -> Told<impl Fn(f64) -> f64 + Send + Sync> {
     Told(move |_| value)
 }
@@ -41,7 +41,7 @@ pub(crate) fn weightless(dt_s: f64, duration_s: f64) -> Setup {
     Setup { gravity_m_s2: Vector3::zeros(), ..setup(dt_s, duration_s) }
 }
 
-/// The same on the fast engine.
+/// The same on btr's own engine.
 pub(crate) fn fast(dt_s: f64, duration_s: f64) -> Setup {
     Setup { engine: EngineName::Auto, ..setup(dt_s, duration_s) }
 }

@@ -1,4 +1,4 @@
-//! Transmissions that give way or have play.
+//! Transmissions with elasticity or play.
 
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with, setup};
 use btr_core::log::Log;
@@ -48,7 +48,7 @@ fn rotor_and_link_ring_against_each_other_at_their_resonance() {
     let rotor = 0.2;
     let push = Told(|t: f64| if t < 0.0015 { 100.0 } else { 0.0 });
     let log = run_with(&driven(torque(), rotor), &[spring], &fast_weightless(1e-4, 3.0), &push);
-    // The two drift together at a constant speed, about which the link's velocity swings.
+    // The two drift together at a constant speed, about which the link's velocity oscillates.
     let drift = 100.0 * 0.0015 / (INERTIA + rotor);
     let swing: Vec<f64> = log.values("dq_hinge").unwrap().iter().map(|dq| dq - drift).collect();
     let crossings: Vec<usize> = (1..swing.len()).filter(|&i| swing[i - 1] * swing[i] < 0.0).collect();
@@ -58,7 +58,7 @@ fn rotor_and_link_ring_against_each_other_at_their_resonance() {
 }
 
 #[test]
-fn a_loaded_spring_gives_way_by_torque_over_stiffness() {
+fn a_loaded_spring_deflects_by_torque_over_stiffness() {
     let spring = placed("joint_elasticity", "hinge", &[30.0, 1.0]);
     let log = run_with(&driven(servo(60.0, 3.0), 0.02), &[spring], &fast(0.001, 30.0), &hold(0.6));
     let (q, torque) = (last(&log, "q_hinge"), last(&log, "tau_hinge"));
@@ -69,7 +69,7 @@ fn a_loaded_spring_gives_way_by_torque_over_stiffness() {
 }
 
 #[test]
-fn a_stiff_spring_or_a_tiny_gap_is_hardly_there() {
+fn a_stiff_spring_or_a_tiny_gap_has_no_visible_effect() {
     let robot = driven(servo(30.0, 1.0), 0.02);
     let wave = Told(|t: f64| 0.5 * (6.0 * t).sin());
     for setup in [fast(0.001, 2.0), setup(0.001, 2.0)] {
@@ -94,9 +94,9 @@ fn no_stiffness_and_no_step_is_unstable() {
     }
 }
 
-/// Where a link without weight comes to rest after its servo approached 0.3 rad from this side.
+/// Rest position of a link without gravity after its servo approached 0.3 rad from this side.
 fn approached(effect: &[PlacedEffect], side: f64) -> f64 {
-    // So gently in the end that friction holds the link back.
+    // The approach ends so slowly that friction holds the link back.
     let ramp = Told(move |t: f64| 0.3 + side * 0.4 * f64::exp(-t));
     let rub = placed("coulomb_friction", "hinge", &[0.3]);
     let effects: Vec<PlacedEffect> = effect.iter().cloned().chain([rub]).collect();
@@ -140,7 +140,7 @@ fn within_the_gap_the_link_is_free() {
 }
 
 #[test]
-fn a_spring_behind_a_gap_has_both() {
+fn a_spring_and_a_gap_in_series_add_up() {
     let both = [placed("joint_elasticity", "hinge", &[50.0, 1.0]), placed("backlash", "hinge", &[0.06])];
     let log = run_with(&driven(servo(80.0, 4.0), 0.01), &both, &fast(0.001, 30.0), &hold(0.7));
     let (q, torque) = (last(&log, "q_hinge"), last(&log, "tau_hinge"));
