@@ -117,7 +117,7 @@ def test_logs_are_counted_within_a_call(arm: btr.Model, log: btr.Log) -> None:
         named = btr.Log(log.clock_s, log.to_dict(), "monday")
         checked = btr.check(arm, [LEARN[0], made, named, columns, arm.simulate(LEARN[0]), made])
         assert [entry["log"] for entry in checked.logs[1:]] == ["log 1", "monday", "log 2", "simulated 3", "log 1"]
-    with pytest.raises(btr.BtrError, match="log 1 is to be learnt from and held out at once"):
+    with pytest.raises(btr.BtrError, match="log 1 is both a training log and held out"):
         btr.fit(arm, made, held_out=made)
     with pytest.raises(btr.BtrError, match="log 2: .*does not increase"):
         btr.check(arm, [made, {"t": [0.0, 0.0], "q_yaw": [0.0, 0.0]}])

@@ -239,7 +239,7 @@ def without_positions() -> btr.Log:
         (lambda arm: btr.load_model("nowhere.toml"), "help: give the path of a model"),
         (lambda arm: btr.Model('name = "x"\n[robot]\nbuiltin = "cat"'), "cat"),
         (lambda arm: arm.add("coulomb_frictoin@yaw"), "coulomb_friction"),
-        (lambda arm: arm.add("coulomb_friction@elbows"), "it can sit on"),
+        (lambda arm: arm.add("coulomb_friction@elbows"), "it can act on"),
         (lambda arm: btr.Log([0.0, 0.0], {}), "does not increase"),
         (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": [1.0]}), "1 values where the clock has 2"),
         (lambda arm: btr.diagnose(arm, "nowhere.csv"), "nowhere.csv"),
@@ -321,5 +321,5 @@ def test_a_mapping_of_arrays_is_a_log(arm: btr.Model) -> None:
     assert btr.compare(arm, columns).channels == btr.compare(arm, btr.load_log(columns)).channels
     with pytest.raises(TypeError, match=r"needs a column `t`.*\nhelp: .*\[channels\]"):
         btr.load_log({"q_yaw": log["q_yaw"]})
-    with pytest.raises(btr.BtrError, match="no log to learn from\nhelp: "):
+    with pytest.raises(btr.BtrError, match="no training log\nhelp: "):
         btr.compare(arm, [])

@@ -65,7 +65,7 @@ impl Failure {
     /// A model that cannot be simulated at its current values on the logs of the input.
     pub fn simulation_failure(input: &VerbInput, error: &WorldError) -> Self {
         let why = Failure::simulation(error, &input.doubts);
-        Failure { message: format!("the model blows up on these logs as it stands: {}", why.message), ..why }
+        Failure { message: format!("the model diverges on these logs at its current values: {}", why.message), ..why }
     }
 }
 

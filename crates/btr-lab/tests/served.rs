@@ -1,4 +1,4 @@
-//! What others work out is what is worked out local, bit by bit, also for families that were derived of others.
+//! Remote and local evaluation give the same results bit by bit, also for derived residual models.
 
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
@@ -26,7 +26,7 @@ impl Executor for Worker {
 
     fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
-        serve(&payloads, batch, &|_| Err("no functions local".to_owned()))
+        serve(&payloads, batch, &|_| Err("no functions here".to_owned()))
             .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
     }
 }

@@ -21,7 +21,7 @@ pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
     } else {
         report.warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
         report.logs.iter().for_each(|log| println!("{}\n", text(log, global.verbose)));
-        println!("{}", identifiability(&report.told));
+        println!("{}", identifiability(&report.identifiability));
     }
     let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
     Ok(if bad { MISSED } else { DONE })

@@ -266,7 +266,7 @@ fn where_nothing_moves_or_is_measured_there_is_no_verdict() {
     });
     for verb in ["diagnose", "fit"] {
         let told = lab.complaint(&format!("{verb} leg.toml still.csv"));
-        assert!(told.contains("error: nothing moves in the logs to learn from"), "{told}");
+        assert!(told.contains("error: nothing moves in the training logs"), "{told}");
         let told = lab.complaint(&format!("{verb} leg.toml blind.csv"));
         assert!(told.contains("error: no joint's position is measured"), "{told}");
     }
@@ -290,7 +290,7 @@ fn what_tells_nothing_or_is_held_out_from_itself_is_refused() {
     lab.edit("log.csv", "short.csv", |k, _| k < 15);
     for verb in ["fit", "diagnose"] {
         let why = lab.complaint(&format!("{verb} leg.toml short.csv"));
-        assert!(why.contains("the longest log to learn from has 14 samples: too few to tell anything"), "{why}");
+        assert!(why.contains("the longest training log has 14 samples: too few for an estimate"), "{why}");
     }
     lab.edit("log.csv", "copy.csv", |_, _| true);
     let why = lab.complaint("fit leg.toml log.csv --held-out copy.csv");

@@ -63,12 +63,12 @@ where
     let builder = Builder { file: &file, source };
     let robot = builder.robot()?;
     if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
-        let message = format!("{} is to be learnt from and held out at once", both.path().display());
+        let message = format!("{} is both a training log and held out", both.path().display());
         return Err(source.error(&[], &message, None));
     }
     if learn.is_empty() {
         let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".to_owned();
-        return Err(source.error(&[], "no log to learn from", Some(help)));
+        return Err(source.error(&[], "no training log", Some(help)));
     }
     let known = IndexEntries::of(&file, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
@@ -89,7 +89,8 @@ where
     let mut pairs = learn.iter().flat_map(|training| held_out.iter().map(move |held_out| (training, held_out)));
     if let Some((training, held_out)) = pairs.find(|(a, b)| a.log.is_same(&b.log)) {
         let (training, held_out) = (training.path.display(), held_out.path.display());
-        let message = format!("{training} and {held_out} hold the same measurements: learnt from and held out at once");
+        let message =
+            format!("{training} and {held_out} hold the same measurements, for training and held out at once");
         let help = "hold out another recording; without any, the last part of each log is held out".to_owned();
         return Err(source.error(&[], &message, Some(help)));
     }

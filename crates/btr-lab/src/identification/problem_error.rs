@@ -18,13 +18,13 @@ pub enum ProblemError {
     #[error(transparent)]
     Add(#[from] AddError),
     /// Logs in which nothing moves.
-    #[error("nothing moves in the logs to learn from: they tell nothing about the model")]
+    #[error("nothing moves in the training logs: they say nothing about the model")]
     Still,
     /// Logs that are too short.
-    #[error("the longest log to learn from has {0} samples: too few to tell anything")]
+    #[error("the longest training log has {0} samples: too few for an estimate")]
     Short(usize),
     /// Logs without any measured position.
-    #[error("no joint's position is measured in the logs to learn from")]
+    #[error("no joint's position is measured in the training logs")]
     Blind,
     /// Logs that have nothing in common with a simulation.
     #[error("no channel is both measured and simulated")]

@@ -31,7 +31,7 @@ fn not_in_seconds(step_s: f64) -> UnusableLog {
         _ => ("nanoseconds", "ns"),
     };
     let help = format!(
-        "btr wants seconds; or call the time column t_{ending} and say so in the model file: [channels] time = \"t_{ending}\" \
+        "btr expects seconds; or call the time column t_{ending} and say so in the model file: [channels] time = \"t_{ending}\" \
          (_ms, _us and _ns at the end of its name are recognised)"
     );
     UnusableLog { message: format!("{step_s} s between two samples: is its time in {unit}?"), help: Some(help) }

@@ -27,7 +27,7 @@ pub enum AddError {
         near: Option<String>,
     },
     /// The effect cannot act on that site.
-    #[error("`{effect}` cannot sit on `{site}`")]
+    #[error("`{effect}` cannot act on `{site}`")]
     Site {
         /// The effect.
         effect: String,
@@ -62,8 +62,8 @@ impl AddError {
             AddError::Unknown { near, .. } => {
                 Some(near.clone().unwrap_or_else(|| "`btr effects` lists them".to_owned()))
             }
-            AddError::Site { known, .. } => Some(format!("it can sit on: {}", known.join(", "))),
-            AddError::Twice { .. } => Some("it is fitted as it stands: `btr fit`".to_owned()),
+            AddError::Site { known, .. } => Some(format!("it can act on: {}", known.join(", "))),
+            AddError::Twice { .. } => Some("fit it as it is: `btr fit`".to_owned()),
             AddError::Name { .. } => Some("call it something else".to_owned()),
             AddError::Toml(_) => None,
         }

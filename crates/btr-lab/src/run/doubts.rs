@@ -134,7 +134,7 @@ fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
     }
     if first_s > LATE_ROWS * step_s {
         let sentence = format!(
-            "its log begins {first_s:.3} s into the test by its own clock, and is taken at its word: give it times from the \
+            "its log begins {first_s:.3} s into the test by its own clock, which is kept: give it times from the \
              first command on"
         );
         return say(Severity::Doubtful, sentence);

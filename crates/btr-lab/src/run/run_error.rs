@@ -60,7 +60,7 @@ impl RunError {
             RunError::Exists(_) => Some("go on with --resume, or choose another --out".to_owned()),
             RunError::NoRun(_) => Some("start it without --resume".to_owned()),
             RunError::OtherExperiment(path) => Some(format!(
-                "resume with the file, --set and --seed that {} shows, perhaps with further parameters behind its own (`btr add`), \
+                "resume with the file, --set and --seed that {} shows, perhaps with further parameters after the existing ones (`btr add`), \
                  or choose another --out",
                 path.join("experiment.toml").display()
             )),

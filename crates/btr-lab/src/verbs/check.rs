@@ -16,7 +16,7 @@ pub struct CheckReport {
     /// Warnings about usable logs.
     pub warnings: Vec<String>,
     /// Identifiability of the free parameters from all logs together.
-    pub told: IdentifiabilityReport,
+    pub identifiability: IdentifiabilityReport,
 }
 
 impl CheckReport {
@@ -38,7 +38,7 @@ impl CheckReport {
         };
         let logs: Vec<Value> = self.logs.iter().map(log).collect();
         let mut document = json!({ "ok": true, "logs": logs, "warnings": self.warnings });
-        if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.told)) {
+        if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.identifiability)) {
             document.extend(fields);
         }
         document
@@ -67,7 +67,11 @@ pub struct IdentifiabilityReport {
 
 /// Checks the logs, and differentiates the model at its current values by all free parameters.
 pub fn check(replays: Replays) -> CheckReport {
-    CheckReport { logs: replays.checked.clone(), warnings: replays.warnings.clone(), told: identifiability(replays) }
+    CheckReport {
+        logs: replays.checked.clone(),
+        warnings: replays.warnings.clone(),
+        identifiability: identifiability(replays),
+    }
 }
 
 fn identifiability(replays: Replays) -> IdentifiabilityReport {
@@ -79,11 +83,11 @@ fn identifiability(replays: Replays) -> IdentifiabilityReport {
         Err(why) => return not_judged(&why.to_string()),
     };
     if problem.free().is_empty() {
-        return not_judged("no number of the model is in doubt ([parameters])");
+        return not_judged("the model has no free parameters ([parameters])");
     }
     let objective = Objective::new(&problem);
     let Ok(Some(found)) = identifiable(&objective) else {
-        return not_judged("the model blows up on these logs as it stands");
+        return not_judged("the model diverges on these logs at its current values");
     };
     let dead = found.parameters.iter().filter(|parameter| parameter.dead).map(|parameter| parameter.name.clone());
     IdentifiabilityReport {

@@ -182,8 +182,8 @@ impl DiagnoseReport {
         let explained = last.train <= NOISE && self.verdict == Verdict::Unexplained;
         explained.then(|| {
             format!(
-                "what is learnt from is explained ({:.2} noise floors): what remains shows in the held-out logs alone, so learn \
-                 from one of these and hold out another",
+                "the training logs are explained ({:.2} noise floors): the remaining error shows in the held-out logs alone, so train \
+                 on one of these and hold out another",
                 last.train
             )
         })

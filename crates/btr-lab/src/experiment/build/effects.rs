@@ -64,7 +64,7 @@ impl Builder<'_> {
                     "a function lives in the program that made the model: give it along with the file \
                                             (in Python load_model(..., laws={...})), or write the law as an expression"
                 }
-                _ => "`btr effects formula` tells what a law can say",
+                _ => "`btr effects formula` documents laws",
             };
             self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
         })?;
@@ -88,7 +88,7 @@ impl Builder<'_> {
             return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
         }
         placed.check().map_err(|e| {
-            let help = format!("`btr effects {}` tells which values make sense", section.effect);
+            let help = format!("`btr effects {}` lists the valid values", section.effect);
             self.error(keys, e, Some(help))
         })?;
         Ok(placed)

@@ -30,12 +30,12 @@ pub(crate) fn from_logs(
     requests.sort_by_key(|w| w.held_out);
     if let Some(both) = requests.iter().find(|w| w.held_out && requests.iter().any(|o| !o.held_out && o.path == w.path))
     {
-        let message = format!("{} is to be learnt from and held out at once", both.path.display());
+        let message = format!("{} is both a training log and held out", both.path.display());
         return Err(source.error(&["reality"], &message, None));
     }
     if requests.iter().all(|w| w.held_out) {
         let help = "name files, or an index with learn = { column = value }".to_owned();
-        return Err(source.error(&["reality"], "no log to learn from", Some(help)));
+        return Err(source.error(&["reality"], "no training log", Some(help)));
     }
     let mut all = ScenarioSet::none();
     for one in &requests {

@@ -55,7 +55,7 @@ impl Cause {
         let options = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
         let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
         let found = diagnose(&mut Objective::new(&residual_model), options, on_step)
-            .map_err(|_| "the model blows up on the real tests as it stands".to_owned())?;
+            .map_err(|_| "the model diverges on the real tests at its current values".to_owned())?;
         if found.cut_short && found.effects.is_empty() {
             return Err(format!(
                 "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \

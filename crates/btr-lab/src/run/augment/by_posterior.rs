@@ -57,7 +57,7 @@ pub(super) fn cause(
         on_step(&ladder_step);
         ladder.push(ladder_step);
     };
-    let mut state = search.begin(&mut cost).ok_or("the model blows up on the real tests as it stands")?;
+    let mut state = search.begin(&mut cost).ok_or("the model diverges on the real tests at its current values")?;
     record_step("S as it stands".to_owned(), &state.fitted);
     let mut effects = Vec::new();
     while !state.fitted.estimated.explains && effects.len() < MOST_EFFECTS {

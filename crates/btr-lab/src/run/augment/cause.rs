@@ -46,7 +46,7 @@ impl Cause {
             (Some(why), _) => format!("the cause was not looked for: {why}"),
             (None, Some(Verdict::EffectMissing)) => format!("the cause: S lacks {named}"),
             (None, Some(Verdict::NothingMissing)) => {
-                "no effect is missing, S holds the robot: the search stopped short of it (more generations, turns or restarts)".to_owned()
+                "no effect is missing, S contains the robot: the search stopped short of it (more generations, turns or restarts)".to_owned()
             }
             (None, _) if named.is_empty() => "the cause is unexplained: no effect of the library helps".to_owned(),
             (None, _) => format!("the cause is unexplained: {named} helps and does not explain"),
