@@ -82,7 +82,8 @@ fn push_joint(out: &mut String, joint: &Joint) {
     let range = if low.is_finite() && high.is_finite() { format!("range=\"{low} {high}\"") } else { String::new() };
     line!(
         out,
-        "<joint name=\"{}\" type=\"{kind}\" axis=\"{} {} {}\" armature=\"{}\" damping=\"{}\" frictionloss=\"{}\" {range}/>",
+        "<joint name=\"{}\" type=\"{kind}\" axis=\"{} {} {}\" armature=\"{}\" damping=\"{}\" \
+         frictionloss=\"{}\" {range}/>",
         joint.name,
         a.x,
         a.y,

@@ -88,7 +88,8 @@ proptest! {
     /// even a light link with stiff gains. If the joint moved freely, the first step would far exceed the bound.
     #[test]
     fn a_motor_does_not_overcome_friction_above_its_bound(
-        mass in 0.02..2.0, length in 0.01..0.5, kp in 1.0..300.0, kd in 0.0..5.0, torque in 0.05..2.0, rate in 0.1..100.0,
+        mass in 0.02..2.0, length in 0.01..0.5, kp in 1.0..300.0, kd in 0.0..5.0, torque in 0.05..2.0,
+        rate in 0.1..100.0,
         dt_s in prop_oneof![Just(0.055 / 7.0), Just(0.002)],
     ) {
         let mut robot = pendulum(mass, length, Actuator::Position { kp, ki: 0.0, kd, max_torque: torque });

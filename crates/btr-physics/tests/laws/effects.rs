@@ -49,7 +49,7 @@ fn bits(log: &Log) -> Vec<(String, Vec<u64>)> {
     log.channels().map(|(n, c)| (n.to_owned(), c.values.iter().map(|v| v.to_bits()).collect())).collect()
 }
 
-/// The largest difference of a channel that is selected.
+/// The largest difference among the selected channels.
 fn apart(a: &Log, b: &Log, is_selected: impl Fn(&str) -> bool) -> f64 {
     let pairs =
         a.channels().filter(|(name, _)| is_selected(name)).map(|(name, channel)| (channel, b.values(name).unwrap()));

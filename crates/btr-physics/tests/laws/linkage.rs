@@ -96,14 +96,16 @@ proptest! {
     ) {
         let robot = linked(Base::Floating);
         let free = Robot { base: Base::Floating, ..tree(&Actuator::Passive) };
-        let base = BaseState { pose: Isometry3::identity(), velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::x() };
+        let pose = Isometry3::identity();
+        let base = BaseState { pose, velocity_m_s: Vector3::zeros(), angular_rad_s: Vector3::x() };
         let joints = vec![(q[0], dq[0]), (q[1], dq[1]), (0.3 * q[0], 0.3 * dq[0]), (-1.5 * q[1] + 0.2, -1.5 * dq[1])];
         let state = RobotState { joints, base };
         let gravity = Vector3::new(0.0, 0.0, -G);
         let linked = forward_dynamics(&robot, gravity, &state, &torques);
         prop_assert!((linked[8] - 0.3 * linked[6]).abs() < 1e-9 && (linked[9] + 1.5 * linked[7]).abs() < 1e-9);
         let alone = |extra: [f64; 2]| {
-            let pushed = [torques[0] - 0.3 * extra[0], torques[1] + 1.5 * extra[1], torques[2] + extra[0], torques[3] + extra[1]];
+            let leaders = [torques[0] - 0.3 * extra[0], torques[1] + 1.5 * extra[1]];
+            let pushed = [leaders[0], leaders[1], torques[2] + extra[0], torques[3] + extra[1]];
             forward_dynamics(&free, gravity, &state, &pushed)
         };
         // Accelerations are linear in the two forces: solve for the forces that give the followers' accelerations, and
