@@ -1,4 +1,4 @@
-"""The API reference, made of the docstrings: `python api.py FOLDER` builds it."""
+"""The API reference, generated from the docstrings: `python api.py FOLDER` builds it."""
 
 import importlib
 import inspect
@@ -21,8 +21,8 @@ def public_modules() -> list[ModuleType]:
 
 
 def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
-    """What a module offers, with its classes' own methods and properties, as names within it: functions and classes that it
-    lists or, where it lists nothing, makes."""
+    """The public names of a module with the methods and properties of its classes: the functions and classes in its
+    `__all__` or, without one, those defined in it."""
     listed = getattr(module, "__all__", None)
     for name, value in vars(module).items():
         is_own = name in listed if listed else not name.startswith("_") and getattr(value, "__module__", "") == module.__name__
@@ -36,7 +36,7 @@ def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
 def build(folder: Path) -> None:
     """Writes one page per module."""
     pdoc.render.configure(show_source=False)
-    # What the package lists comes with it.
+    # The package page includes the names that the package re-exports.
     others = [module.__name__ for module in public_modules() if module.__name__.removeprefix("btr.") not in btr.__all__]
     pdoc.pdoc(*others, output_directory=folder)
 

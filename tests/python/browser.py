@@ -1,4 +1,4 @@
-"""A headless Chromium, spoken to over two pipes in its DevTools protocol; needs nothing but Python."""
+"""A headless Chromium, controlled through two pipes with its DevTools protocol; needs only the standard library."""
 
 import fcntl
 import json
@@ -17,19 +17,19 @@ PATIENCE_S = 60
 
 
 def found() -> str | None:
-    """Where Chromium is; none where it is not installed."""
+    """Path of Chromium; None if it is not installed."""
     names = [os.environ.get("CHROMIUM"), "chromium", "chromium-browser", "google-chrome"]
     return next((path for name in names if name and (path := shutil.which(name))), None)
 
 
 class Browser:
-    """Use it in a `with`; its profile is new, and gone afterwards."""
+    """A context manager with a temporary profile."""
 
     def __enter__(self) -> "Browser":
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         theirs_in, ours_out = os.pipe()
         ours_in, theirs_out = os.pipe()
-        # Chromium reads from 3 and writes to 4, so neither end may lie there before.
+        # Chromium reads from 3 and writes to 4, so neither descriptor may be in use.
         high = [fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (theirs_in, theirs_out)]
 
         def wire() -> None:
@@ -58,13 +58,13 @@ class Browser:
         self.profile.cleanup()
 
     def page(self, path: Path) -> "Page":
-        """A tab with this file, once it is loaded."""
+        """Opens a file in a tab and waits until it is loaded."""
         target = self.ask("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.ask("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
         return Page(self, session, path)
 
     def ask(self, method: str, parameters: dict, session: str | None = None) -> dict:
-        """The answer to a command; events that come before it are kept."""
+        """The reply to a command; earlier events are kept."""
         self.count += 1
         message = {"id": self.count, "method": method, "params": parameters}
         if session:
@@ -75,7 +75,7 @@ class Browser:
         return answer["result"]
 
     def hear(self, wanted) -> dict:
-        """The next message that is wanted; those before it and it itself are kept as events."""
+        """The next matching message; it and earlier ones are kept as events."""
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             *messages, self.unread = self.unread.split(b"\0")
@@ -104,7 +104,7 @@ class Page:
             browser.hear(lambda heard: heard.get("method") == "Page.loadEventFired")
 
     def events(self, method: str) -> list[dict]:
-        """What has happened so far."""
+        """The events so far."""
         mine = [event for event in self.browser.events if event.get("sessionId") == self.session]
         return [event["params"] for event in mine if event["method"] == method]
 
@@ -122,6 +122,6 @@ class Page:
         return said + logged + [str(e) for e in self.events("Runtime.exceptionThrown")]
 
     def requests(self) -> list[str]:
-        """What it has asked for beside itself."""
+        """Requests other than the page itself."""
         urls = [event["request"]["url"] for event in self.events("Network.requestWillBeSent")]
         return [url for url in urls if url != self.url]

@@ -1,6 +1,6 @@
-"""What every test file takes for granted."""
+"""Settings of all tests."""
 
 import signal
 
-# A shell lets what it starts in the background ignore Ctrl-C, and children inherit that; tests press it.
+# Background processes of a shell ignore Ctrl-C, and children inherit that; the tests send Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)

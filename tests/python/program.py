@@ -1,4 +1,4 @@
-"""The btr executable that is tested: that of the variable BTR, an installed one, or the one built here."""
+"""The btr executable under test: the variable BTR, an installed one, or the one built here."""
 
 import os
 import shutil

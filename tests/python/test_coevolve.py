@@ -1,4 +1,4 @@
-"""The loop from Python: its robot is a function, and whatever ends it leaves a run that goes on."""
+"""The loop from Python with a function as its robot; interrupted runs can be resumed."""
 
 import base64
 import copy
@@ -24,12 +24,12 @@ SMALL = {"coevolve.iterations": 3, "coevolve.controllers.generations": 2, "coevo
 
 @pytest.fixture(scope="module")
 def experiment() -> btr.Model:
-    """A pendulum and its loop; what it says of reality is not used here."""
+    """A pendulum and its loop; its `[reality]` is not used here."""
     return btr.load_model(ROBOTS / "disengage.toml", SMALL)
 
 
 class Twin:
-    """A pendulum of another mass: the model, simulated, stands for the robot."""
+    """A pendulum of another mass as the robot, simulated by btr."""
 
     def __init__(self, experiment: btr.Model) -> None:
         text = experiment.text.replace("mass_kg = 1.0", "mass_kg = 1.2")
@@ -67,11 +67,11 @@ def test_a_function_is_a_robot(experiment: btr.Model, undisturbed: dict, tmp_pat
 
 @pytest.fixture(scope="module")
 def disengaged(tmp_path_factory: pytest.TempPathFactory) -> btr.CoevolveResult:
-    """A run whose robot rubs, as its file has it."""
+    """A run whose robot has friction."""
     return btr.coevolve(ROBOTS / "disengage.toml", out=tmp_path_factory.mktemp("run"))
 
 
-def test_what_it_lacks_is_told(disengaged: btr.CoevolveResult) -> None:
+def test_the_missing_effect_is_named(disengaged: btr.CoevolveResult) -> None:
     must_be_typed(disengaged)
     assert disengaged.stop_reason == "disengaged" and disengaged.missing == ["coulomb_friction@hinge"]
     assert repr(disengaged).split("\n\n")[0].endswith("\nmissing: coulomb_friction@hinge")
@@ -90,8 +90,8 @@ def test_a_notebook_shows_the_figures_that_there_are(disengaged: btr.CoevolveRes
     assert all(figure.startswith(b"<svg ") for figure in figures)
     assert "stopped: disengaged" in shown and shown.count("<tr>") == 1 + len(disengaged.iterations)
     (tmp_path / "figure5.svg").write_bytes(figures[1])
-    elsewhere = btr.CoevolveResult(disengaged.document, tmp_path)._repr_html_()
-    assert elsewhere.count("<img") == 1 and "before and after" in elsewhere
+    html = btr.CoevolveResult(disengaged.document, tmp_path)._repr_html_()
+    assert html.count("<img") == 1 and "before and after" in html
     assert "<img" not in btr.CoevolveResult(disengaged.document, tmp_path / "gone")._repr_html_()
     assert pickle.loads(pickle.dumps(disengaged))._repr_html_() == shown
 
@@ -122,7 +122,7 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
     pyplot.close("all")
 
 
-def test_a_test_that_failed_is_spent(experiment: btr.Model, tmp_path: Path) -> None:
+def test_a_failed_test_counts(experiment: btr.Model, tmp_path: Path) -> None:
     twin = Twin(experiment)
 
     def robot(controller: btr.Controller) -> btr.Log:
@@ -144,10 +144,10 @@ def test_a_test_that_was_recorded_badly_is_warned_about(experiment: btr.Model, t
 
     with pytest.warns(UserWarning) as heard:
         found = btr.coevolve(experiment, robot, out=tmp_path)
-    told = [str(warning.message) for warning in heard]
-    assert "real test 0: its log has nothing that rmse could compare with a simulation" in told, told
+    warned = [str(warning.message) for warning in heard]
+    assert "real test 0: its log has nothing that rmse could compare with a simulation" in warned, warned
     assert {warning.filename for warning in heard} == {__file__}
-    assert len(told) == len(set(told)) and not any("real test 1" in line for line in told), told
+    assert len(warned) == len(set(warned)) and not any("real test 1" in line for line in warned), warned
     assert found.doubts[0]["test"] == 0 and "bad: real test 0: its log has nothing" in repr(found)
 
 
@@ -160,7 +160,7 @@ q_hinge = { column = "encoder", factor = 2.0 }
 
 
 @pytest.mark.parametrize("kind", ["mapping", "frame", "Log", "path"])
-def test_a_robot_may_have_names_of_its_own(experiment: btr.Model, undisturbed: dict, tmp_path: Path, kind: str) -> None:
+def test_a_robot_may_use_foreign_channel_names(experiment: btr.Model, undisturbed: dict, tmp_path: Path, kind: str) -> None:
     twin, foreign = Twin(experiment), btr.Model(f"{experiment.text}{FOREIGN}", experiment.path)
 
     def robot(controller: btr.Controller) -> object:
@@ -192,13 +192,13 @@ def test_a_robot_may_have_names_of_its_own(experiment: btr.Model, undisturbed: d
         ({"experiment": 3}, "a model is a Model or the path of its file, not 3"),
     ],
 )
-def test_wrong_kinds_are_told(experiment: btr.Model, tmp_path: Path, wrong: dict, message: str) -> None:
+def test_wrong_types_are_reported(experiment: btr.Model, tmp_path: Path, wrong: dict, message: str) -> None:
     with pytest.raises(TypeError, match=message):
         btr.coevolve(**{"experiment": experiment, "out": tmp_path, **wrong})
 
 
 class Unplugged(Exception):
-    """The robot's own."""
+    """An exception of the robot's function."""
 
 
 def broken_at(number: int, twin: Twin, how) -> object:
@@ -223,7 +223,7 @@ def unplugged(controller: btr.Controller) -> btr.Log:
         (lambda c: "nowhere.csv", btr.BtrError, "nowhere.csv"),
     ],
 )
-def test_whatever_breaks_the_robot_the_run_goes_on(
+def test_a_run_can_be_resumed_after_any_failure_of_the_robot(
     experiment: btr.Model, undisturbed: dict, tmp_path: Path, how, error: type, message: str
 ) -> None:
     with pytest.raises(error, match=message):
@@ -238,7 +238,7 @@ def test_whatever_breaks_the_robot_the_run_goes_on(
     assert [controller.number for controller in robot.asked] == [3, 4, 5]
 
 
-def test_a_listener_may_end_the_run(experiment: btr.Model, undisturbed: dict, tmp_path: Path) -> None:
+def test_a_callback_may_end_the_run(experiment: btr.Model, undisturbed: dict, tmp_path: Path) -> None:
     def tell(iteration: dict) -> None:
         if iteration["i"] == 2:
             raise Unplugged("enough")
@@ -248,7 +248,7 @@ def test_a_listener_may_end_the_run(experiment: btr.Model, undisturbed: dict, tm
     assert finished(experiment, tmp_path, Twin(experiment), resume=True) == undisturbed
 
 
-def test_ctrl_c_leaves_a_run_that_goes_on(tmp_path: Path) -> None:
+def test_a_run_can_be_resumed_after_ctrl_c(tmp_path: Path) -> None:
     long = {"coevolve.iterations": 500, "coevolve.simulators.generations": 200, "coevolve.disengagement.patience": 500}
     script = (
         "import btr, sys\n"
@@ -284,7 +284,7 @@ def test_ctrl_c_ends_a_diagnosis_within_a_round() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         btr.diagnose(arm, learn, tell=tell)
-    # It came within the round that follows, which would have told of an effect.
+    # It ended within the following round, which would have reported an effect.
     assert steps == ["model as it stands", "its parameters fitted"]
 
 
@@ -315,7 +315,7 @@ LIFT = """<robot name="lift"><link name="frame"/>
 <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
 
 
-def test_a_slide_is_told_metres(experiment: btr.Model, tmp_path: Path) -> None:
+def test_commands_of_a_slide_are_in_metres(experiment: btr.Model, tmp_path: Path) -> None:
     (tmp_path / "lift.urdf").write_text(LIFT)
     head, loop = (
         'name = "lift"\n[robot]\nurdf = "lift.urdf"\nbase = "fixed"\n[actuators."*"]\nkind = "position"\nkp = 500.0\nkd = 50.0\n',
@@ -333,7 +333,7 @@ def test_a_slide_is_told_metres(experiment: btr.Model, tmp_path: Path) -> None:
         btr.coevolve(lift, robot, out=tmp_path / "run")
 
 
-def test_ctrl_c_comes_out_of_a_population() -> None:
+def test_ctrl_c_ends_a_population() -> None:
     nao = btr.load_model(ROBOTS / "nao.toml")
     rows = [list(nao.values.values())] * 4000
     interrupt = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
@@ -351,7 +351,7 @@ def test_an_iteration_prints_in_a_line(undisturbed: dict) -> None:
     assert str(btr.Iteration(first | nothing | {"phi": 0.25})) == "iteration 1: 2 real tests; phi 0.25"
 
 
-def test_a_run_that_waits_says_for_what(tmp_path: Path, experiment: btr.Model) -> None:
+def test_a_waiting_run_says_for_what_it_waits(tmp_path: Path, experiment: btr.Model) -> None:
     text = experiment.text.replace('kind = "twin"', 'kind = "manual"')
     text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))
     found = btr.coevolve(btr.Model(text, experiment.path), out=tmp_path)

@@ -1,4 +1,4 @@
-"""Distances from Python: laws, and a few lines of NumPy that say the same."""
+"""Distances from Python: their properties, and a few lines of NumPy with the same results."""
 
 import inspect
 import json
@@ -26,7 +26,7 @@ def pairs(draw, least: int = 4):
 
 
 def scales(real: np.ndarray) -> np.ndarray:
-    """What each channel's error is measured by: see `Channels` in the core."""
+    """The divisor of each channel's error: see `Channels` in the core."""
     spread = real.std(axis=0)
     return np.maximum(spread, 0.1 * spread.max())
 
@@ -66,7 +66,7 @@ def numpy_information(real: np.ndarray, simulated: np.ndarray, bins: int) -> flo
 
 @given(pairs(), st.floats(0.05, 1), st.integers(2, 40))
 @settings(deadline=None)
-def test_a_few_lines_of_numpy_say_the_same(pair, band: float, bins: int) -> None:
+def test_distances_equal_a_few_lines_of_numpy(pair, band: float, bins: int) -> None:
     real, simulated = pair
     assert distance.rmse(real, simulated) == pytest.approx(numpy_rmse(real, simulated), rel=1e-9)
     assert distance.dtw(real, simulated, band=band) == pytest.approx(numpy_dtw(real, simulated, band), rel=1e-9)
@@ -109,7 +109,7 @@ def test_units_and_clocks_do_not_matter(measure, pair, unit: float, dt_s: float)
 
 @given(pairs())
 @settings(deadline=None)
-def test_who_is_real_does_not_matter_where_nothing_is_weighed_by_it(pair) -> None:
+def test_distances_are_symmetric_without_weights(pair) -> None:
     real, simulated = pair
     assert distance.information(real, simulated) == pytest.approx(distance.information(simulated, real), abs=1e-9)
     # Channels with the same samples in another order have the same weights.
@@ -120,7 +120,7 @@ def test_who_is_real_does_not_matter_where_nothing_is_weighed_by_it(pair) -> Non
 
 @given(pairs(), st.floats(0.05, 0.5), st.floats(0, 0.5))
 @settings(deadline=None)
-def test_warping_forgives_the_more_the_wider_the_band(pair, narrow: float, more: float) -> None:
+def test_dtw_decreases_with_the_band(pair, narrow: float, more: float) -> None:
     wide, tight = (distance.dtw(*pair, band=band) for band in (narrow + more, narrow))
     assert wide <= tight * (1 + 1e-12) and tight <= distance.rmse(*pair) * (1 + 1e-12)
 
@@ -136,7 +136,7 @@ def waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, np.sin(4 * np.pi * t), np.sin(4 * np.pi * t + 1.0)
 
 
-def test_each_distance_sees_what_it_is_for() -> None:
+def test_each_distance_responds_to_its_kind_of_error() -> None:
     t, x, late = waves()
     assert distance.spectrum(x, late) < 0.02 < 0.9 < distance.rmse(x, late) < 1.1
     # A phase of 1 rad is 8 samples, which a band of 0.01 moves by up to 10: by 2 with 0.002.
@@ -161,9 +161,9 @@ def test_arrays_dicts_frames_and_logs_are_the_same() -> None:
     assert distance.rmse(list(x), late[:, None]) == value
     assert distance.rmse(np.c_[x, x], np.c_[late, x], channels="0") == value
     assert distance.rmse({"q_a": x, "b": x}, {"q_a": late, "b": x}, channels=["q_*"]) == value
-    # Commands are for phi_2 alone, in dicts as in logs.
-    told = distance.information({"cmd_a": x}, {"cmd_a": late})
-    assert told > 1 and np.isinf(distance.rmse({"cmd_a": x}, {"cmd_a": late}))
+    # Commands count only for phi_2, in dicts as in logs.
+    measured = distance.information({"cmd_a": x}, {"cmd_a": late})
+    assert measured > 1 and np.isinf(distance.rmse({"cmd_a": x}, {"cmd_a": late}))
     frame = pytest.importorskip("pandas").DataFrame
     assert distance.rmse(frame({"t": t, "q_a": x}), frame({"t": t, "q_a": late})) == value
 
@@ -209,7 +209,7 @@ T, X, _ = waves()
         (lambda: distance.rmse("nowhere.csv", X), "nowhere.csv"),
     ],
 )
-def test_mistakes_are_told(mistake, message: str) -> None:
+def test_invalid_values_are_reported(mistake, message: str) -> None:
     with pytest.raises(btr.BtrError, match=message):
         mistake()
 
@@ -226,12 +226,12 @@ def test_mistakes_are_told(mistake, message: str) -> None:
         (lambda: distance.fitness("good", 1.0), "real"),
     ],
 )
-def test_wrong_kinds_are_type_errors(mistake, message: str) -> None:
+def test_wrong_types_are_type_errors(mistake, message: str) -> None:
     with pytest.raises(TypeError, match=message):
         mistake()
 
 
-def test_the_module_is_what_experiments_have() -> None:
+def test_the_module_has_the_distances_of_experiments() -> None:
     registry = {name: (sentence, json.loads(text)) for name, sentence, text in _btr.distances()}
     assert sorted(registry) == sorted(distance.__all__)
     for name, (sentence, defaults) in registry.items():

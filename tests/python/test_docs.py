@@ -1,4 +1,4 @@
-"""Every public name says what it does, and the API reference made of that shows it."""
+"""Every public name has a docstring, and the API reference contains it."""
 
 import inspect
 from pathlib import Path

@@ -63,7 +63,7 @@ def test_a_run_is_typed(
     assert {type(iteration) for iteration in [*heard, *found.iterations]} == {btr.Iteration}
 
 
-def test_keys_of_later_versions_do_no_harm(arm: btr.Model) -> None:
+def test_unknown_keys_of_later_versions_are_ignored(arm: btr.Model) -> None:
     found = btr.check(arm, LEARN)
     document = {**found.document, "new": [1], "logs": [{**log, "new": {"a": 1}} for log in found.document["logs"]]}
     later = btr.CheckResult(document)

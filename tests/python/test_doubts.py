@@ -1,4 +1,4 @@
-"""What is said of logs and of real tests that are not what they seem, and what is not said of those that are."""
+"""Warnings about bad logs and bad real tests, and no warnings about good ones."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ Columns = dict[str, Any]
 
 @pytest.fixture(scope="module")
 def pendulum() -> btr.Model:
-    """A pendulum and its loop, which is right about its robot."""
+    """A pendulum and its loop, whose model equals its robot."""
     return btr.load_model(ROBOTS / "disengage.toml", {**SMALL, "coevolve.simulators.refine": 0})
 
 
-def told(experiment: btr.Model, folder: Path, change: Callable[[Columns], Columns]) -> tuple[list[str], btr.CoevolveResult]:
-    """What is said of a run whose robot is its model, with something done to each of its logs."""
+def run_with(
+    experiment: btr.Model, folder: Path, change: Callable[[Columns], Columns]
+) -> tuple[list[str], btr.CoevolveResult]:
+    """The warnings and the result of a run whose robot is its model, with `change` applied to each log."""
 
     def robot(controller: btr.Controller) -> Columns:
         log = experiment.simulate(controller, seed=controller.number)
@@ -40,7 +42,7 @@ def rows(log: Columns, which: slice) -> Columns:
     return {name: values[which] for name, values in log.items()}
 
 
-def test_a_robot_that_does_as_it_is_told_leaves_no_doubt(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_a_robot_that_follows_its_commands_has_no_doubts(pendulum: btr.Model, tmp_path: Path) -> None:
     for name, change in {
         "same": lambda log: log,
         "epoch": lambda log: log | {"t": log["t"] + 1.7e9},
@@ -50,16 +52,16 @@ def test_a_robot_that_does_as_it_is_told_leaves_no_doubt(pendulum: btr.Model, tm
         "rounded": lambda log: log | {"cmd_hinge": np.round(log["cmd_hinge"], 3)},
         "no commands": lambda log: {key: x for key, x in log.items() if key != "cmd_hinge"} | {"t": log["t"] + 5e8},
     }.items():
-        heard, found = told(pendulum, tmp_path / name, change)
+        heard, found = run_with(pendulum, tmp_path / name, change)
         assert heard == [] and found.doubts == [], (name, heard)
 
 
-def test_commands_that_come_at_another_time_are_told(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_shifted_commands_are_reported(pendulum: btr.Model, tmp_path: Path) -> None:
     def lost(log: Columns, count: int = 2) -> Columns:
         log = rows(log, slice(count, None))
         return log | {"t": log["t"] - log["t"][0]}
 
-    heard, found = told(pendulum, tmp_path / "lost", lost)
+    heard, found = run_with(pendulum, tmp_path / "lost", lost)
     assert heard == [
         "real test 0: its commands come 20 ms before they were requested: did it lose rows at its beginning? It is compared as "
         "if it had not"
@@ -70,26 +72,26 @@ def test_commands_that_come_at_another_time_are_told(pendulum: btr.Model, tmp_pa
         late = {name: np.concatenate([np.full(30, values[0]), values[:-30]]) for name, values in log.items()}
         return late | {"t": log["t"]}
 
-    heard, _ = told(pendulum, tmp_path / "late", waits)
+    heard, _ = run_with(pendulum, tmp_path / "late", waits)
     assert any("its commands come 300 ms after they were requested" in line for line in heard), heard
-    heard, _ = told(pendulum, tmp_path / "other", lambda log: log | {"cmd_hinge": -log["cmd_hinge"]})
+    heard, _ = run_with(pendulum, tmp_path / "other", lambda log: log | {"cmd_hinge": -log["cmd_hinge"]})
     assert any("its cmd_hinge is not what was requested, at any shift in time" in line for line in heard), heard
 
 
-def test_the_tests_clock_is_that_of_the_log_where_it_can_be(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_possible_times_of_a_log_are_kept(pendulum: btr.Model, tmp_path: Path) -> None:
     masses = {}
     for name, change in {
         "whole": lambda log: log,
         "word": lambda log: rows(log, slice(2, None)),
         "zeroed": lambda log: rows(log, slice(2, None)) | {"t": log["t"][:-2]},
     }.items():
-        heard, found = told(pendulum, tmp_path / name, change)
+        heard, found = run_with(pendulum, tmp_path / name, change)
         masses[name] = found.iterations[-1]["phi"]
         assert (heard == []) == (name == "whole"), (name, heard)
     assert masses["word"] < 2.0 * masses["whole"] < masses["zeroed"], masses
 
 
-def test_a_test_that_begins_elsewhere_is_told_as_that(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_a_test_with_another_initial_pose_is_reported(pendulum: btr.Model, tmp_path: Path) -> None:
     def robot(controller: btr.Controller) -> btr.Log:
         commands = controller.references.to_dict()
         start = {"q_hinge": np.full(len(controller.references), 0.9)}
@@ -102,7 +104,7 @@ def test_a_test_that_begins_elsewhere_is_told_as_that(pendulum: btr.Model, tmp_p
     ]
 
 
-def test_what_a_log_lacks_is_told(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_missing_data_of_a_log_is_reported(pendulum: btr.Model, tmp_path: Path) -> None:
     def frozen(log: Columns) -> Columns:
         log["q_hinge"][100:] = log["q_hinge"][100]
         return log
@@ -115,20 +117,20 @@ def test_what_a_log_lacks_is_told(pendulum: btr.Model, tmp_path: Path) -> None:
         ("frozen", frozen, "q_hinge stands still in every bit from 1.00 to 3.00 s, while its command changes by"),
         ("dead", lambda log: log | {"q_hinge": np.zeros(len(log["t"]))}, "q_hinge never changes while its command does by"),
     ]:
-        heard, found = told(pendulum, tmp_path / name, change)
+        heard, found = run_with(pendulum, tmp_path / name, change)
         assert any(line.startswith(f"real test 0: {what}") for line in heard), (name, heard)
         assert found.doubts, name
 
 
-def test_joints_that_are_not_in_a_log_are_told(tmp_path: Path) -> None:
+def test_joints_missing_in_a_log_are_reported(tmp_path: Path) -> None:
     ant = btr.load_model(ROBOTS / "ant-series.toml", {**SMALL, "coevolve.controllers.search.population": 4})
-    heard, _ = told(ant, tmp_path / "some", lambda log: {k: x for k, x in log.items() if k not in ("q_L1_yaw", "q_R3_knee")})
+    heard, _ = run_with(ant, tmp_path / "some", lambda log: {k: x for k, x in log.items() if k not in ("q_L1_yaw", "q_R3_knee")})
     assert heard == ["real test 0: q_L1_yaw, q_R3_knee are not in its log, and not compared"], heard
-    heard, _ = told(ant, tmp_path / "all", lambda log: log)
+    heard, _ = run_with(ant, tmp_path / "all", lambda log: log)
     assert heard == [], heard
 
 
-def test_a_robot_that_gives_nothing_is_left_alone_after_three_tests(pendulum: btr.Model, tmp_path: Path) -> None:
+def test_a_run_stops_after_three_tests_without_data(pendulum: btr.Model, tmp_path: Path) -> None:
     many = btr.Model(pendulum.text.replace("count = 2", "count = 8"), pendulum.path)
     asked: list[int] = []
 
@@ -140,14 +142,14 @@ def test_a_robot_that_gives_nothing_is_left_alone_after_three_tests(pendulum: bt
         found = btr.coevolve(many, robot, out=tmp_path / "failed")
     assert asked == [0, 1, 2] and found.stop_reason == "no_real_data" and found.real_tests == 3
     assert "the gripper does not answer" in found.doubts[0]["sentence"]
-    _, found = told(many, tmp_path / "empty", lambda log: log | {"q_hinge": np.full(len(log["t"]), np.nan)})
+    _, found = run_with(many, tmp_path / "empty", lambda log: log | {"q_hinge": np.full(len(log["t"]), np.nan)})
     assert found.stop_reason == "no_real_data" and found.real_tests == 3
     assert any("nothing that rmse could compare" in doubt["sentence"] for doubt in found.doubts)
 
 
 @pytest.mark.parametrize("name", ["ant-series", "nao", "nao-kick", "disengage"])
-def test_what_the_loop_asks_of_a_controller_is_what_it_simulates(name: str, tmp_path: Path) -> None:
-    # The Nao's run estimates simulators, and searches none.
+def test_the_loop_simulates_the_controllers_that_it_requests(name: str, tmp_path: Path) -> None:
+    # The Nao's run estimates a posterior and searches no simulators.
     small = {key: value for key, value in SMALL.items() if name != "nao" or "simulators" not in key}
     # An end between two references.
     experiment = btr.load_model(ROBOTS / f"{name}.toml", {**small, "simulation.duration_s": 0.79})
@@ -177,7 +179,7 @@ def said(model: btr.Model, log: btr.Log) -> list[str]:
 
 
 def walks() -> list[tuple[btr.Model, btr.Log]]:
-    """What robots of btr do that are told anything that their drives can."""
+    """Logs of simulated robots with random parameters of their drives."""
     made, random = [], np.random.default_rng(0)
     for name in ["ant-series", "nao", "nao-kick"]:
         model = btr.load_model(ROBOTS / f"{name}.toml")
@@ -198,27 +200,27 @@ def swings() -> list[tuple[btr.Model, btr.Log]]:
     ]
 
 
-def test_loads_and_resonances_are_not_taken_for_reversed_joints() -> None:
+def test_loads_and_resonances_are_not_reported_as_reversed_joints() -> None:
     wrong = ("opposite to its command", "does not follow its command", "mixed up", "freeze", "dead")
     for model, log in walks() + swings():
         assert [line for line in said(model, log) if any(word in line for word in wrong)] == [], model.name
 
 
-def test_a_joint_that_is_reversed_is_told() -> None:
+def test_a_reversed_joint_is_reported() -> None:
     for model, log in swings():
         heard = said(model, btr.Log(log.clock_s, log.to_dict() | {"q_hinge": -log["q_hinge"], "dq_hinge": -log["dq_hinge"]}))
         assert any("bad: hinge moves opposite to its command" in line for line in heard), heard
-    told = 0
+    reported = 0
     for model, log in walks()[:6]:
         knees = [joint for joint in model.joints if joint.endswith("knee")]
         turned = {f"{kind}_{joint}": -log[f"{kind}_{joint}"] for joint in knees for kind in ("q", "dq")}
         heard = said(model, btr.Log(log.clock_s, log.to_dict() | turned))
-        told += sum("opposite to its command" in line for line in heard)
+        reported += sum("opposite to its command" in line for line in heard)
         assert not any("opposite to its command" in line and "knee" not in line for line in heard), heard
-    assert told >= 24, f"{told} of 36"
+    assert reported >= 24, f"{reported} of 36"
 
 
-def test_where_noise_is_stated_too_low_a_verdict_asks_for_it() -> None:
+def test_a_verdict_reports_noise_that_is_stated_too_low() -> None:
     model, t = btr.load_model(ROBOTS / "disengage.toml"), np.arange(0.0, 4.0, 0.01)
     rough = btr.Model(model.text.replace("[noise]\nposition_rad = 0.0005", "[noise]\nposition_rad = 0.003"), model.path)
     assert rough.text != model.text
@@ -227,7 +229,7 @@ def test_where_noise_is_stated_too_low_a_verdict_asks_for_it() -> None:
     found = btr.diagnose(model, logs[:2], held_out=logs[2:])
     assert found.verdict == "unexplained", found
     (low,) = found.noise_stated_low
-    # A log of 400 readings tells its noise to some ten percent.
+    # The noise of a log of 400 readings is known to about ten percent.
     assert low["channel"] == "q_hinge" and low["shown"] == pytest.approx(0.003, rel=0.2), low
     assert "is [noise] stated too low?" in repr(found), found
     assert btr.diagnose(rough, logs[:2], held_out=logs[2:]).noise_stated_low == []

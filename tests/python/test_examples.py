@@ -1,4 +1,4 @@
-"""The journeys of `examples/`, and that of the README, run as they are and end where they say they do."""
+"""The examples and that of the README run unchanged and give the results that they state."""
 
 import os
 import re
@@ -11,12 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
-# Cells of text and code, which notebooks show one by one.
-JOURNEYS = ["coevolve", "compare_diagnose_fit", "own_robot"]
+# Examples with cells of text and code that open as notebooks.
+NOTEBOOKS = ["coevolve", "compare_diagnose_fit", "own_robot"]
 
 
 def said(name: str, folder: Path, *arguments: str) -> str:
-    """What an example prints; its own files go into the folder."""
+    """The output of an example; its files go into the folder."""
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
     environment = {**os.environ, "TMPDIR": str(folder), "MPLBACKEND": "Agg"}
     run = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, cwd=folder, check=False)
@@ -40,7 +40,7 @@ def test_a_model_and_its_logs(tmp_path: Path) -> None:
     before, after = text.split("before: ")[1].split("after: ")
     assert "where it fails: yaw" in before and "effect_missing ['coulomb_friction@yaw']" in before
     assert after.startswith("no joint fails in any regime")
-    # The worst channel on logs that nothing was fitted to: rmse, fit, bias, lag, floor, chi.
+    # The worst channel on held-out logs: rmse, fit, bias, lag, floor, chi.
     assert numbers(before.split("q_yaw")[1].splitlines()[0])[5] > 20
     assert all(numbers(after.split(f"q_{joint} ")[1].splitlines()[0])[5] < 1.5 for joint in ("yaw", "shoulder", "elbow"))
     [step] = [line for line in text.splitlines() if line.startswith("  + coulomb_friction@yaw: ")]
@@ -49,13 +49,13 @@ def test_a_model_and_its_logs(tmp_path: Path) -> None:
     assert written >= {"fitted.toml", "why.html"} and ("fitted.png" in written) == (find_spec("matplotlib") is not None)
 
 
-def test_a_robot_of_ones_own(tmp_path: Path) -> None:
+def test_own_robot(tmp_path: Path) -> None:
     text = said("own_robot", tmp_path)
     assert "log_1.csv: fine" in text and "where it fails: knee" in text and "\nmissing: backlash@knee\n" in text
     [step] = [line for line in text.splitlines() if line.startswith("+ backlash@knee")]
     learnt, held_out = numbers(step)
     assert learnt < 1.5 and held_out < 1.5
-    # What the example planted.
+    # The true values of the example.
     assert abs(value(text, "mass@shank") - 0.36) < 0.005 and abs(value(text, "backlash.gap@knee") - 0.03) < 0.001
     assert abs(value(text, "mass@thigh") - 0.5) < 0.01
 
@@ -74,7 +74,7 @@ def test_the_loop(tmp_path: Path) -> None:
     assert abs(value(text, "coulomb_friction.torque@hinge") - 0.4) < 0.02
 
 
-def test_an_effect_of_ones_own(tmp_path: Path) -> None:
+def test_own_effect(tmp_path: Path) -> None:
     lines = said("own_effect", tmp_path).splitlines()
     errors = {line.split(":")[0]: numbers(line.split(":")[1]) for line in lines if not line.startswith(" ")}
     assert list(errors) == ["nominal model", "with an expression", "with a function"]
@@ -84,7 +84,7 @@ def test_an_effect_of_ones_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("planted", ["coulomb_friction", "armature", "command_delay"])
-def test_another_simulator_for_a_robot(planted: str, tmp_path: Path) -> None:
+def test_another_simulator_as_the_robot(planted: str, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="the robot is one in MuJoCo")
     text = said("mujoco_reality", tmp_path, "--plant", planted)
     assert f"\nmissing: {planted}@shoulder\n" in text
@@ -96,17 +96,17 @@ def test_another_simulator_for_a_robot(planted: str, tmp_path: Path) -> None:
 
 
 def cells(name: str) -> list[str]:
-    """The code of a journey, cell by cell."""
+    """The code of an example, cell by cell."""
     parts = re.split(r"^# %%(.*)\n", (EXAMPLES / f"{name}.py").read_text(), flags=re.MULTILINE)
     assert parts[0] == "", "what stands before the first cell is in no notebook"
     return [code for kind, code in zip(parts[1::2], parts[2::2], strict=True) if "[markdown]" not in kind]
 
 
-@pytest.mark.parametrize("name", JOURNEYS)
-def test_a_journey_is_a_notebook(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_an_example_runs_as_a_notebook(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for code in cells(name):
         compile(code, name, "exec")
-    # It begins beside the file, of which a notebook does not know.
+    # Its working directory is the folder of the file; it has no `__file__`.
     monkeypatch.chdir(EXAMPLES)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     known: dict = {}
@@ -114,13 +114,13 @@ def test_a_journey_is_a_notebook(name: str, tmp_path: Path, monkeypatch: pytest.
     assert known["OUT"].parent == tmp_path and "__file__" not in known
 
 
-def test_the_journey_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "robots").symlink_to(ROOT / "robots")
     monkeypatch.chdir(tmp_path)
-    [journey] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    [example] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
     known: dict = {}
-    exec(journey, known)
-    assert known["answer"].names == ["coulomb_friction@yaw"] and 'answer.names == ["coulomb_friction@yaw"]' in journey
+    exec(example, known)
+    assert known["answer"].names == ["coulomb_friction@yaw"] and 'answer.names == ["coulomb_friction@yaw"]' in example
     assert (tmp_path / "fitted.toml").exists()
     # The law that is written down in the text below it.
     [law] = re.findall(r"`(arm\.add_law\(.*?\))`", (ROOT / "README.md").read_text())
@@ -128,4 +128,4 @@ def test_the_journey_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_every_example_is_run_here() -> None:
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*JOURNEYS, "own_effect", "mujoco_reality"}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*NOTEBOOKS, "own_effect", "mujoco_reality"}

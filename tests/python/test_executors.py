@@ -1,4 +1,4 @@
-"""Whoever does the work, the answer is the same, bit by bit; also when a machine is lost."""
+"""All executors give the same result, bit by bit; also when a machine is lost."""
 
 import os
 import subprocess
@@ -50,7 +50,7 @@ def assert_the_same(arm: btr.Model, executor: object, alone: tuple, folder: Path
 
 
 @pytest.mark.parametrize("workers", [0, -1, 2.5, True])
-def test_nobody_and_a_half_cannot_work(workers: float) -> None:
+def test_invalid_numbers_of_workers_are_refused(workers: float) -> None:
     with pytest.raises(ValueError, match=f"workers={workers}"):
         executors.Ray(workers)
     with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match=f"workers={workers}"):
@@ -74,7 +74,7 @@ def test_a_pool_of_processes(arm: btr.Model, alone: tuple, tmp_path: Path) -> No
 
 
 class Own:
-    """A custom executor; what `change` does to answers arrives."""
+    """A custom executor; `change` modifies the results."""
 
     workers = 2
 
@@ -93,8 +93,8 @@ def test_batches_are_few_and_small(arm: btr.Model, alone: tuple) -> None:
     assert 2 * len(own.batches) < rollouts and sum(own.batches) < 500 * rollouts, (len(own.batches), sum(own.batches))
 
 
-def test_a_worker_that_computes_something_else_is_found_out(arm: btr.Model) -> None:
-    # An answer begins with the worker's fingerprint.
+def test_a_worker_with_different_results_is_detected(arm: btr.Model) -> None:
+    # A result begins with the worker's fingerprint.
     other = Own(lambda answer: bytes([answer[0] ^ 1]) + answer[1:])
     with pytest.raises(btr.BtrError, match="simulates the model differently"):
         answer(arm, other)
@@ -102,9 +102,9 @@ def test_a_worker_that_computes_something_else_is_found_out(arm: btr.Model) -> N
         answer(arm, Own(lambda answer: b""))
 
 
-def test_an_answer_to_another_batch_is_found_out(arm: btr.Model, tmp_path: Path) -> None:
+def test_a_result_of_another_batch_is_detected(arm: btr.Model, tmp_path: Path) -> None:
     class Late(Own):
-        """Gives every batch the answer to the one before."""
+        """Returns for every batch the result of the previous one."""
 
         before: bytes | None = None
 
@@ -118,7 +118,7 @@ def test_an_answer_to_another_batch_is_found_out(arm: btr.Model, tmp_path: Path)
             ask()
 
 
-def test_a_robot_of_its_own_is_one_for_workers_too(tmp_path: Path) -> None:
+def test_workers_receive_the_robots_files(tmp_path: Path) -> None:
     experiment = btr.load_model(ROBOTS / "pendulum.toml")
     text = experiment.text[: experiment.text.index("[reality]")] + '[reality]\nkind = "logs"\nfiles = ["gone.csv"]\n'
     text += experiment.text[experiment.text.index("[coevolve]") :]
@@ -133,7 +133,7 @@ def test_a_robot_of_its_own_is_one_for_workers_too(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
 def test_a_fork_works_with_threads_of_its_own(arm: btr.Model) -> None:
-    # This process has used btr before; with its threads gone, a fork would wait for them for ever.
+    # This process has already used btr; a fork, which lacks its threads, would wait for them forever.
     chi = [channel["chi"] for channel in btr.compare(arm, LEARN).channels]
     with ProcessPoolExecutor(1, mp_context=get_context("fork")) as executor:
         assert executor.submit(compared, arm).result(timeout=120) == chi
@@ -154,7 +154,7 @@ for _ in range(4):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
 def test_pools_of_forks_one_after_the_other() -> None:
-    # Whoever asks first in a pool forks: a thread that had work of its own to do, which its fork must not do.
+    # The first thread that submits to a pool forks; its fork must not continue the work of that thread.
     command = [sys.executable, "-W", "ignore", "-c", FORKS_IN_A_ROW, ROBOTS / "arm.toml", LEARN[0]]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert ended.returncode == 0, ended.stderr
@@ -178,7 +178,7 @@ def test_what_an_executor_raises_ends_the_work(arm: btr.Model, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("wrong", [0, -1, True, "rays", 1.5, object()])
-def test_what_is_no_executor_is_told(arm: btr.Model, wrong: object) -> None:
+def test_an_invalid_executor_is_reported(arm: btr.Model, wrong: object) -> None:
     with pytest.raises((TypeError, ValueError), match="executor|submit"):
         btr.diagnose(arm, LEARN, executor=wrong)
 
@@ -205,7 +205,7 @@ def test_ray_also_when_a_machine_is_lost(arm: btr.Model, alone: tuple, tmp_path:
     assert_the_same(arm, cluster, alone, tmp_path)
 
     class Losing(executors.Ray):
-        """Loses the second machine while batches are under way."""
+        """Loses the second machine while batches are running."""
 
         handed_out, lost_after = 0, 0
 

@@ -3,5 +3,5 @@
 import btr
 
 
-def test_the_package_tells_its_version() -> None:
+def test_the_package_has_a_version() -> None:
     assert btr.__version__.count(".") == 2

@@ -1,4 +1,4 @@
-"""Episodes of LeRobot data sets are logs, in all formats that are about, from Python and on the command line."""
+"""Episodes of LeRobot data sets are logs, in all formats in use, from Python and on the command line."""
 
 import json
 import subprocess
@@ -20,7 +20,7 @@ Episode = dict[str, np.ndarray]
 
 
 def episodes(lengths: list[int]) -> list[Episode]:
-    """What a robot was told and did, as float32: (frames, joints) each, and the clock."""
+    """Commands and positions of a robot as float32, (frames, joints) each, and the clock."""
     made = []
     for k, length in enumerate(lengths):
         phase = np.arange(length)[:, None] / 7 + np.arange(len(JOINTS)) + k
@@ -96,8 +96,8 @@ def test_every_number_of_every_episode_is_read(write, names, compression, tmp_pa
         assert_same(btr.load_log(f"{folder}#{k}"), episode)
 
 
-def test_what_writers_choose_changes_nothing(tmp_path: Path) -> None:
-    """Neither statistics nor pages nor how many rows are in a group."""
+def test_choices_of_the_writer_change_nothing(tmp_path: Path) -> None:
+    """Statistics, pages and the number of rows in a group have no effect."""
     made = episodes(LENGTHS)
     choices = [
         {"write_statistics": False, "use_dictionary": False},
@@ -163,7 +163,7 @@ URDF = """<robot name="arm"><link name="base"/>
 DEGREES = 0.017453292519943295
 
 
-def test_degrees_are_suspected_and_can_be_told(tmp_path: Path) -> None:
+def test_degrees_are_suspected_and_can_be_declared(tmp_path: Path) -> None:
     made = episodes([300])[0]
     degrees = {key: values if values.ndim == 1 else (60 * values).astype(np.float32) for key, values in made.items()}
     folder = write_v2(tmp_path / "set", [degrees], [f"{joint}.pos" for joint in JOINTS])
@@ -186,9 +186,9 @@ def test_degrees_are_suspected_and_can_be_told(tmp_path: Path) -> None:
 
 def rewrite(folder: Path, change) -> None:
     file = folder / "meta/info.json"
-    told = json.loads(file.read_text())
-    change(told)
-    file.write_text(json.dumps(told))
+    info = json.loads(file.read_text())
+    change(info)
+    file.write_text(json.dumps(info))
 
 
 def cut(folder: Path) -> None:
@@ -218,8 +218,8 @@ BROKEN = {
     "cut": (cut, f"{DATA}: Parquet error: "),
     "no data": (lambda folder: (folder / DATA).unlink(), f"{DATA}: No such file"),
     "no json": (lambda folder: (folder / "meta/info.json").write_text("{"), "meta/info.json: EOF while parsing"),
-    "no features": (lambda f: rewrite(f, lambda told: told.pop("features")), "info.json: missing field `features`"),
-    "old": (lambda f: rewrite(f, lambda told: told.update(codebase_version="v1.6")), "a data set in format v1.6"),
+    "no features": (lambda f: rewrite(f, lambda info: info.pop("features")), "info.json: missing field `features`"),
+    "old": (lambda f: rewrite(f, lambda info: info.update(codebase_version="v1.6")), "a data set in format v1.6"),
     "no clock": (drop("timestamp"), f"{DATA}: no column `timestamp`"),
     "no action": (drop("action"), f"{DATA}: no column `action`"),
     "still": (put("timestamp", [0.0, 0.1, 0.1]), "the clock does not increase at sample 2: 0.1 s, then 0.1 s"),
@@ -241,7 +241,7 @@ def test_broken_sets_end_in_messages(case: str, tmp_path: Path) -> None:
 
 
 def test_damaged_bytes_end_in_messages(tmp_path: Path) -> None:
-    """Whatever is wrong with the data, it is an error of btr or numbers."""
+    """Damaged data gives an error of btr or numbers."""
     folder = write_v2(tmp_path, episodes([30]), JOINTS)
     file = folder / DATA
     whole, random = file.read_bytes(), np.random.default_rng(1)
@@ -256,7 +256,7 @@ def test_damaged_bytes_end_in_messages(tmp_path: Path) -> None:
             pass
 
 
-def test_episodes_that_are_not_there_are_named(tmp_path: Path) -> None:
+def test_missing_episodes_are_named(tmp_path: Path) -> None:
     folder = write_v3(tmp_path / "set", episodes(LENGTHS), JOINTS)
     for episode in (3, -1):
         with pytest.raises(btr.BtrError, match=f"no episode `{episode}` of this data set of 3\nhelp: name an episode"):

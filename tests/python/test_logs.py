@@ -1,4 +1,4 @@
-"""Logs in memory: the names of a model's `[channels]`, times, channels as a mapping has them, and what they are called."""
+"""Logs in memory: the `[channels]` of a model, times, channels as a mapping, and names."""
 
 import warnings
 from datetime import datetime, timedelta, timezone
@@ -27,7 +27,7 @@ def arm() -> btr.Model:
 
 @pytest.fixture(scope="module")
 def foreign(arm: btr.Model) -> btr.Model:
-    """The arm, whose robot calls things otherwise."""
+    """The arm with foreign channel names."""
     return btr.Model(f"{arm.text}{CHANNELS}", arm.path)
 
 
@@ -45,7 +45,7 @@ def channels(result: btr.CompareResult) -> list:
     return [channel["rmse"] for channel in sorted(result.channels, key=lambda channel: channel["name"])]
 
 
-def test_channels_have_the_names_of_the_model_wherever_they_come_in(foreign: btr.Model, log: btr.Log, tmp_path: Path) -> None:
+def test_channel_names_are_mapped_for_every_source(foreign: btr.Model, log: btr.Log, tmp_path: Path) -> None:
     columns, known = renamed(log), channels(btr.compare(foreign, LEARN[0]))
     made = btr.Log(log.clock_s, columns)
     mapping = {"stamp_ms": 1000 * log.clock_s, **columns}
@@ -61,7 +61,7 @@ def test_channels_have_the_names_of_the_model_wherever_they_come_in(foreign: btr
         assert btr.load_log(read, model=foreign) is read, "once is enough"
         assert len(foreign.simulate(one)) == len(foreign.simulate(read))
         assert channels(btr.compare(foreign, read)) == pytest.approx(known, rel=1e-6)
-    assert btr.load_log(made)["yaw_deg"].tobytes() == columns["yaw_deg"].tobytes(), "nobody said what it means"
+    assert btr.load_log(made)["yaw_deg"].tobytes() == columns["yaw_deg"].tobytes(), "no model maps it"
 
 
 def test_a_log_under_btrs_names_stays_as_it_is(arm: btr.Model, log: btr.Log) -> None:
@@ -72,7 +72,7 @@ def test_a_log_under_btrs_names_stays_as_it_is(arm: btr.Model, log: btr.Log) -> 
     assert raw["q_yaw"].tobytes() == (0.5 * log["q_yaw"]).tobytes(), "columns are as in a file"
 
 
-def test_what_the_model_names_in_vain_is_said(foreign: btr.Model) -> None:
+def test_missing_columns_of_the_model_are_reported(foreign: btr.Model) -> None:
     model = btr.Model(foreign.text.replace('"q_{joint}" =', 'q_nose = "snout"\n"q_{joint}" ='), foreign.path)
     columns = {"t": [0.0, 0.1], "yaw_deg": [0.0, 1.0]}
     for made in (columns, btr.Log(columns["t"], {"yaw_deg": columns["yaw_deg"]})):
@@ -124,7 +124,7 @@ def test_logs_are_counted_within_a_call(arm: btr.Model, log: btr.Log) -> None:
     assert made.name == Path("log") and not made.is_named and named.is_named
 
 
-def test_each_warning_is_heard_at_the_line_that_called(arm: btr.Model, log: btr.Log) -> None:
+def test_each_warning_points_to_the_calling_line(arm: btr.Model, log: btr.Log) -> None:
     still = dict(log.to_dict(), q_yaw=np.rad2deg(log["q_yaw"]))
     heard = []
     with warnings.catch_warnings():

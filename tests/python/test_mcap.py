@@ -1,4 +1,4 @@
-"""What btr writes as MCAP opens in other people's readers and holds the same numbers."""
+"""MCAP files of btr open in other readers and contain the same numbers."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""btr's forward dynamics beside MuJoCo's, in random states."""
+"""btr's forward dynamics compared with MuJoCo's, in random states."""
 
 import json
 import subprocess
@@ -18,7 +18,7 @@ AGREE = 1e-11
 
 
 def model_of(name, folder):
-    """The robot in MuJoCo, without anything that touches, rubs or drives it."""
+    """The robot in MuJoCo, without contacts, friction or actuators."""
     if name.endswith(".urdf"):
         model = mujoco.MjModel.from_xml_path(str(ROOT / "robots" / name))
     else:
@@ -30,8 +30,8 @@ def model_of(name, folder):
     return model
 
 
-class Beside:
-    """One robot in both."""
+class Pair:
+    """One robot in both simulators."""
 
     def __init__(self, name, folder):
         self.name, self.model = name, model_of(name, folder)
@@ -41,7 +41,7 @@ class Beside:
         self.joints = [self.model.joint(j).name for j in self.hinges]
 
     def state(self, rng):
-        """A random state as btr is told it, and MuJoCo's accelerations there in btr's order and axes."""
+        """A random state in btr's format, and MuJoCo's accelerations there in btr's order and axes."""
         model, data, many = self.model, self.data, len(self.joints)
         q, dq, torques = rng.uniform(-1.5, 1.5, many), rng.normal(0, 3, many), rng.normal(0, 2, many)
         turn = rng.normal(size=4)
@@ -60,17 +60,17 @@ class Beside:
         data.qfrc_applied[dofs] = torques
         mujoco.mj_forward(model, data)
         root = [*(rotation @ data.qacc[3:6]), *data.qacc[:3]] if self.floats else []
-        told = {"base": base, "turn": turn, "velocity": velocity, "angular": angular}
-        told = {key: list(value) for key, value in told.items()}
-        return told, dict(zip(self.joints, zip(q, dq, torques))), np.array([*root, *data.qacc[dofs]])
+        state = {"base": base, "turn": turn, "velocity": velocity, "angular": angular}
+        state = {key: list(value) for key, value in state.items()}
+        return state, dict(zip(self.joints, zip(q, dq, torques))), np.array([*root, *data.qacc[dofs]])
 
-    def line(self, told, joints, names):
+    def line(self, state, joints, names):
         columns = zip(*(joints[name] for name in names))
-        return json.dumps(told | {key: list(map(float, c)) for key, c in zip(("q", "dq", "torques"), columns)})
+        return json.dumps(state | {key: list(map(float, c)) for key, c in zip(("q", "dq", "torques"), columns)})
 
     def btr(self, states, names):
         robot = str(ROOT / "robots" / self.name) if self.name.endswith(".urdf") else self.name
-        lines = "\n".join(self.line(told, joints, names) for told, joints, _ in states)
+        lines = "\n".join(self.line(state, joints, names) for state, joints, _ in states)
         run = subprocess.run([EXAMPLES / "accelerations", robot], input=lines, capture_output=True, text=True, check=True)
         first, *rest = map(json.loads, run.stdout.splitlines())
         return first, [np.array(line) for line in rest]
@@ -78,12 +78,12 @@ class Beside:
 
 @pytest.mark.parametrize("name", ["ant", "nao", "arm5.urdf"])
 def test_accelerations_are_those_of_mujoco(name, tmp_path):
-    beside, rng = Beside(name, tmp_path), np.random.default_rng(7)
-    states = [beside.state(rng) for _ in range(STATES)]
-    names, _ = beside.btr([], beside.joints)
-    assert sorted(names) == sorted(beside.joints)
-    _, answers = beside.btr(states, names)
-    root = 6 if beside.floats else 0
-    order = [*range(root), *(root + names.index(joint) for joint in beside.joints)]
+    pair, rng = Pair(name, tmp_path), np.random.default_rng(7)
+    states = [pair.state(rng) for _ in range(STATES)]
+    names, _ = pair.btr([], pair.joints)
+    assert sorted(names) == sorted(pair.joints)
+    _, answers = pair.btr(states, names)
+    root = 6 if pair.floats else 0
+    order = [*range(root), *(root + names.index(joint) for joint in pair.joints)]
     for (_, _, expected), answer in zip(states, answers, strict=True):
         assert np.max(np.abs(answer[order] - expected)) <= AGREE * np.max(np.abs(expected))

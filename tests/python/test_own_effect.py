@@ -1,4 +1,4 @@
-"""A user's own effect: a law as an expression and as a function, in a small model of which everything is known."""
+"""A user's own effect: a law as an expression and as a function, in a small model whose parameters are known."""
 
 import json
 import math
@@ -55,13 +55,13 @@ def brittle(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float) -
     return 0.0
 
 
-def brittle_elsewhere(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float) -> float:
+def brittle_in_workers(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float) -> float:
     if parent_process() is not None:
         raise ZeroDivisionError("not at home")
     return 0.0
 
 
-# Workers cannot import what was typed in.
+# Workers cannot import functions of an interactive session.
 NOTEBOOK = """
 import btr, sys
 from concurrent.futures import ProcessPoolExecutor
@@ -85,13 +85,13 @@ def swing() -> btr.Model:
 
 @pytest.fixture(scope="module")
 def logs(swing: btr.Model) -> list[btr.Log]:
-    """What the robot did, with a drag in it that only a function told."""
+    """Logs of the robot with a drag that is defined by a function."""
     planted = swing.add_law(drag, site="hinge", a=0.07)
     return [planted.simulate(seed=seed) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
-def doubted(swing: btr.Model) -> btr.Model:
+def with_drag(swing: btr.Model) -> btr.Model:
     return swing.add_law(drag, site="hinge", a=(0.0, 0.5))
 
 
@@ -99,7 +99,7 @@ def without_time(result: btr.FitResult) -> dict:
     return {key: value for key, value in result.document.items() if key != "seconds"}
 
 
-def test_an_expression_stands_in_the_text_with_its_numbers(swing: btr.Model) -> None:
+def test_the_text_contains_an_expression_and_its_parameters(swing: btr.Model) -> None:
     model = swing.add_law("-a*tanh(dq/b)", site="hinge", on="torque", a=(0.0, 2.0), b=0.1)
     section = 'effect = "formula"\nsite = "hinge"\non = "torque"\nlaw = "-a*tanh(dq/b)"\na = 1.0\nb = 0.1\n'
     assert section in model.text and '"formula.a@hinge" = { bounds = [0.0, 2.0] }' in model.text
@@ -120,12 +120,12 @@ def test_an_expression_stands_in_the_text_with_its_numbers(swing: btr.Model) -> 
     ],
 )
 def test_a_function_does_what_the_same_expression_does(swing: btr.Model, on: str, text: str, law) -> None:
-    told, called = (swing.add_law(which, site="hinge", on=on, a=0.3).simulate(seed=1) for which in (text, law))
-    assert told == called and told != swing.simulate(seed=1)
+    by_expression, called = (swing.add_law(which, site="hinge", on=on, a=0.3).simulate(seed=1) for which in (text, law))
+    assert by_expression == called and by_expression != swing.simulate(seed=1)
 
 
-def test_fit_recovers_what_a_function_planted(doubted: btr.Model, logs: list) -> None:
-    fitted = btr.fit(doubted, logs[0], held_out=logs[1])
+def test_fit_recovers_what_a_function_planted(with_drag: btr.Model, logs: list) -> None:
+    fitted = btr.fit(with_drag, logs[0], held_out=logs[1])
     [number] = [p for p in fitted.parameters if p["name"] == "formula.a@hinge"]
     assert number["ci95"][0] < 0.07 < number["ci95"][1] and abs(number["value"] - 0.07) < 0.005, number
     assert fitted.train < 1.1 and fitted.held_out < 1.1 and fitted.error_ladder[0]["train"] > 5
@@ -134,28 +134,28 @@ def test_fit_recovers_what_a_function_planted(doubted: btr.Model, logs: list) ->
     assert btr.diagnose(fitted.model, logs[0], held_out=logs[1]).verdict == "nothing_missing"
 
 
-def test_diagnose_looks_for_what_is_missing_beside_it(swing: btr.Model, doubted: btr.Model) -> None:
+def test_diagnose_finds_a_further_missing_effect(swing: btr.Model, with_drag: btr.Model) -> None:
     rubbing = swing.add("coulomb_friction@hinge").text.replace("value = 0.0", "value = 0.1")
     logs = [btr.Model(rubbing).add_law(drag, site="hinge", a=0.07).simulate(seed=seed) for seed in (1, 2)]
-    assert btr.diagnose(doubted, logs[0], held_out=logs[1]).names == ["coulomb_friction@hinge"]
+    assert btr.diagnose(with_drag, logs[0], held_out=logs[1]).names == ["coulomb_friction@hinge"]
 
 
-def test_one_thread_or_many_and_a_function_or_text_give_the_same_fit(swing: btr.Model, doubted: btr.Model, logs: list) -> None:
+def test_one_thread_or_many_and_a_function_or_text_give_the_same_fit(swing: btr.Model, with_drag: btr.Model, logs: list) -> None:
     # Expressions are simulated on all cores, functions on one.
-    told = btr.fit(swing.add_law(EXPRESSION, site="hinge", a=(0.0, 0.5)), logs[0])
+    by_expression = btr.fit(swing.add_law(EXPRESSION, site="hinge", a=(0.0, 0.5)), logs[0])
     with ThreadPoolExecutor(3) as others:
-        called = list(others.map(lambda _: btr.fit(doubted, logs[0]), range(3)))
-    assert [without_time(fitted) for fitted in called] == 3 * [without_time(told)]
+        called = list(others.map(lambda _: btr.fit(with_drag, logs[0]), range(3)))
+    assert [without_time(fitted) for fitted in called] == 3 * [without_time(by_expression)]
 
 
-def test_functions_are_called_elsewhere_too(swing: btr.Model, doubted: btr.Model, logs: list) -> None:
-    here = without_time(btr.fit(doubted, logs[0]))
+def test_functions_are_called_in_workers(swing: btr.Model, with_drag: btr.Model, logs: list) -> None:
+    here = without_time(btr.fit(with_drag, logs[0]))
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        assert without_time(btr.fit(doubted, logs[0], executor=pool)) == here
+        assert without_time(btr.fit(with_drag, logs[0], executor=pool)) == here
         with pytest.raises(ZeroDivisionError, match="not at home"):
-            btr.fit(swing.add_law(brittle_elsewhere, site="hinge"), logs[0], executor=pool)
+            btr.fit(swing.add_law(brittle_in_workers, site="hinge"), logs[0], executor=pool)
     with ThreadPoolExecutor(2) as others:
-        assert without_time(btr.fit(doubted, logs[0], executor=others)) == here
+        assert without_time(btr.fit(with_drag, logs[0], executor=others)) == here
 
 
 def test_a_function_of_a_notebook_goes_by_value() -> None:
@@ -164,7 +164,7 @@ def test_a_function_of_a_notebook_goes_by_value() -> None:
     assert ran.returncode == 0 and ran.stdout == "the same\n", ran.stderr
 
 
-def test_what_a_function_raises_arrives_and_nothing_stays_behind(swing: btr.Model, logs: list) -> None:
+def test_exceptions_of_a_function_are_raised_and_leave_no_state(swing: btr.Model, logs: list) -> None:
     model = swing.add_law(brittle, site="hinge")
     verbs = (model.simulate, lambda: btr.compare(model, logs), lambda: btr.check(model, logs), lambda: btr.fit(model, logs[0]))
     for verb in verbs:
@@ -184,7 +184,7 @@ def test_what_a_function_raises_arrives_and_nothing_stays_behind(swing: btr.Mode
         (None, TypeError, "gave None, not a number"),
     ],
 )
-def test_what_is_no_number_is_told(swing: btr.Model, answer, kind: type, message: str) -> None:
+def test_invalid_results_of_a_function_are_reported(swing: btr.Model, answer, kind: type, message: str) -> None:
     for on in ("torque", "command", "reading"):
         model = swing.add_law(lambda *scene: answer, site="hinge", on=on)
         with pytest.raises(kind, match=message):
@@ -203,7 +203,7 @@ def test_an_expression_that_gives_no_number_is_named(swing: btr.Model, logs: lis
             verb()
 
 
-def test_what_a_function_raises_while_a_report_is_drawn_arrives(swing: btr.Model, logs: list, tmp_path: Path) -> None:
+def test_exceptions_of_a_function_in_a_report_are_raised(swing: btr.Model, logs: list, tmp_path: Path) -> None:
     tired = False
 
     def fickle(*scene: float) -> float:
@@ -246,19 +246,19 @@ def test_a_function_may_simulate_itself(swing: btr.Model) -> None:
     assert len(swing.add_law(law, site="hinge").simulate()) == len(swing.simulate())
 
 
-def test_pickles_hold_functions(swing: btr.Model, doubted: btr.Model, logs: list, tmp_path: Path) -> None:
-    again = pickle.loads(pickle.dumps(doubted))
-    assert again == doubted and again.laws == {"drag": drag}
-    (tmp_path / "model.pickle").write_bytes(pickle.dumps((doubted, logs[0])))
-    elsewhere = (
+def test_pickles_hold_functions(swing: btr.Model, with_drag: btr.Model, logs: list, tmp_path: Path) -> None:
+    again = pickle.loads(pickle.dumps(with_drag))
+    assert again == with_drag and again.laws == {"drag": drag}
+    (tmp_path / "model.pickle").write_bytes(pickle.dumps((with_drag, logs[0])))
+    script = (
         "import pickle, sys\n"
         "model, log = pickle.load(open(sys.argv[1], 'rb'))\n"
         "print(model.simulate(log)['q_hinge'].tobytes().hex())"
     )
-    command = [sys.executable, "-c", elsewhere, tmp_path / "model.pickle"]
+    command = [sys.executable, "-c", script, tmp_path / "model.pickle"]
     run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(HERE)})
-    told = swing.add_law(EXPRESSION, site="hinge", a=(0.0, 0.5)).simulate(logs[0])
-    assert run.stdout.strip() == told["q_hinge"].tobytes().hex(), run.stderr
+    by_expression = swing.add_law(EXPRESSION, site="hinge", a=(0.0, 0.5)).simulate(logs[0])
+    assert run.stdout.strip() == by_expression["q_hinge"].tobytes().hex(), run.stderr
 
 
 def test_pickles_hold_functions_without_a_module_by_their_code(swing: btr.Model, monkeypatch) -> None:
@@ -273,12 +273,12 @@ def test_pickles_hold_functions_without_a_module_by_their_code(swing: btr.Model,
     assert pickle.loads(pickle.dumps(model)).simulate() == model.simulate()
 
 
-def test_a_saved_text_names_its_function(doubted: btr.Model, tmp_path: Path) -> None:
+def test_a_saved_text_names_its_function(with_drag: btr.Model, tmp_path: Path) -> None:
     saved = tmp_path / "saved.toml"
-    doubted.save(saved)
+    with_drag.save(saved)
     with pytest.raises(btr.BtrError, match=r"saved.toml:\d+:\d+: the law `python:drag` is a function.*\n.*laws="):
         btr.load_model(saved)
-    assert btr.load_model(saved, laws={"drag": drag}).simulate() == doubted.simulate()
+    assert btr.load_model(saved, laws={"drag": drag}).simulate() == with_drag.simulate()
     with pytest.raises(TypeError, match=r"the law drag is called with \(q, dq, ddq, cmd, tau, t, a\), but this one has"):
         btr.load_model(saved, laws={"drag": without_a})
     command = [sys.executable, "-m", "btr", "simulate", saved, "-q", "-o", tmp_path / "log.csv"]
@@ -319,33 +319,33 @@ def without_a(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float)
         (drag, {}, TypeError, "missing a required argument: 'a'"),
     ],
 )
-def test_mistakes_are_told(swing: btr.Model, law, asked: dict, kind: type, message: str) -> None:
+def test_invalid_laws_are_reported(swing: btr.Model, law, asked: dict, kind: type, message: str) -> None:
     with pytest.raises(kind, match=message):
         swing.add_law(law, **{"site": "hinge", **asked})
 
 
 def test_an_expression_means_what_it_means_in_python(swing: btr.Model) -> None:
     text = "-a*q**2 + 1e-2*-dq - 2**-1*a*-q/3"
-    told, called = (
+    by_expression, called = (
         swing.add_law(law, site="hinge", a=0.3).simulate(seed=1)
         for law in (text, eval("lambda q, dq, ddq, cmd, tau, t, a: " + text))
     )
-    assert told == called
+    assert by_expression == called
 
 
-def test_names_that_are_taken_are_refused(doubted: btr.Model) -> None:
+def test_names_that_are_taken_are_refused(with_drag: btr.Model) -> None:
     with pytest.raises(btr.BtrError, match="another formula at `hinge` has one"):
-        doubted.add_law("-a*q", site="hinge", a=0.1)
+        with_drag.add_law("-a*q", site="hinge", a=0.1)
     other = lambda *scene: 0.0  # noqa: E731
     other.__name__ = "drag"
     with pytest.raises(btr.BtrError, match="another law called drag"):
-        doubted.add_law(other, site="hinge")
-    assert len(doubted.add_law("-b*q", site="hinge", b=0.1).laws) == 1
+        with_drag.add_law(other, site="hinge")
+    assert len(with_drag.add_law("-b*q", site="hinge", b=0.1).laws) == 1
     with pytest.raises(TypeError, match="the law drag is to be a function"):
-        btr.Model(doubted.text, laws={"drag": "drag"})
+        btr.Model(with_drag.text, laws={"drag": "drag"})
 
 
-def test_functions_of_one_name_in_two_models_are_two(swing: btr.Model) -> None:
+def test_models_may_have_different_functions_of_one_name(swing: btr.Model) -> None:
     def made(factor: float):
         def law(*scene: float) -> float:
             return -factor * scene[1]

@@ -1,4 +1,4 @@
-"""The reports of compare, diagnose and fit, as a browser sees them: every plot is drawn, and nothing is asked of anybody."""
+"""The reports of compare, diagnose and fit in a browser: every plot is drawn, without network requests."""
 
 import math
 import subprocess
@@ -30,7 +30,7 @@ position_quantum_rad = 0.0005
 "kp@hinge" = { relative = [0.8, 1.25] }
 "kd@hinge" = { relative = [0.8, 1.25] }
 """
-# What reality has beside the model.
+# Effects of reality that the model lacks.
 REALITIES = {
     "friction": 'effect = "coulomb_friction"\nsite = "hinge"\ntorque = 0.25',
     "nothing": 'effect = "coulomb_friction"\nsite = "hinge"\ntorque = 0.0',
@@ -103,9 +103,9 @@ def lab(tmp_path_factory):
     for reality, effect in REALITIES.items():
         (folder / "reality.toml").write_text(f"{PENDULUM}\n[[effects]]\n{effect}\n")
         for episode in range(3):
-            (folder / "told.csv").write_text(commands(episode))
+            (folder / "commands.csv").write_text(commands(episode))
             log = f"{reality}_{episode}.csv"
-            btr(folder, f"simulate reality.toml --log told.csv --seed {episode + 1} -o {log}")
+            btr(folder, f"simulate reality.toml --log commands.csv --seed {episode + 1} -o {log}")
     return folder
 
 

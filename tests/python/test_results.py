@@ -1,4 +1,4 @@
-"""Answers and logs show themselves: the command line's reports, pictures, frames."""
+"""Results and logs in notebooks: reports of the command line, plots, frames."""
 
 import copy
 import html
@@ -28,7 +28,7 @@ ARM = ROBOTS / "arm.toml"
 LEARN = sorted((ROBOTS / "arm").glob("learn_*.csv"))[:1]
 HELD_OUT = sorted((ROBOTS / "arm").glob("held_out_*.csv"))[:1]
 FRICTION = "coulomb_friction@yaw"
-# For each verb: what the command line is told beside the model.
+# For each verb: the arguments of the command line after the model.
 TOLD = {
     "compare": [*LEARN],
     "diagnose": [*LEARN, "--held-out", *HELD_OUT],
@@ -71,7 +71,7 @@ def test_answers_keep_their_reports_in_pickles(verb: str, answers: dict, tmp_pat
         assert again == answer and repr(again) == repr(answer) and again._repr_html_() == answer._repr_html_()
 
 
-def test_no_report_takes_the_place_of_what_is_none(answers: dict, tmp_path: Path) -> None:
+def test_a_report_does_not_overwrite_other_files(answers: dict, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("t,q_yaw\n0,1\n")
     with pytest.raises(btr.BtrError, match=r"ends in \.html\nhelp: "):
@@ -100,7 +100,7 @@ def test_a_browser_draws_the_report_in_a_notebook(answers: dict, tmp_path: Path)
         assert page.complaints() == []
 
 
-def test_a_log_in_memory_is_named_and_no_command_is_offered_for_it(arm: btr.Model, tmp_path: Path) -> None:
+def test_a_log_in_memory_is_named_and_no_command_is_suggested_for_it(arm: btr.Model, tmp_path: Path) -> None:
     read = btr.load_log(LEARN[0])
     answer = btr.diagnose(arm, btr.Log(read.clock_s, read.to_dict(), "monday"))
     assert answer.names == [FRICTION]
@@ -122,7 +122,7 @@ def drawn(ax: Axes, ink: str) -> list[list[float]]:
     return [list(line.get_xdata()) for line in ax.lines if to_hex(line.get_color()) == INK[ink]]
 
 
-def test_compare_draws_each_channel_beside_the_noise_floor(answers: dict) -> None:
+def test_compare_draws_each_channel_with_the_noise_floor(answers: dict) -> None:
     found = answers["compare"]
     ax = found.plot()
     assert names(ax) == [channel["name"] for channel in found.channels]
@@ -155,7 +155,7 @@ def test_fit_draws_every_value_between_its_bounds(answers: dict) -> None:
     assert len(spans) == sum(parameter["ci95"] is not None for parameter in found.parameters) > 0
 
 
-def test_what_was_withheld_is_not_drawn(answers: dict) -> None:
+def test_missing_intervals_are_not_drawn(answers: dict) -> None:
     found = copy.deepcopy(answers["fit"])
     for parameter in found.parameters:
         parameter["ci95"] = None
@@ -167,7 +167,7 @@ def test_what_was_withheld_is_not_drawn(answers: dict) -> None:
     assert labels(ladder) == ["training logs", "noise floor"]
 
 
-def test_pictures_go_where_they_are_told(answers: dict) -> None:
+def test_plots_use_the_given_axes(answers: dict) -> None:
     _, (bars, steps, values, ladder, lines) = pyplot.subplots(1, 5)
     assert answers["compare"].plot(bars) is bars and answers["diagnose"].plot(ax=steps) is steps
     assert answers["fit"].plot(np.array([values, ladder])) == [values, ladder]

@@ -53,15 +53,15 @@ def write(folder: Path, topics: dict, storage: str) -> Path:
     return folder
 
 
-def told_and_done(topic: str = "/joint_states") -> dict:
-    """Positions and velocities of two joints, and commands for them that come in between."""
+def commands_and_states(topic: str = "/joint_states") -> dict:
+    """Positions and velocities of two joints, and commands at times between them."""
     ticks = [START_NS + k * STEP_NS for k in range(TICKS)]
     states = [(ns, joint_state(ns, [k / 7, -k / 3], [7.0, 3.0])) for k, ns in enumerate(ticks)]
     commands = [(ns - 1, joint_state(ns - 1, [k / 5, k / 9])) for k, ns in enumerate(ticks) if k]
     return {topic: ("sensor_msgs/msg/JointState", states), "/joint_commands": ("sensor_msgs/msg/JointState", commands)}
 
 
-def assert_told_and_done(log: btr.Log) -> None:
+def assert_commands_and_states(log: btr.Log) -> None:
     k = np.arange(TICKS)
     np.testing.assert_array_equal(log.clock_s, (START_NS + k * STEP_NS) / 1e9)
     for name, values in {"q_hip": k / 7, "q_knee": -k / 3, "dq_hip": np.full(TICKS, 7.0)}.items():
@@ -72,22 +72,22 @@ def assert_told_and_done(log: btr.Log) -> None:
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
 def test_the_folder_of_a_bag_is_a_log(storage: str, tmp_path: Path) -> None:
-    folder = write(tmp_path / "bag", told_and_done(), storage)
+    folder = write(tmp_path / "bag", commands_and_states(), storage)
     log = btr.load_log(folder)
-    assert_told_and_done(log)
+    assert_commands_and_states(log)
     assert log.name == folder
 
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
 def test_an_open_reader_is_a_log(storage: str, tmp_path: Path) -> None:
-    folder = write(tmp_path / "bag", told_and_done(), storage)
+    folder = write(tmp_path / "bag", commands_and_states(), storage)
     with highlevel.AnyReader([folder]) as reader:
-        assert_told_and_done(btr.load_log(reader))
+        assert_commands_and_states(btr.load_log(reader))
         assert btr.load_log(reader, "walk").name == Path("walk")
 
 
 def test_mcap_through_rosbags_is_what_btr_reads_itself(tmp_path: Path) -> None:
-    folder = write(tmp_path / "bag", told_and_done(), "MCAP")
+    folder = write(tmp_path / "bag", commands_and_states(), "MCAP")
     (file,) = folder.glob("*.mcap")
     with rosbag2.Reader(folder) as reader:
         through, itself = btr.load_log(reader), btr.load_log(file)
@@ -108,8 +108,8 @@ def test_a_trajectory_is_followed(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log["cmd_hip"], [0, 1, 2, 3, 4])
 
 
-def test_a_model_says_what_topics_and_names_mean(tmp_path: Path) -> None:
-    folder = write(tmp_path / "bag", told_and_done("/arm/states"), "SQLITE3")
+def test_a_model_maps_topics_and_names(tmp_path: Path) -> None:
+    folder = write(tmp_path / "bag", commands_and_states("/arm/states"), "SQLITE3")
     with pytest.raises(btr.BtrError, match="no joint states on `/joint_states`; topics: .*`/arm/states") as raised:
         btr.load_log(folder)
     assert "\nhelp: name the topic in the model's [channels.topics] table" in str(raised.value)
@@ -125,8 +125,8 @@ def test_a_model_says_what_topics_and_names_mean(tmp_path: Path) -> None:
         assert [entry["log"] for given in (folder, reader) for entry in btr.check(swing, given).logs] == [str(folder)] * 2
 
 
-def test_what_is_no_whole_bag_ends_in_messages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = write(tmp_path / "bag", told_and_done(), "SQLITE3")
+def test_incomplete_bags_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write(tmp_path / "bag", commands_and_states(), "SQLITE3")
     with pytest.raises(btr.BtrError, match="a SQLite bag; btr reads bags in MCAP\nhelp: convert it: .* btr.load_log"):
         btr.Log.read(folder)
     with pytest.raises(TypeError, match="a log is a path, a Log, a reader of rosbags"):

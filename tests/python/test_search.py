@@ -1,4 +1,4 @@
-"""Searches from Python: what they keep whatever the function, and that they find minima."""
+"""Searches from Python: properties for any function, and that they find minima."""
 
 import inspect
 import json
@@ -37,7 +37,7 @@ def rosenbrock(x: np.ndarray) -> float:
     return float(np.sum(100 * (x[1:] - x[:-1] ** 2) ** 2 + (1 - x[:-1]) ** 2))
 
 
-def told(es: btr.search.Search, generations: int, f=ellipsoid) -> list[np.ndarray]:
+def evaluated(es: btr.search.Search, generations: int, f=ellipsoid) -> list[np.ndarray]:
     """All solutions of some generations."""
     seen = []
     for _ in range(generations):
@@ -53,10 +53,10 @@ def test_solutions_lie_within_the_bounds_and_belong_to_the_seed(algorithm, dims,
     bounds, scale = [list(column) for column in zip(*dims)]
     x0 = [min(low + share * (high - low), high) for low, high in bounds] if begun else None
     one, other = (algorithm(bounds, x0, scale=scale, seed=seed) for _ in range(2))
-    seen = told(one, 6, f=np.sum)
+    seen = evaluated(one, 6, f=np.sum)
     assert all(low <= value <= high for x in seen for value, (low, high) in zip(x, bounds))
-    np.testing.assert_array_equal(seen, told(other, 6, f=np.sum))
-    third = told(algorithm(bounds, x0, scale=scale, seed=seed ^ 1), 6, f=np.sum)
+    np.testing.assert_array_equal(seen, evaluated(other, 6, f=np.sum))
+    third = evaluated(algorithm(bounds, x0, scale=scale, seed=seed ^ 1), 6, f=np.sum)
     assert not np.array_equal(seen, third)
 
 
@@ -67,18 +67,18 @@ def test_a_pickled_search_goes_on_with_the_same_bits(algorithm, seed, saved, bet
         return np.nan if (x.sum() * 7919) % 1 < failing else ellipsoid(x)
 
     es = algorithm(SQUARE, seed=seed)
-    told(es, saved, f)
+    evaluated(es, saved, f)
     asked = es.ask() if between else None
     back = pickle.loads(pickle.dumps(es))
     if asked is not None:
         np.testing.assert_array_equal(asked, back.ask())
-    np.testing.assert_array_equal(told(es, 20, f), told(back, 20, f))
+    np.testing.assert_array_equal(evaluated(es, 20, f), evaluated(back, 20, f))
     assert repr(es.result) == repr(back.result) and type(back) is algorithm
 
 
 @given(algorithms, seeds)
 @settings(deadline=None, max_examples=20)
-def test_the_best_is_the_best_ever_told(algorithm, seed) -> None:
+def test_the_best_is_the_best_of_all_solutions(algorithm, seed) -> None:
     es, costs = algorithm(SQUARE, seed=seed), []
     for generation in range(15):
         solutions = es.ask()
@@ -161,7 +161,7 @@ def test_limits_end_it_under_the_names_of_pycma() -> None:
 @pytest.mark.parametrize("algorithm", ["ga", "real_ga", "cma_es"])
 def test_any_executor_gives_the_same(algorithm: str) -> None:
     alone = minimize(rosenbrock, SQUARE, algorithm, maxiter=15)
-    # Spawned, as forks of a process with threads may wait for ever.
+    # Spawned, since forks of a process with threads may deadlock.
     spawned = ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))
     for executor in (ThreadPoolExecutor(3), spawned):
         with executor:
@@ -170,7 +170,7 @@ def test_any_executor_gives_the_same(algorithm: str) -> None:
 
 @pytest.mark.parametrize("threads", [None, 2])
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_what_raises_leaves_the_search_before_that_generation(algorithm, threads: int | None) -> None:
+def test_an_exception_leaves_the_search_before_that_generation(algorithm, threads: int | None) -> None:
     es, whole = algorithm(SQUARE).optimize(ellipsoid, 5), algorithm(SQUARE).optimize(ellipsoid, 9)
     before, seen = es.ask(), []
 
@@ -235,7 +235,7 @@ def wrong_population(change) -> None:
         (lambda: _btr.Search.restored("{}"), "no search of this version"),
     ],
 )
-def test_mistakes_are_told(mistake, message: str) -> None:
+def test_invalid_values_are_reported(mistake, message: str) -> None:
     with pytest.raises(btr.BtrError, match=message):
         mistake()
 
@@ -258,7 +258,7 @@ def test_mistakes_are_told(mistake, message: str) -> None:
         (lambda: minimize(ellipsoid, SQUARE, "ga", sigma0=1), "sigma0"),
     ],
 )
-def test_wrong_kinds_are_type_errors(mistake, message: str) -> None:
+def test_wrong_types_are_type_errors(mistake, message: str) -> None:
     with pytest.raises(TypeError, match=message):
         mistake()
 
@@ -273,12 +273,12 @@ def test_threads_evaluate_where_a_number_of_them_is_given() -> None:
     alone = minimize(ellipsoid, SQUARE, maxiter=3)
     assert minimize(cost, SQUARE, maxiter=3, executor=2).fbest == alone.fbest and threading.current_thread().name not in seen
     assert minimize(cost, SQUARE, maxiter=3, executor="threads").fbest == alone.fbest
-    for nobody in (0, -1, 2.5, True):
-        with pytest.raises(ValueError, match=f"executor={nobody}"):
-            minimize(ellipsoid, SQUARE, executor=nobody)
+    for workers in (0, -1, 2.5, True):
+        with pytest.raises(ValueError, match=f"executor={workers}"):
+            minimize(ellipsoid, SQUARE, executor=workers)
 
 
-def test_a_mistake_in_telling_changes_nothing() -> None:
+def test_an_invalid_tell_changes_nothing() -> None:
     es = CMAES(SQUARE)
     solutions = es.ask()
     with pytest.raises(btr.BtrError):

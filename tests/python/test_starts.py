@@ -1,4 +1,5 @@
-"""Logs of positions alone, of an arm that swings: where they begin is seen by the model, and held against nobody."""
+"""Logs of positions alone, of a swinging arm: their initial state is estimated with the model and counts as no
+error."""
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> btr.Model:
 
 
 def recorded(robot: btr.Model, seed: int, hold_s: float, cut_s: float) -> btr.Log:
-    """What is read of five seconds of swinging after it was held; the recording begins at `cut_s`."""
+    """Five seconds of swinging from a held pose; the recording starts at `cut_s`."""
     random, clock_s = np.random.default_rng(seed), np.arange(0, 5 + hold_s, 0.01)
     since_s = np.maximum(clock_s - hold_s, 0)
 
@@ -55,14 +56,14 @@ def recorded(robot: btr.Model, seed: int, hold_s: float, cut_s: float) -> btr.Lo
         parts = zip(random.uniform(0.1, 0.3, 3), random.uniform(1, 8, 3), random.uniform(0, 3.1, 3))
         return np.minimum(since_s, 1) * sum(a * np.sin(w * since_s + p) for a, w, p in parts)
 
-    did = robot.simulate(btr.Log(clock_s, {"cmd_j1": waves(), "cmd_j2": waves()}), seed=seed)
-    rows = np.arange(0, len(did), 7)
-    rows = rows[did.clock_s[rows] >= cut_s - 1e-9]
-    return btr.Log(did.clock_s[rows], {name: did[name][rows] for name in ("cmd_j1", "cmd_j2", "q_j1", "q_j2")})
+    response = robot.simulate(btr.Log(clock_s, {"cmd_j1": waves(), "cmd_j2": waves()}), seed=seed)
+    rows = np.arange(0, len(response), 7)
+    rows = rows[response.clock_s[rows] >= cut_s - 1e-9]
+    return btr.Log(response.clock_s[rows], {name: response[name][rows] for name in ("cmd_j1", "cmd_j2", "q_j1", "q_j2")})
 
 
 @pytest.mark.parametrize(("hold_s", "cut_s"), [(0.0, 0.0), (0.0, 1.0), (1.5, 1.0)])
-def test_a_true_model_is_not_blamed_for_how_a_log_begins(two: btr.Model, hold_s: float, cut_s: float) -> None:
+def test_a_true_model_has_no_error_from_the_initial_state(two: btr.Model, hold_s: float, cut_s: float) -> None:
     real = two.at({"mass@forearm": 0.6})
     for seed in range(200, 204):
         logs = [recorded(real, 3 * seed + k, hold_s, cut_s) for k in range(3)]
@@ -72,7 +73,7 @@ def test_a_true_model_is_not_blamed_for_how_a_log_begins(two: btr.Model, hold_s:
         assert btr.diagnose(two, logs[:2], held_out=logs[2]).verdict == "nothing_missing"
 
 
-def test_what_is_missing_is_named_all_the_same(two: btr.Model) -> None:
+def test_a_missing_effect_is_still_named(two: btr.Model) -> None:
     loaded = two.add("payload@forearm")
     real = loaded.at({"mass@forearm": 0.6, "payload.mass@forearm": 0.3})
     logs = [recorded(real, seed, 0.0, 1.0) for seed in (606, 607, 608)]
@@ -80,11 +81,11 @@ def test_what_is_missing_is_named_all_the_same(two: btr.Model) -> None:
     assert (found.verdict, found.names) == ("effect_missing", ["payload@forearm"])
     fitted = btr.fit(loaded, logs[:2], held_out=logs[2])
     assert fitted.values["payload.mass@forearm"] == pytest.approx(0.3, abs=0.02) and fitted.held_out < 1.1
-    # Something that no start makes up for is still seen.
+    # An error that no initial state compensates for is still visible.
     assert max(channel["chi"] for channel in btr.compare(two, logs).channels) > 10
 
 
-def test_bad_logs_are_told(two: btr.Model) -> None:
+def test_bad_logs_are_reported(two: btr.Model) -> None:
     log = recorded(two, 1, 0.0, 0.0)
     degrees = {name: log[name] * (180 / np.pi if name.startswith("q_") else 1.0) for name in log.keys()}
     with pytest.warns(UserWarning, match="is it in degrees"):

@@ -1,4 +1,4 @@
-"""The package's types: the stubs say what the compiled half is, and all of it is typed strictly."""
+"""The package's types: the stubs match the compiled module, and the package passes mypy --strict."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ answer = btr.diagnose(model, [log, "friday.mcap"], held_out="sunday.csv")
 fitted: btr.Model = btr.fit(model, log, add=answer.names).model
 answer.report("answer.html")
 """
-# What results are, attribute by attribute.
+# Types of the attributes of results.
 RESULTS = """
 from typing import Literal
 
@@ -61,12 +61,12 @@ assert_type(fitted.model.parameters[0].nominal, float | None)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where mypy runs, and keeps what it knows of the libraries from test to test."""
+    """Working folder of mypy, with a cache shared by the tests."""
     return tmp_path_factory.mktemp("mypy")
 
 
 def run(folder: Path, *arguments: object) -> str:
-    """What mypy complains about."""
+    """The errors of mypy."""
     command = [sys.executable, "-m", *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stdout + done.stderr
@@ -80,7 +80,7 @@ def test_the_package_is_typed_strictly(folder: Path) -> None:
     assert run(folder, "mypy", "--strict", PACKAGE) == ""
 
 
-def test_whoever_uses_it_is_told_of_wrong_types(folder: Path) -> None:
+def test_wrong_types_in_user_code_are_reported(folder: Path) -> None:
     (folder / "user.py").write_text(USER)
     assert run(folder, "mypy", "--strict", "user.py") == ""
     (folder / "user.py").write_text(USER + "answer.report(3)\n")

@@ -1,4 +1,4 @@
-"""The verbs from Python, on the bundled arm: the journey from a model and a log to a smaller error."""
+"""The verbs from Python, on the bundled arm: from a model and logs to a smaller error."""
 
 import json
 import pickle
@@ -65,7 +65,7 @@ def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> Non
 
 
 def said(*arguments: object) -> dict:
-    """What the command line answers, without the time it took."""
+    """The result of the command line, without its duration."""
     command = [sys.executable, "-m", "btr", *map(str, arguments), "--json", "-q"]
     document = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     return {key: value for key, value in document.items() if key != "seconds"}
@@ -103,7 +103,7 @@ def test_a_model_is_a_text(arm: btr.Model) -> None:
     assert "backlash.gap@yaw" in more.text and "backlash" not in arm.text
 
 
-def test_a_population_is_what_its_members_are_alone(arm: btr.Model) -> None:
+def test_a_population_equals_its_single_rollouts(arm: btr.Model) -> None:
     assert [p["name"] for p in arm.parameters][:2] == ["mass@turret", "mass@upper"] and arm.controllers == []
     low, high = (np.array([p[end] for p in arm.parameters]) for end in ("min", "max"))
     points = low + (high - low) * np.random.default_rng(5).random((11, len(low)))
@@ -113,7 +113,7 @@ def test_a_population_is_what_its_members_are_alone(arm: btr.Model) -> None:
     assert arm.simulate_all([nominal], log=LEARN[0]) == [arm.simulate(LEARN[0])] and together[0] != together[1]
 
 
-def test_numbers_in_doubt_have_names(arm: btr.Model) -> None:
+def test_free_parameters_have_names(arm: btr.Model) -> None:
     other = arm.at({"mass@upper": 0.5})
     assert other.values == {**arm.values, "mass@upper": 0.5} and other.parameters[0] == arm.parameters[0]
     assert arm.at(list(other.values.values())).values == other.values == arm.at(other.values).values
@@ -140,15 +140,15 @@ def test_names_may_be_patterns(arm: btr.Model, tmp_path: Path) -> None:
 
 
 def pendulum_with(effect: str) -> tuple[btr.Model, btr.Log]:
-    """A pendulum, and what another one does that has an effect beside."""
+    """A pendulum, and a log of one with an additional effect."""
     pendulum = btr.load_model(ROBOTS / "disengage.toml")
     clock_s = np.arange(0, 3, 0.01)
-    told = btr.Log(clock_s, {"cmd_hinge": 0.3 * np.sin(5 * clock_s), "q_hinge": np.zeros(len(clock_s))})
-    did = btr.Model(f"{pendulum.text}\n[[effects]]\n{effect}\n", pendulum.path).simulate(told, seed=3)
-    return pendulum, btr.Log(did.clock_s, {name: did[name] for name in ("cmd_hinge", "q_hinge")})
+    commands = btr.Log(clock_s, {"cmd_hinge": 0.3 * np.sin(5 * clock_s), "q_hinge": np.zeros(len(clock_s))})
+    response = btr.Model(f"{pendulum.text}\n[[effects]]\n{effect}\n", pendulum.path).simulate(commands, seed=3)
+    return pendulum, btr.Log(response.clock_s, {name: response[name] for name in ("cmd_hinge", "q_hinge")})
 
 
-def test_what_logs_cannot_tell_apart_the_next_one_may() -> None:
+def test_a_next_experiment_separates_indistinguishable_effects() -> None:
     pendulum, log = pendulum_with('effect = "command_delay"\nsite = "hinge"\ndelay = 0.004')
     found = btr.diagnose(pendulum, log)
     assert found.names == ["command_delay@hinge"] and "motor_lag@hinge" in found.effects[0]["alike"]
@@ -159,7 +159,7 @@ def test_what_logs_cannot_tell_apart_the_next_one_may() -> None:
     assert again.next_commands == found.next_commands and again == found
 
 
-def test_what_no_effect_explains_is_told_as_a_law(arm: btr.Model) -> None:
+def test_an_unexplained_error_is_described_by_a_law(arm: btr.Model) -> None:
     truth = arm.add_law("-0.5*q*q*dq", site="elbow")
     learn, held_out = ([truth.simulate(log, seed=k) for k, log in enumerate(logs)] for logs in (LEARN, HELD_OUT))
     found = btr.diagnose(arm, learn, held_out=held_out)
@@ -170,16 +170,16 @@ def test_what_no_effect_explains_is_told_as_a_law(arm: btr.Model) -> None:
     assert btr.fit(better, learn, held_out=held_out).held_out < 0.5 * found.error_ladder[-1]["held_out"]
 
 
-def test_measurements_are_not_written_over(tmp_path: Path) -> None:
+def test_measurements_are_not_overwritten(tmp_path: Path) -> None:
     log = btr.load_log(LEARN[0])
     for path in (tmp_path / "log.csv", tmp_path / "log.mcap"):
         log.write(path)
         with pytest.raises(btr.BtrError, match="holds more than commands: it would be lost"):
             log.write(path)
         log.write(path, overwrite=True)
-    told = btr.Log(log.clock_s, {"cmd_yaw": log["cmd_yaw"]})
-    told.write(tmp_path / "told.csv")
-    told.write(tmp_path / "told.csv")
+    commands = btr.Log(log.clock_s, {"cmd_yaw": log["cmd_yaw"]})
+    commands.write(tmp_path / "commands.csv")
+    commands.write(tmp_path / "commands.csv")
 
 
 def test_a_bound_is_within_itself() -> None:
@@ -189,7 +189,7 @@ def test_a_bound_is_within_itself() -> None:
         assert model.at({"mass@turret": number}).values["mass@turret"] == number
 
 
-def test_effects_are_told() -> None:
+def test_effects_are_listed() -> None:
     effects = btr.effects()
     assert len(effects.effects) > 30 and "coulomb_friction" in repr(effects)
     assert "Stribeck" not in repr(effects) and "Armstrong" in repr(btr.effects("stribeck_friction"))
@@ -216,12 +216,12 @@ def test_effects_are_told() -> None:
         (lambda arm: arm.simulate_all(controllers=[[1.0]]), ValueError, r"controllers has shape \(1, 1\)"),
     ],
 )
-def test_points_that_are_none_are_told(arm: btr.Model, wrong, error: type, message: str) -> None:
+def test_invalid_points_are_reported(arm: btr.Model, wrong, error: type, message: str) -> None:
     with pytest.raises(error, match=message):
         wrong(arm)
 
 
-def test_check_tells_what_logs_are_worth(arm: btr.Model) -> None:
+def test_check_rates_logs(arm: btr.Model) -> None:
     checked = btr.check(arm, LEARN)
     with pytest.raises(AttributeError, match="CheckResult has no report: compare, diagnose and fit have one"):
         checked.report("check.html")
@@ -247,7 +247,7 @@ def without_positions() -> btr.Log:
         (lambda arm: btr.diagnose(arm, btr.Log([0.0, 0.01], {"a": [0, 1]})), "cmd_"),
     ],
 )
-def test_mistakes_are_told_with_what_to_do(arm: btr.Model, mistake, message: str) -> None:
+def test_invalid_values_are_reported_with_help(arm: btr.Model, mistake, message: str) -> None:
     with pytest.raises(btr.BtrError, match=message):
         mistake(arm)
 
@@ -269,12 +269,12 @@ def test_mistakes_are_told_with_what_to_do(arm: btr.Model, mistake, message: str
         (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": np.zeros((2, 2))}), "channel q_yaw is an array of numbers"),
     ],
 )
-def test_wrong_kinds_say_what_was_wanted(arm: btr.Model, mistake, message: str) -> None:
+def test_wrong_types_name_the_expected_one(arm: btr.Model, mistake, message: str) -> None:
     with pytest.raises(TypeError, match=message):
         mistake(arm)
 
 
-def test_none_is_nothing(arm: btr.Model) -> None:
+def test_none_means_no_argument(arm: btr.Model) -> None:
     fitted = btr.fit(arm, LEARN[:1], held_out=None, add=None, tell=None)
     assert {**fitted.document, "seconds": 0} == {**btr.fit(arm, LEARN[:1]).document, "seconds": 0}
 
@@ -289,15 +289,15 @@ def test_messages_speak_of_python(arm: btr.Model, tmp_path: Path) -> None:
     log.write(tmp_path / "log.csv")
     assert said(lambda: log.write(tmp_path / "log.csv")).endswith("or write with overwrite=True what may be lost")
     assert "setting parameters..x=1.0: `parameters..x` is no name" in said(lambda: btr.load_model(ARM, {"parameters..x": 1.0}))
-    told = [said(mistake) for mistake in (
+    messages = [said(mistake) for mistake in (
         lambda: btr.load_log("robots/arm.toml"),
         lambda: arm.add("coulomb"),
         lambda: arm.add("nothing_like_it_at_all"),
         lambda: btr.Model(f'{arm.text}\n[[effects]]\neffect = "formula"\nsite = "yaw"\non = "torque"\nlaw = "q +"\n', arm.path),
         lambda: btr.fit(arm, btr.Log(np.arange(0, 1, 0.01), {name: np.zeros(100) for name in log.keys()})),
     )]
-    assert 'btr.effects("formula")' in told[3] and "`btr.check` tells" in told[4] and "for load_model" in told[0]
-    assert not [line for line in told if "--" in line or "`btr " in line], told
+    assert 'btr.effects("formula")' in messages[3] and "`btr.check` tells" in messages[4] and "for load_model" in messages[0]
+    assert not [line for line in messages if "--" in line or "`btr " in line], messages
 
 
 def test_wrong_kinds_are_type_errors(arm: btr.Model) -> None:
@@ -305,7 +305,7 @@ def test_wrong_kinds_are_type_errors(arm: btr.Model) -> None:
         btr.load_log(LEARN[0])["q_nose"]
 
 
-def test_what_a_listener_raises_ends_the_work_and_arrives(arm: btr.Model) -> None:
+def test_an_exception_of_a_callback_ends_the_work_and_is_raised(arm: btr.Model) -> None:
     def tell(step: str, *errors: float) -> None:
         raise KeyboardInterrupt(step)
 

@@ -17,7 +17,7 @@ RENAMED = {"logs": "log_scores"}
 
 
 def mismatches(value: Any, hint: Any, where: str) -> Iterator[str]:
-    """Where a value is not of its declared type, or an object has other keys than declared."""
+    """Paths of values that do not have their declared type, and of objects with other keys than declared."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint is Any or origin is Literal and value in arguments:
         return
@@ -43,7 +43,7 @@ def mismatches(value: Any, hint: Any, where: str) -> Iterator[str]:
 
 
 def undeclared(kind: type, document: dict[str, Any], where: str, renamed: dict[str, str] = {}) -> Iterator[str]:
-    """Keys that are not declared, and declared ones that are missing and cannot be."""
+    """Undeclared keys, and missing required keys."""
     hints = declared(kind)
     yield from (f"{where}.{key} is not declared" for key in document if key not in hints and key not in renamed)
     missing = (key for key, hint in hints.items() if key not in document)
