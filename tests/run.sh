@@ -8,8 +8,14 @@ step() { printf '\n== %s\n' "$*"; }
 step "format"
 cargo fmt --all --check
 
+step "structure: circles, folders, lines, retired words"
+python3 tests/structure.py
+
 step "lints"
 cargo clippy --quiet --release --workspace --all-targets --locked -- -D warnings
+
+step "documentation"
+RUSTDOCFLAGS="-D warnings" cargo doc --quiet --release --workspace --no-deps --locked
 
 step "licences and sources"
 # The advisory database is not asked: it would need a network beyond the package registries.

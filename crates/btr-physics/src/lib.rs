@@ -33,7 +33,7 @@
 //! let drive = Hold::new(&robot);
 //! let log = simulate(RolloutRequest::new(&robot, &drive).setup(&setup))?;
 //!
-//! let position_rad = log.values("q_hinge").ok_or("no such channel")?;
+//! let position_rad = log.values("q_hinge")?;
 //! assert_eq!(position_rad.len(), log.clock_s().len());
 //! assert_eq!(position_rad[0], 0.5);
 //! assert!(position_rad.iter().any(|q| *q < 0.0));

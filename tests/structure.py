@@ -1,0 +1,241 @@
+#!/usr/bin/env python3
+"""Checks the shape of the source: no import circles, small folders, short lines, no retired words.
+
+    python3 tests/structure.py
+
+Imports are read from `use` declarations and paths in the code, as text; unit tests in a file are left out, and so are the
+declarations of a folder's `mod.rs` (`mod x;`, `pub use x::Y`), which own the folder and import nothing. Circles are looked
+for between files, and between the files and folders of each folder.
+"""
+
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+ROOT = Path(__file__).resolve().parent.parent
+MOST_FILES = 12
+LONGEST_LINE = 120
+
+# What stands for the word now is said beside it.
+RETIRED = {
+    r"\babreast\b": "batch",
+    r"\bBeside\b(?! )": "IdentificationProblem",
+    r"\bbeneath\b": "without the effect",
+    r"\bBench\b(?!mark)": "Objective",
+    r"\b[Cc]limb(s|ed|ing)?\b": "record",
+    r"\b[Ee]lsewhere\b": "on other machines, distributed, another place",
+    r"\b[Hh]eed(s|ed|ing)?\b": "check for cancellation",
+    r"\bhands at a distance\b": "executor",
+    r"\bin doubt\b": "free",
+    r"\b[Kk]in\b": "similar",
+    r"\b[Kk]nobs?\b": "free parameter",
+    r"\b[Ll]ikeness\b": "correlation",
+    r"\bmakes? do with fewer\b": "has fewer free parameters",
+    r"\b[Pp]arcels?\b": "payload",
+    r"\b[Rr]ungs?\b": "step of the ladder",
+    r"\bseen_from\b": "with starts at",
+    r"\b(Served|ServedModel)\b": "RemoteModel, RemoteSimulator",
+    r"\bshakes?\b": "perturb",
+    r"\bthe numbers? in\b doubt": "free parameters",
+    r"\b(Wanted|Made|Against)\b(?= [{<]|::|<')": "OutputRequest, Output, Reference",
+    r"\b[Ww]hoever\b": "who, or the passive",
+    r"\bwho simulates\b": "executor",
+}
+# Keys of files and documents that must hold.
+KEPT = re.compile(r"\"likeness\"")
+TEXT = {".rs", ".md", ".py", ".pyi", ".toml", ".sh", ".snap"}
+
+Module = tuple[str, ...]
+Node = TypeVar("Node", Module, str)
+
+
+def tracked() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [ROOT / name for name in listed.splitlines() if (ROOT / name).is_file()]
+
+
+def words_and_lines() -> Iterator[str]:
+    """Retired words and lines that are too long."""
+    for path in tracked():
+        if path.suffix not in TEXT or path.name in {"structure.py", "CHANGELOG.md"}:
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            place = f"{path.relative_to(ROOT)}:{number}"
+            for word, instead in RETIRED.items():
+                found = re.search(word, KEPT.sub("", line))
+                if found:
+                    yield f"{place}: `{found.group()}` is retired; say: {instead}"
+            if path.suffix == ".rs" and len(line) > LONGEST_LINE:
+                yield f"{place}: {len(line)} characters, {LONGEST_LINE} at most"
+
+
+def large_folders() -> Iterator[str]:
+    count: dict[Path, int] = defaultdict(int)
+    for path in tracked():
+        if path.suffix == ".rs" and "src" in path.parts:
+            count[path.parent] += 1
+    for folder, files in sorted(count.items()):
+        if files > MOST_FILES:
+            yield f"{folder.relative_to(ROOT)}: {files} files, {MOST_FILES} at most"
+
+
+class Crate:
+    """The modules of a crate and what each imports."""
+
+    def __init__(self, source: Path) -> None:
+        self.name = source.parent.name.replace("-", "_")
+        files = [path for path in source.rglob("*.rs") if path.name != "main.rs"]
+        self.text = {module_of(path.relative_to(source)): code_of(path) for path in files}
+        self.exports: dict[Module, dict[str, Module]] = defaultdict(dict)
+        self.uses: dict[Module, list[tuple[Module, str, bool]]] = {m: list(self._uses(m)) for m in self.text}
+        for module, uses in self.uses.items():
+            self.exports[module] = {name: path for path, name, public in uses if public}
+
+    def _uses(self, module: Module) -> Iterator[tuple[Module, str, bool]]:
+        for public, tree in re.findall(r"^\s*(pub(?:\([^)]*\))? )?use ([^;]+);", self.text[module], re.M):
+            for path, name in leaves(tree):
+                absolute = self.absolute(module, path)
+                if absolute is not None:
+                    yield absolute, name, bool(public)
+
+    def absolute(self, module: Module, path: list[str]) -> Module | None:
+        """A path from the crate's root; none where it leads out of the crate."""
+        match path[0]:
+            case "crate" | self.name:
+                return tuple(path[1:])
+            case "self":
+                return module + tuple(path[1:])
+            case "super":
+                up = next((k for k, part in enumerate(path) if part != "super"), len(path))
+                return module[: len(module) - up] + tuple(path[up:])
+            case first if (*module, first) in self.text:
+                return module + tuple(path)
+        return None
+
+    def defines(self, path: Module, depth: int = 0) -> Module | None:
+        """The module in which a path's item is defined, through re-exports."""
+        for length in range(len(path), -1, -1):
+            module, rest = path[:length], path[length:]
+            if module not in self.text:
+                continue
+            behind = self.exports[module].get(rest[0]) if rest and depth < 20 else None
+            return self.defines(behind + rest[1:], depth + 1) if behind else module
+        return None
+
+    def imports(self) -> dict[Module, set[Module]]:
+        graph: dict[Module, set[Module]] = {module: set() for module in self.text}
+        for module, text in self.text.items():
+            names = {name: path for path, name, _ in self.uses[module]}
+            owned = {path for path, _, public in self.uses[module] if public and path[: len(module)] == module}
+            paths = [path for path, _, _ in self.uses[module] if path not in owned]
+            body = re.sub(r"\buse\s+[^;]+;", "", text)
+            for inline in re.findall(r"\b\w+(?:::\w+)+", body):
+                first, *rest = inline.split("::")
+                path = names[first] + tuple(rest) if first in names else self.absolute(module, [first, *rest])
+                paths.extend([path] if path is not None else [])
+            graph[module] = {defined for path in paths if (defined := self.defines(path)) not in (None, module)}
+        return graph
+
+
+def module_of(path: Path) -> Module:
+    parts = path.with_suffix("").parts
+    return parts[:-1] if parts[-1] in {"mod", "lib"} else parts
+
+
+def code_of(path: Path) -> str:
+    """A file without comments, strings and unit tests."""
+    text = re.sub(r"//[^\n]*", "", path.read_text(encoding="utf-8"))
+    text = re.sub(r'"(?:\\.|[^"\\])*"', '""', text)
+    return re.split(r"#\[cfg\(test\)\]\s*mod \w+ \{", text)[0]
+
+
+def leaves(tree: str) -> Iterator[tuple[list[str], str]]:
+    """The paths of a `use` tree, and the names that they get."""
+    tree = tree.strip()
+    group = re.fullmatch(r"([\w:]*?)(?:::)?\{(.*)\}", tree, re.S)
+    if group:
+        before = [part for part in group[1].split("::") if part]
+        for branch in branches(group[2]):
+            yield from (([*before, *path], name) for path, name in leaves(branch))
+        return
+    leaf = re.fullmatch(r"([\w:*]+)(?:\s+as\s+(\w+))?", tree)
+    if leaf:
+        path = leaf[1].removesuffix("::self").split("::")
+        yield path, leaf[2] or path[-1]
+
+
+def branches(group: str) -> Iterator[str]:
+    depth, begin = 0, 0
+    for at, character in enumerate(group + ","):
+        depth += {"{": 1, "}": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            if group[begin:at].strip():
+                yield group[begin:at]
+            begin = at + 1
+
+
+def circles(graph: dict[Node, set[Node]]) -> Iterator[list[Node]]:
+    """Strongly connected components of more than one node (R. Tarjan)."""
+    number: dict[Node, int] = {}
+    low: dict[Node, int] = {}
+    stack: list[Node] = []
+    found: list[list[Node]] = []
+
+    def visit(node: Node) -> None:
+        number[node] = low[node] = len(number)
+        stack.append(node)
+        for other in sorted(graph.get(node, ())):
+            if other not in number:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], number[other])
+        if low[node] == number[node]:
+            component = stack[stack.index(node) :]
+            del stack[stack.index(node) :]
+            if len(component) > 1:
+                found.append(sorted(component))
+
+    for node in sorted(graph):
+        if node not in number:
+            visit(node)
+    yield from found
+
+
+def siblings(graph: dict[Module, set[Module]], folder: Module) -> dict[str, set[str]]:
+    """Which file or folder in a folder imports which other one."""
+    among: dict[str, set[str]] = defaultdict(set)
+    depth = len(folder)
+
+    def inside(module: Module) -> bool:
+        return len(module) > depth and module[:depth] == folder
+
+    for module in filter(inside, graph):
+        among[module[depth]] |= {other[depth] for other in graph[module] if inside(other)} - {module[depth]}
+    return among
+
+
+def import_circles() -> Iterator[str]:
+    for source in sorted(ROOT.glob("crates/*/src")):
+        graph = Crate(source).imports()
+        crate = source.parent.name
+        for circle in circles(graph):
+            yield f"{crate}: circle of files: {', '.join('/'.join(module) or 'lib' for module in circle)}"
+        for folder in sorted({module[:depth] for module in graph for depth in range(len(module))}):
+            for circle in circles(siblings(graph, folder)):
+                yield f"{crate}: circle in {'/'.join(folder) or 'src'}: {', '.join(circle)}"
+
+
+def main() -> int:
+    problems = [*import_circles(), *large_folders(), *words_and_lines()]
+    print("\n".join(problems) or "no circles, no large folders, no long lines, no retired words")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.setrecursionlimit(10_000)
+    sys.exit(main())
