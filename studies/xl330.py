@@ -84,7 +84,7 @@ class Ladder:
         return said, self.line(step, said["train"], said["held_out"], out)
 
 
-def rungs(answer: dict) -> list[tuple[str, list[str]]]:
+def ladder_steps(answer: dict) -> list[tuple[str, list[str]]]:
     """The steps of a diagnosis, with the effects in the model after each."""
     present, found = [], []
     for step in (step["step"] for step in answer["error_ladder"]):
@@ -104,7 +104,7 @@ def study(btr: str, folder: Path) -> None:
     said, each = ladder.fitted("rigid body and motor, fitted", str(MODEL), "rigid.toml")
     asked = [*logs(ASKED), "--held-out", *logs(CONFIRMING), "--max-effects", str(MOST_EFFECTS)]
     answer = ask(btr, "diagnose", *INDEX, str(MODEL), *asked)
-    for k, (step, effects) in enumerate(rungs(answer)):
+    for k, (step, effects) in enumerate(ladder_steps(answer)):
         added = str(folder / f"added{k + 1}.toml")
         ask(btr, "add", *INDEX, str(MODEL), *effects, "-o", added)
         said, each = ladder.fitted(step, added, f"fitted{k + 1}.toml")

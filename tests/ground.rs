@@ -1,4 +1,5 @@
-//! A robot with contact: what is planted in one of its legs is found, from a standing start in whole logs and else in windows.
+//! A robot with contact: what is planted in one of its legs is found, from a standing start in whole logs and else in
+//! windows.
 #![allow(clippy::unwrap_used)]
 
 use btr_core::log::{Log, Role};

@@ -1,4 +1,5 @@
-//! What a diagnosis says beyond names: the law that an unknown error follows, and the experiment that tells rivals apart.
+//! What a diagnosis says beyond names: the law that an unknown error follows, and the experiment that tells rivals
+//! apart.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use btr_core::log::{Log, Role};

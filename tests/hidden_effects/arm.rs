@@ -1,5 +1,5 @@
 //! The desk arm of `robots/arm.toml`. Its turret turns about the vertical and does nothing else, so that a single
-//! number says all of its inertia: that of the motor beneath it, `armature@yaw`, as well.
+//! number says all of its inertia: that of the motor below it, `armature@yaw`, as well.
 
 use crate::excite;
 use crate::reality::Subject;

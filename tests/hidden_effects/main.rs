@@ -1,5 +1,5 @@
-//! A benchmark with hidden effects: a reality is a model with something that the model lacks, other parameters, a finer time
-//! step, noise and quantised encoders; the diagnosis has to say what it is and where.
+//! A benchmark with hidden effects: a reality is a model with something that the model lacks, other parameters, a finer
+//! time step, noise and quantised encoders; the diagnosis has to say what it is and where.
 //!
 //! `cargo run --release -p btr-tests --bin hidden_effects -- --help`
 

@@ -1,4 +1,5 @@
-//! Realities that differ from a robot's model: in their masses and gains, in their time step, and by what is hidden in them.
+//! Realities that differ from a robot's model: in their masses and gains, in their time step, and by what is hidden in
+//! them.
 
 use crate::excite::{Commands, TICK_S};
 use crate::score::{Case, Planted};
@@ -17,7 +18,8 @@ use rand::RngExt;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How many times finer the reality's time step is: finer than the finest that a diagnosis may take, and no multiple of it.
+/// How many times finer the reality's time step is: finer than the finest that a diagnosis may take, and no multiple of
+/// it.
 const FINER: f64 = 6.0;
 /// How long the robot rests before an episode is recorded, in s.
 const SETTLE_S: f64 = 1.0;
@@ -48,7 +50,8 @@ pub(crate) struct Subject {
     pub seen: &'static [&'static str],
     /// Effects that nothing of it could show.
     pub silent: &'static [&'static str],
-    /// Effects at sites where they are, by mechanics, the same number as another that is drawn: such a thing has one name.
+    /// Effects at sites where they are, by mechanics, the same number as another that is drawn: such a thing has one
+    /// name.
     pub one_number: &'static [(&'static str, &'static str)],
     /// The most logs that a diagnosis may simulate before another round begins.
     pub max_rollouts: usize,
@@ -144,7 +147,8 @@ impl Reality {
 
     /// What the sensors say in an episode, once the robot has come to rest where the episode begins.
     fn record(&self, truth: &[f64], placed: &[PlacedEffect], episode: usize) -> Log {
-        // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot settled.
+        // A recording's clock starts with the recording: one that goes wrong must not have begun to while the robot
+        // settled.
         let skewed = placed.iter().any(|placed| placed.effect.spec().name == "clock_skew");
         let free = self.model.robot.base == Base::Floating;
         let settle = if skewed || free { 0 } else { (SETTLE_S / TICK_S).round() as usize };
@@ -176,7 +180,8 @@ impl Reality {
         cut
     }
 
-    /// Effects of the library, somewhere, each of a size that shows: so many sigma between the motions with and without it.
+    /// Effects of the library, somewhere, each of a size that shows: so many sigma between the motions with and without
+    /// it.
     fn case(mut self, names: &[String], size: f64) -> Case {
         let bare = self.problem(&[]);
         self.rng = stream(self.seed, &[2, names.len() as u64, fingerprint(&names.join(","))]);

@@ -10,7 +10,7 @@ use btr_physics::effects::{PlacedEffect, find};
 pub(crate) struct Planted {
     pub effect: String,
     pub site: String,
-    /// Knobs and their coordinates.
+    /// Free parameters and their coordinates.
     pub coordinates: Vec<(usize, f64)>,
     /// The same by name, in SI units.
     pub values: Vec<(String, f64)>,
@@ -61,7 +61,7 @@ pub(crate) struct Outcome {
     seconds: f64,
 }
 
-/// Once the parameters in doubt are fitted, an error below this is no evidence of anything.
+/// Once the free parameters are fitted, an error below this is no evidence of anything.
 const VISIBLE: f64 = 1.1;
 
 /// How good that is.
@@ -78,9 +78,9 @@ enum Score {
     Extra,
     /// Some of what is there, and nothing that is not.
     Part,
-    /// Some of what is there; of the rest there is nothing to be seen, as the parameters in doubt make up for it.
+    /// Some of what is there; of the rest there is nothing to be seen, as the free parameters make up for it.
     Rest,
-    /// Nothing named, and nothing to be seen: the parameters in doubt make up for it.
+    /// Nothing named, and nothing to be seen: the free parameters make up for it.
     Absorbed,
     /// Nothing named.
     Silent,

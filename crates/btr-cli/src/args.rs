@@ -241,7 +241,8 @@ pub(crate) struct DiagnoseArgs {
     /// Maximum number of effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
-    /// Where to write the commands of the next experiment, which separates effects that these logs cannot; .csv or .mcap
+    /// Where to write the commands of the next experiment, which separates effects that these logs cannot; .csv or
+    /// .mcap
     #[arg(long, value_name = "LOG")]
     pub(crate) next: Option<PathBuf>,
     /// Exit with 1 unless the verdict is this one: effect_missing, nothing_missing or unexplained

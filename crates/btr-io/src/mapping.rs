@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mapping {
-    /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are heeded).
+    /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are recognised).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<String>,
     /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor =
@@ -31,7 +31,7 @@ pub struct Mapping {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum ForeignName {
-    /// A name; a unit at its end (`_deg`) is heeded.
+    /// A name; a unit at its end (`_deg`) is recognised.
     Name(String),
     /// A name whose values are not in btr's unit.
     Scaled {

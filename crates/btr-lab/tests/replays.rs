@@ -103,7 +103,7 @@ fn a_log_in_memory_is_read_under_the_names_of_the_model() {
                   q_hinge = { column = \"encoder\", factor = 2.0 }\n";
     let source = source(folder.path(), &format!("{MODEL}{mapped}"));
     let read = |log: Log| {
-        let log = LogSource::Made { name: "log 1".into(), log };
+        let log = LogSource::InMemory { name: "log 1".into(), log };
         experiment::replays(&source, &[log], &[]).unwrap().recordings.learn.remove(0).log
     };
     let once = read(foreign);

@@ -43,7 +43,7 @@ fn recorded(source: &Source, from_s: f64, seed: u64) -> Tested<LogSource> {
     )?;
     let first = log.clock_s().partition_point(|t| *t < from_s);
     let log = log.part(first..log.len()).from_zero();
-    Ok(LogSource::Made { name: PathBuf::from(format!("log {seed}")), log })
+    Ok(LogSource::InMemory { name: PathBuf::from(format!("log {seed}")), log })
 }
 
 fn assert_the_same(local: &dyn ResidualModel, remote: &dyn ResidualModel) {
@@ -91,7 +91,7 @@ fn a_log_that_is_cut_in_two_has_one_start() -> Tested<()> {
             log: 0,
             by: vec![2.0; problem.description().starts[0].numbers.len()],
         }]))
-        .ok_or("a fixed robot's logs can begin elsewhere")?;
+        .ok_or("a fixed robot's logs can begin in another state")?;
     let origin = vec![0.0; problem.parameters().len()];
     for log in 0..2 {
         let residual = |residual_model: &dyn ResidualModel| {
@@ -115,7 +115,7 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     let moved =
         Derivation::WithInitialState(vec![MovedStart { log: 0, by: numbers.map(|k| 0.1 * k as f64 - 0.3).collect() }]);
     let (local, remote) = (input.problem.derive(&moved), residual_model.derive(&moved));
-    let (local, remote) = local.zip(remote).ok_or("a fixed robot's logs can begin elsewhere")?;
+    let (local, remote) = local.zip(remote).ok_or("a fixed robot's logs can begin in another state")?;
     assert_the_same(&*local, &*remote);
     let origin = vec![0.0; residual_model.description().parameters.len()];
     let from = |residual_model: &dyn ResidualModel, log| {

@@ -2,13 +2,15 @@
 //! Rapier.
 //!
 //! - [`robot`]: robots as plain data in URDF's conventions; [`presets`] has an ant, a Nao and a pendulum.
-//! - [`drive`]: sources of joint references. References depend on the controller alone: they are computed for the robot at
-//!   its own values, whatever is simulated, because a controller must not know what is being identified.
+//! - [`drive`]: sources of joint references. References depend on the controller alone: they are computed for the
+//!   robot at its own values, whatever is simulated, because a controller must not know what is being identified.
 //! - [`actuation`]: motors, from a command to a torque.
-//! - [`effects`]: what a model may lack. An effect is a named group of parameters with an *off* value, so that fitting a mass
-//!   and adding friction are one operation on one search space. Effects act in the order in which they are registered.
-//! - [`engine`]: the dynamics. The default engine works in minimal coordinates and is second-order accurate without contact;
-//!   Rapier is the reference (feature `rapier`, on by default). The only things to touch are the ground z = 0 and one ball.
+//! - [`effects`]: what a model may lack. An effect is a named group of parameters with an *off* value, so that
+//!   fitting a mass and adding friction are one operation on one search space. Effects act in the order in which they
+//!   are registered.
+//! - [`engine`]: the dynamics. The default engine works in minimal coordinates and is second-order accurate without
+//!   contact; Rapier is the reference (feature `rapier`, on by default). The only things to touch are the ground z =
+//!   0 and one ball.
 //! - [`rollout`]: the simulation loop, for one robot or many side by side.
 //! - [`model`]: a robot with free parameters, scenarios and a fitness, as a [`Simulator`](btr_core::world::Simulator).
 //!

@@ -340,9 +340,9 @@ impl LogArgument {
     pub(crate) fn source(self) -> LogSource {
         match self {
             LogArgument::Path(path) => LogSource::File(path),
-            LogArgument::Log(log) => LogSource::Made { name: log.get().name.clone(), log: log.get().log.clone() },
+            LogArgument::Log(log) => LogSource::InMemory { name: log.get().name.clone(), log: log.get().log.clone() },
             LogArgument::Called((name, log)) => {
-                LogSource::Made { name: PathBuf::from(name), log: log.get().log.clone() }
+                LogSource::InMemory { name: PathBuf::from(name), log: log.get().log.clone() }
             }
         }
     }

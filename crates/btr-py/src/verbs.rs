@@ -89,7 +89,7 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The numbers in doubt at their best, with effects added first: the answer, its page, the numbers as they were (JSON)
+/// The free parameters at their best, with effects added first: the answer, its page, the numbers as they were (JSON)
 /// and the fitted model's text.
 #[pyfunction]
 pub(crate) fn fit(
@@ -107,8 +107,8 @@ pub(crate) fn fit(
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let input = VerbInput::with(source, replays, &add).map_err(Raise::raise)?;
         if input.problem.model().simulations.is_empty() {
-            let help = "put parameters in doubt ([parameters] in the model file), or add an effect".to_owned();
-            return Err(raised("no number of this model is in doubt", Some(help)));
+            let help = "free some parameters ([parameters] in the model file), or add an effect".to_owned();
+            return Err(raised("this model has no free parameter", Some(help)));
         }
         let heard = |step: &btr_identify::LadderStep| say(&tell, &step.step, step.train, step.held_out);
         let family = served(&input, &context)?;

@@ -200,7 +200,11 @@ fn a_commanded_joint_without_an_actuator_is_told_before_a_diagnosis() {
     says(&lab, "log.csv", 0, "doubtful: cmd_knee is in the log, but knee has no actuator");
     let output = lab.run("fit leg.toml log.csv");
     assert!(text(&output.stderr).starts_with("doubtful: log.csv: cmd_knee is in the log"), "{}", text(&output.stderr));
-    assert!(text(&output.stdout).contains("the logs have 1 finding that may affect this result"), "{}", text(&output.stdout));
+    assert!(
+        text(&output.stdout).contains("the logs have 1 finding that may affect this result"),
+        "{}",
+        text(&output.stdout)
+    );
 }
 
 #[test]

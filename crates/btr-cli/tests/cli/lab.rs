@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
-/// A driven pendulum whose mass and friction are in doubt: a run of it takes a fraction of a second.
+/// A driven pendulum whose mass and friction are free: a run of it takes a fraction of a second.
 pub(crate) const SMALL: &str = r#"name = "small"
 seed = 1
 

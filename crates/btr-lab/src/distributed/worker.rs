@@ -70,7 +70,7 @@ fn open(content: PayloadContent, functions: Functions) -> Result<OpenPayload, Di
     match content {
         PayloadContent::Problem { model, learn, held_out } => model.unpacked(functions, |source| {
             let sources = |logs: Vec<_>| -> Vec<LogSource> {
-                logs.into_iter().map(|(name, log)| LogSource::Made { name, log }).collect()
+                logs.into_iter().map(|(name, log)| LogSource::InMemory { name, log }).collect()
             };
             let input = VerbInput::new(source, &sources(learn), &sources(held_out))?;
             Ok(OpenPayload::Problem {

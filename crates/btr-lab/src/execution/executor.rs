@@ -16,7 +16,7 @@ pub struct Payload {
 pub trait Executor: Send + Sync {
     /// Number of batches that are worked on at once.
     fn workers(&self) -> usize;
-    /// The functions that the model's laws name, packed for whoever calls [`serve`](crate::distributed::serve); empty
+    /// The functions that the model's laws name, packed for the caller of [`serve`](crate::distributed::serve); empty
     /// without any.
     fn functions(&self) -> &[u8] {
         &[]

@@ -11,7 +11,7 @@ pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError
     let (log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
-        LogSource::Made { name, log } => {
+        LogSource::InMemory { name, log } => {
             let renamed = btr_io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
             (renamed.0.from_zero(), renamed.1)
         }

@@ -9,7 +9,7 @@ pub enum LogSource {
     /// A file.
     File(PathBuf),
     /// A log in memory in btr's units, with a name for reports; the model's `[channels]` map its foreign names.
-    Made {
+    InMemory {
         /// Its unique name.
         name: PathBuf,
         /// The log.
@@ -23,7 +23,9 @@ impl LogSource {
     /// The file's path, or the log's name.
     pub fn path(&self) -> &Path {
         match self {
-            LogSource::File(path) | LogSource::Made { name: path, .. } | LogSource::Read(ReadLog { path, .. }) => path,
+            LogSource::File(path) | LogSource::InMemory { name: path, .. } | LogSource::Read(ReadLog { path, .. }) => {
+                path
+            }
         }
     }
 }

@@ -50,7 +50,7 @@ pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) ->
         match shown {
             Some(shown) if parameter.amplitude => grow(parameter, UNIT * trial.by / shown),
             Some(shown) => {
-                parameter.reach = (REACH * trial.by / shown).clamp(parameter.reach, WIDEST.max(parameter.reach))
+                parameter.reach = (REACH * trial.by / shown).clamp(parameter.reach, WIDEST.max(parameter.reach));
             }
             None => {}
         }
