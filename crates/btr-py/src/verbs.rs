@@ -75,7 +75,7 @@ pub(crate) fn diagnose(
         let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
         let heard = |ladder_step: &btr_identify::LadderStep| {
-            say(&tell, &ladder_step.step, ladder_step.train, ladder_step.held_out)
+            say(&tell, &ladder_step.step, ladder_step.train, ladder_step.held_out);
         };
         let family = served(&input, &context)?;
         let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)

@@ -78,7 +78,7 @@ impl RunObserver for Watcher<'_> {
         let history = run.history();
         match step {
             Some(StepOutcome::Generation) => {
-                history.generations.last().into_iter().for_each(|g| progress.generation(g))
+                history.generations.last().into_iter().for_each(|g| progress.generation(g));
             }
             Some(StepOutcome::Iteration) => {
                 let of = run.plan().iterations;
