@@ -106,7 +106,7 @@ def test_a_log_in_memory_is_named_and_no_command_is_suggested_for_it(arm: btr.Mo
     assert answer.names == [FRICTION]
     answer.report(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "arm.toml beside monday, judged on" in page and "btr fit" not in page
+    assert "arm.toml against monday, evaluated on" in page and "btr fit" not in page
 
 
 def names(ax: Axes) -> list[str]:
