@@ -20,8 +20,17 @@ use std::hash::{DefaultHasher, Hasher};
 
 /// A payload that a worker has opened.
 enum OpenPayload {
-    Problem { residual_model: Box<dyn ResidualModel>, fingerprint: u64 },
-    Simulations { model: Box<Model>, distance: Box<dyn Distance>, fingerprint: u64 },
+    /// The batch size is kept: a description is too large to be made for every batch.
+    Problem {
+        residual_model: Box<dyn ResidualModel>,
+        batch_size: usize,
+        fingerprint: u64,
+    },
+    Simulations {
+        model: Box<Model>,
+        distance: Box<dyn Distance>,
+        fingerprint: u64,
+    },
     Test(Behaviour),
 }
 
@@ -44,8 +53,8 @@ pub fn serve(payloads: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> R
     let (batch, request) = (hash_of(batch), postcard::from_bytes(batch)?);
     let opened = PROBLEMS.get(*key, || open(decode(content)?, functions)).map_err(DistributedError::Shared)?;
     let answer = match (&*opened, request) {
-        (OpenPayload::Problem { residual_model, fingerprint }, Batch::Rollouts(rollouts)) => {
-            let results = residuals(residual_model.as_ref(), *key, &rollouts)?;
+        (OpenPayload::Problem { residual_model, batch_size, fingerprint }, Batch::Rollouts(rollouts)) => {
+            let results = residuals(residual_model.as_ref(), *batch_size, *key, &rollouts)?;
             postcard::to_allocvec(&Answer { fingerprint: *fingerprint, batch, results })
         }
         (OpenPayload::Simulations { model, distance, fingerprint }, Batch::Population(candidates)) => {
@@ -75,6 +84,7 @@ fn open(content: PayloadContent, functions: Functions) -> Result<OpenPayload, Di
             let input = VerbInput::new(source, &sources(learn), &sources(held_out))?;
             Ok(OpenPayload::Problem {
                 fingerprint: remote_model::fingerprint(&input.problem),
+                batch_size: input.problem.description().batch_size.max(1),
                 residual_model: Box::new(input.problem),
             })
         }),
@@ -94,11 +104,12 @@ fn open(content: PayloadContent, functions: Functions) -> Result<OpenPayload, Di
 /// Residuals of a residual model, or of one derived from it.
 fn residuals(
     base: &dyn ResidualModel,
+    batch_size: usize,
     key: u64,
     rollouts: &Rollouts,
 ) -> Result<Vec<ResidualMessage>, DistributedError> {
     if rollouts.derived.is_empty() {
-        return Ok(simulated(base, rollouts));
+        return Ok(simulated(base, batch_size, rollouts));
     }
     let mut hasher = DefaultHasher::new();
     hasher.write_u64(key);
@@ -111,22 +122,23 @@ fn residuals(
             residual_model = Some(from.derive(how).ok_or(not_derived)?);
         }
         let residual_model = residual_model.ok_or(MISMATCH)?;
-        Ok(OpenPayload::Problem { residual_model, fingerprint: 0 })
+        let batch_size = residual_model.description().batch_size.max(1);
+        Ok(OpenPayload::Problem { residual_model, batch_size, fingerprint: 0 })
     };
     match &*PROBLEMS.get(hasher.finish(), derive).map_err(DistributedError::Shared)? {
-        OpenPayload::Problem { residual_model, .. } => Ok(simulated(residual_model.as_ref(), rollouts)),
+        OpenPayload::Problem { residual_model, batch_size, .. } => {
+            Ok(simulated(residual_model.as_ref(), *batch_size, rollouts))
+        }
         _ => Err(MISMATCH),
     }
 }
 
-fn simulated(residual_model: &dyn ResidualModel, rollouts: &Rollouts) -> Vec<ResidualMessage> {
+fn simulated(residual_model: &dyn ResidualModel, batch_size: usize, rollouts: &Rollouts) -> Vec<ResidualMessage> {
     let step = TimeStep::of_halvings(rollouts.halvings);
     let dense: Vec<_> = rollouts.requests.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
     let requests: Vec<ResidualRequest> =
         dense.iter().map(|(u, log, moved)| ResidualRequest { u, log: *log, moved }).collect();
-    let results = requests
-        .chunks(residual_model.description().batch_size.max(1))
-        .flat_map(|few| residual_model.residuals(few, step));
+    let results = requests.chunks(batch_size).flat_map(|few| residual_model.residuals(few, step));
     results.map(|result| result.map_err(SimulationError::from)).collect()
 }
 
