@@ -67,7 +67,7 @@ fn interrupted(plan: &Plan, every: usize) -> (Vec<u8>, String) {
     loop {
         for _ in 0..every {
             let mut on = Environment { simulator: &world, distance: distance.as_ref(), reality: &mut reality };
-            if let StepOutcome::Stopped(_) = run.step(&mut on) {
+            if let Ok(StepOutcome::Stopped(_)) = run.step(&mut on) {
                 return bytes(&run);
             }
         }

@@ -172,7 +172,7 @@ pub fn finish(run: &mut Coevolution, world: &Oscillator, reality: &mut Hidden) -
     let distance: Box<dyn Distance> = run.plan().distance.build();
     let mut on = Environment { simulator: world, distance: distance.as_ref(), reality };
     loop {
-        if let StepOutcome::Stopped(reason) = run.step(&mut on) {
+        if let Ok(StepOutcome::Stopped(reason)) = run.step(&mut on) {
             return reason;
         }
     }

@@ -44,7 +44,15 @@ pub enum WorldError {
     /// A log that lacks something.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// The work was cancelled before this simulation began.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
+
+/// The work was cancelled: its results so far are incomplete and are discarded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the work was cancelled")]
+pub struct Cancelled;
 
 /// To a tenth of a millisecond.
 fn rounded(time_s: f64) -> f64 {

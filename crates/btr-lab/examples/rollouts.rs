@@ -31,7 +31,7 @@ fn measured(args: &[String]) -> Result<Vec<f64>, String> {
     let jobs = vec![Job { s: &s, c: &c, scenario: 0 }; candidates];
     let round = |_| {
         let began = Instant::now();
-        let logs = model.simulate_jobs(&jobs, &|| ());
+        let logs = model.simulate_jobs(&jobs, &|| Ok(())).map_err(|e| e.to_string())?;
         let seconds = began.elapsed().as_secs_f64();
         logs.into_iter().find_map(Result::err).map_or(Ok(seconds), |e| Err(e.to_string()))
     };

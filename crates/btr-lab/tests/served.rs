@@ -2,17 +2,16 @@
 
 use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
-use btr_core::world::{Job, Output, OutputRequest, Simulator};
+use btr_core::world::{Cancelled, Job, Output, OutputRequest, Simulator, WorldError};
+use btr_identify::fit::Objective;
 use btr_identify::residual_model::{Derivation, MovedStart, ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::distributed::{RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
-use btr_lab::execution::{Cancelled, ExecutionContext, Executor, Payload};
+use btr_lab::execution::{Cause, ExecutionContext, Executor, Payload};
 use btr_lab::experiment::{LogSource, RealitySource, Source, model};
 use btr_lab::verbs::VerbInput;
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 type Tested<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -24,10 +23,27 @@ impl Executor for Worker {
         2
     }
 
-    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {
         let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
-        serve(&payloads, batch, &|_| Err("no functions here".to_owned()))
-            .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
+        let context = ExecutionContext::default();
+        Ok(serve(&payloads, batch, &|_| Err("no functions here".to_owned()), &context)?)
+    }
+}
+
+/// A worker that is gone after some batches.
+struct Unreliable {
+    batches: AtomicUsize,
+}
+
+impl Executor for Unreliable {
+    fn workers(&self) -> usize {
+        1
+    }
+
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {
+        let left = self.batches.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
+        left.map_err(|_| "the worker is gone")?;
+        Worker.work(payloads, batch)
     }
 }
 
@@ -162,12 +178,26 @@ fn cancelled_work_simulates_no_further() -> Tested<()> {
         if model.rollouts.load(Ordering::Relaxed) > 0 {
             context.cancel();
         }
-        context.check_cancelled();
+        context.check_cancelled()
     };
-    let ended = catch_unwind(AssertUnwindSafe(|| model.simulate_jobs(&jobs, &check_cancelled)));
-    assert!(ended.is_err_and(|cause| cause.is::<Cancelled>()));
+    assert_eq!(model.simulate_jobs(&jobs, &check_cancelled), Err(Cancelled));
     let simulated = model.rollouts.load(Ordering::Relaxed);
     assert!(simulated > 0 && simulated < 4096 / 2, "{simulated}");
+    Ok(())
+}
+
+#[test]
+fn a_worker_that_fails_ends_a_fit_with_its_cause() -> Tested<()> {
+    let source = robots("pendulum.toml")?;
+    let input = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[])?;
+    for batches in [0, 3] {
+        let context = ExecutionContext::with_executor(Box::new(Unreliable { batches: batches.into() }));
+        let context = Arc::new(context);
+        let model = RemoteModel::new(&input, context.clone())?;
+        let fitted = btr_identify::fit::fitted(&mut Objective::new(&model), &|_| {});
+        assert!(matches!(fitted, Err(WorldError::Cancelled(_))));
+        assert_eq!(context.take_cause().map(|cause| cause.to_string()).as_deref(), Some("the worker is gone"));
+    }
     Ok(())
 }
 

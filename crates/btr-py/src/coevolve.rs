@@ -120,7 +120,7 @@ impl RunObserver for Watcher {
             self.tell.call1(py, (last,))
         });
         if let Err(error) = heard {
-            std::panic::resume_unwind(Box::new(error));
+            self.context.fail(Box::new(error));
         }
     }
 
@@ -128,7 +128,7 @@ impl RunObserver for Watcher {
 
     fn warn(&mut self, line: &str) {
         if let Err(error) = Python::attach(|py| self.warned.call1(py, (line,))) {
-            std::panic::resume_unwind(Box::new(error));
+            self.context.fail(Box::new(error));
         }
     }
 

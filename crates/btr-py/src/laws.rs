@@ -1,14 +1,13 @@
 //! Laws as Python functions: how they are called, and how their exceptions end the work.
 
 use crate::error::raised;
-use btr_lab::execution::{Cancelled, ExecutionContext};
+use btr_lab::execution::ExecutionContext;
 use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyString};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Python functions with their names in the model's text.
@@ -52,13 +51,20 @@ pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
     })
 }
 
-/// The value of the function; an exception unwinds to the caller of the work.
+/// The value of the function. An exception cancels the work, and so does a value that is not a finite number; the
+/// simulation ends with it, and no function is called any more.
 fn value(function: &Py<PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> f64 {
-    if CONTEXT.with_borrow(|context| context.as_ref().is_some_and(|context| context.is_cancelled())) {
-        resume_unwind(Box::new(Cancelled));
-    }
-    let answer = Python::attach(|py| called(function.bind(py), scene, params, p));
-    answer.unwrap_or_else(|error| resume_unwind(Box::new(error)))
+    CONTEXT.with_borrow(|context| {
+        if context.as_ref().is_some_and(|context| context.is_cancelled()) {
+            return f64::NAN;
+        }
+        Python::attach(|py| called(function.bind(py), scene, params, p)).unwrap_or_else(|error| {
+            if let Some(context) = context {
+                context.fail(Box::new(error));
+            }
+            f64::NAN
+        })
+    })
 }
 
 fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &[f64]) -> PyResult<f64> {
@@ -80,7 +86,8 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
     }
 }
 
-/// Runs work on this thread; its Python functions stop when the context is cancelled.
+/// Runs work on this thread; its Python functions stop when the context is cancelled. All simulations with functions run
+/// on one thread: see [`context`](crate::work::context).
 pub(crate) fn with_cancellation<T: Send>(context: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
     CONTEXT.set(Some(context.clone()));
     // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.

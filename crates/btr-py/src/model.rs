@@ -163,7 +163,7 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            Ok(model.simulate_jobs(&jobs, &|| context.check_cancelled()))
+            model.simulate_jobs(&jobs, &|| context.check_cancelled()).map_err(|why| raised(&why.to_string(), None))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::made_here("simulated", log.ok()?)));
         Ok(logs.collect())

@@ -5,6 +5,7 @@ use crate::log::{Log, LogArgument};
 use crate::model::Model;
 use crate::page::Page;
 use crate::work::{ExecutorChoice, at_once, working};
+use btr_identify::LadderStep;
 use btr_identify::diagnose::DiagnoseOptions;
 use btr_lab::distributed::RemoteModel;
 use btr_lab::execution::ExecutionContext;
@@ -17,7 +18,6 @@ use btr_report::Subject;
 use btr_report::html;
 use pyo3::prelude::*;
 use serde_json::json;
-use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -74,9 +74,7 @@ pub(crate) fn diagnose(
     working(py, &context, || {
         let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
-        let heard = |ladder_step: &btr_identify::LadderStep| {
-            say(&tell, &ladder_step.step, ladder_step.train, ladder_step.held_out);
-        };
+        let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)
             .map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
@@ -110,7 +108,7 @@ pub(crate) fn fit(
             let help = "free some parameters ([parameters] in the model file), or add an effect".to_owned();
             return Err(raised("this model has no free parameter", Some(help)));
         }
-        let heard = |step: &btr_identify::LadderStep| say(&tell, &step.step, step.train, step.held_out);
+        let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
@@ -122,11 +120,11 @@ pub(crate) fn fit(
     })
 }
 
-/// Calls a listener in Python. An exception in it ends the work: it unwinds to [`working`].
-fn say(tell: &Py<PyAny>, step: &str, train: f64, held_out: Option<f64>) {
-    let heard = Python::attach(|py| tell.call1(py, (step, train, held_out)));
-    if let Err(error) = heard {
-        resume_unwind(Box::new(error));
+/// Calls a listener in Python. An exception in it cancels the work.
+fn say(context: &ExecutionContext, tell: &Py<PyAny>, ladder_step: &LadderStep) {
+    let LadderStep { step, train, held_out } = ladder_step;
+    if let Err(error) = Python::attach(|py| tell.call1(py, (step, train, held_out))) {
+        context.fail(Box::new(error));
     }
 }
 

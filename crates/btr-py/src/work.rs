@@ -5,13 +5,12 @@ use crate::laws;
 use crate::laws::LawGiven;
 use btr_lab::distributed;
 use btr_lab::execution;
-use btr_lab::execution::{Cancelled, ExchangeError, ExecutionContext, Executor};
+use btr_lab::execution::{Cause, ExecutionContext, Executor};
 use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
@@ -85,13 +84,13 @@ impl Executor for PythonExecutor {
         &self.functions
     }
 
-    fn work(&self, payloads: &[Arc<execution::Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
+    fn work(&self, payloads: &[Arc<execution::Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {
         let answer = Python::attach(|py| -> PyResult<Vec<u8>> {
             let payloads: Vec<Payload> = payloads.iter().cloned().map(Payload).collect();
             let answer = self.object.call_method1(py, "work", (payloads, PyBytes::new(py, batch)))?;
             Ok(answer.cast_bound::<PyBytes>(py)?.as_bytes().to_vec())
         });
-        answer.map_err(|error| Box::new(error) as Box<dyn Any + Send>)
+        answer.map_err(|error| Box::new(error) as Cause)
     }
 }
 
@@ -129,7 +128,8 @@ fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
 }
 
 /// Answers a batch, wherever work is done: `payloads` are keys and contents. What a law's function raises is raised
-/// here.
+/// here. The batch is worked on in a thread of its own, so that the calling one, which may belong to a pool, does not
+/// begin other work while it waits.
 #[pyfunction]
 pub(crate) fn serve<'py>(
     py: Python<'py>,
@@ -138,11 +138,15 @@ pub(crate) fn serve<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|(key, content)| (*key, content.as_bytes())).collect();
     let batch = batch.as_bytes();
-    let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&payloads, batch, &laws::unpacked)));
-    match py.detach(|| threaded(serve))? {
-        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why.to_string(), why.help()))?)),
-        Err(cause) => Err(cause_of(cause)),
+    let context = Arc::new(ExecutionContext::local(1));
+    let serve = || distributed::serve(&payloads, batch, &laws::unpacked, &context);
+    let on_one_thread = || context.install(|| laws::with_cancellation(&context, serve));
+    let answer = py.detach(|| std::thread::scope(|scope| scope.spawn(on_one_thread).join()));
+    if let Some(cause) = context.take_cause() {
+        return Err(exception(cause));
     }
+    let answer = answer.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|why| raised(&why.to_string(), None))?;
+    Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why.to_string(), why.help()))?))
 }
 
 /// Runs work in a thread of its own while this one waits for it and for Ctrl-C. Exceptions in it (of a listener, a
@@ -157,11 +161,8 @@ pub(crate) fn working<T: Send>(
         std::thread::scope(|scope| {
             let (done, finished) = channel::<()>();
             let worker = scope.spawn(move || {
-                let ended = catch_unwind(AssertUnwindSafe(|| {
-                    threaded(|| context.install(|| laws::with_cancellation(context, work)))
-                }));
-                drop(done);
-                ended
+                let _done = done;
+                threaded(|| context.install(|| laws::with_cancellation(context, work)))
             });
             while finished.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
                 if let Err(signal) = Python::attach(|py| py.check_signals()) {
@@ -169,13 +170,13 @@ pub(crate) fn working<T: Send>(
                     context.cancel();
                 }
             }
-            worker.join().unwrap_or_else(Err)
+            worker.join().unwrap_or_else(|panic| resume_unwind(panic))
         })
     });
-    match (interrupted, ended) {
-        (Some(signal), _) => Err(signal),
-        (None, Ok(ended)) => ended?.map_err(|why| raised(&why.to_string(), None))?,
-        (None, Err(cause)) => Err(cause_of(cause)),
+    // What the work gave after it was cancelled says less than why it was.
+    match interrupted.or_else(|| context.take_cause().map(exception)) {
+        Some(error) => Err(error),
+        None => ended?.map_err(|why| raised(&why.to_string(), None))?,
     }
 }
 
@@ -188,15 +189,10 @@ pub(crate) fn at_once<T: Send>(
     if source.laws.is_empty() { py.detach(|| threaded(work))? } else { working(py, &Arc::new(here(source)), work) }
 }
 
-/// The payload of a panic as an exception.
-fn cause_of(cause: Box<dyn Any + Send>) -> PyErr {
-    let cause = match cause.downcast::<PyErr>() {
-        Ok(error) => return *error,
-        Err(other) => other,
-    };
-    match cause.downcast::<ExchangeError>() {
-        Ok(why) => raised(&why.to_string(), None),
-        Err(other) if other.is::<Cancelled>() => raised("the work was cancelled", None),
-        Err(other) => resume_unwind(other),
+/// The cause of a cancellation as an exception.
+fn exception(cause: Cause) -> PyErr {
+    match cause.downcast::<PyErr>() {
+        Ok(error) => *error,
+        Err(other) => raised(&other.to_string(), None),
     }
 }

@@ -1,11 +1,16 @@
 //! Evaluating populations: in parallel, in order, the same bits for any number of threads.
+//!
+//! A simulation that diverges scores as the worst possible. One that was cancelled ends the evaluation instead: a search
+//! must not take it for a bad candidate.
 
 use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};
 use crate::optimize::Residuals;
 use crate::parallel::side_by_side;
 use crate::search::UnitPoint;
-use crate::world::{Behaviour, Compared, Job, Output, OutputRequest, Reference, Simulator, Trial, WorldError};
+use crate::world::{
+    Behaviour, Cancelled, Compared, Job, Output, OutputRequest, Reference, Simulator, Trial, WorldError,
+};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -31,8 +36,13 @@ impl Cost {
 }
 
 /// The mean fitness of each controller over all scenarios of a simulation; −∞ where one of them failed.
-pub(super) fn fitness(simulator: &dyn Simulator, s: &[f64], controllers: &[UnitPoint], cost: &mut Cost) -> Vec<f64> {
-    fitness_in(simulator, std::slice::from_ref(&s.to_vec()), controllers, cost).concat()
+pub(super) fn fitness(
+    simulator: &dyn Simulator,
+    s: &[f64],
+    controllers: &[UnitPoint],
+    cost: &mut Cost,
+) -> Result<Vec<f64>, Cancelled> {
+    Ok(fitness_in(simulator, std::slice::from_ref(&s.to_vec()), controllers, cost)?.concat())
 }
 
 /// The same in each of some simulations: a row per controller.
@@ -41,7 +51,7 @@ pub(super) fn fitness_in(
     simulations: &[Vec<f64>],
     controllers: &[UnitPoint],
     cost: &mut Cost,
-) -> Vec<Vec<f64>> {
+) -> Result<Vec<Vec<f64>>, Cancelled> {
     let (scenarios, per_controller) = (simulator.scenarios(), simulations.len() * simulator.scenarios());
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| {
@@ -49,12 +59,12 @@ pub(super) fn fitness_in(
         Job { s: &simulations[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Fitness; jobs.len()]);
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Fitness; jobs.len()])?;
     let of = |output| if let Output::Fitness(fitness) = output { fitness } else { f64::NAN };
     let results: Vec<Result<f64, WorldError>> = outputs.into_iter().map(|output| output.map(of)).collect();
     cost.count(&results);
     let row = |row: &[Result<f64, WorldError>]| row.chunks(scenarios).map(mean_fitness).collect();
-    results.chunks(per_controller).map(row).collect()
+    Ok(results.chunks(per_controller).map(row).collect())
 }
 
 /// A quantile of each controller's fitness over some simulations; −∞ where simulations that failed reach up to it.
@@ -64,8 +74,9 @@ pub(super) fn fitness_over(
     controllers: &[UnitPoint],
     quantile: f64,
     cost: &mut Cost,
-) -> Vec<f64> {
-    fitness_in(simulator, simulations, controllers, cost).into_iter().map(|row| quantile_of(row, quantile)).collect()
+) -> Result<Vec<f64>, Cancelled> {
+    let rows = fitness_in(simulator, simulations, controllers, cost)?;
+    Ok(rows.into_iter().map(|row| quantile_of(row, quantile)).collect())
 }
 
 /// Between the two values next to it where it lies between them.
@@ -82,13 +93,13 @@ pub(super) fn behaviours(
     simulations: &[Vec<f64>],
     (controller, scenario): (&UnitPoint, usize),
     cost: &mut Cost,
-) -> Vec<Option<Behaviour>> {
+) -> Result<Vec<Option<Behaviour>>, Cancelled> {
     let c = simulator.controllers().from_unit(controller);
     let jobs: Vec<Job> = simulations.iter().map(|s| Job { s, c: &c, scenario }).collect();
-    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()])?;
     cost.count(&outputs);
     let behaviour = |output| if let Ok(Output::Behaviour(behaviour)) = output { Some(behaviour) } else { None };
-    outputs.into_iter().map(behaviour).collect()
+    Ok(outputs.into_iter().map(behaviour).collect())
 }
 
 /// Runs all jobs, those of each scenario side by side, and returns the requested output of each, in their order.
@@ -96,7 +107,7 @@ pub(super) fn evaluate_all(
     simulator: &dyn Simulator,
     jobs: &[Job],
     requests: &[OutputRequest],
-) -> Vec<Result<Output, WorldError>> {
+) -> Result<Vec<Result<Output, WorldError>>, Cancelled> {
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|&k| jobs[k].scenario);
     let few = |ks: &[usize]| {
@@ -106,7 +117,11 @@ pub(super) fn evaluate_all(
     let at_once = side_by_side(simulator.side_by_side(), jobs.len());
     let mut results: Vec<_> = order.par_chunks(at_once).with_max_len(1).flat_map_iter(few).collect();
     results.sort_by_key(|(_, k)| *k);
-    results.into_iter().map(|(output, _)| output).collect()
+    let kept = |(output, _)| match output {
+        Err(WorldError::Cancelled(cancelled)) => Err(cancelled),
+        output => Ok(output),
+    };
+    results.into_iter().map(kept).collect()
 }
 
 fn mean_fitness(results: &[Result<f64, WorldError>]) -> f64 {
@@ -122,19 +137,19 @@ pub(super) fn distances(
     simulations: &[Vec<f64>],
     tests: &[&Entry],
     cost: &mut Cost,
-) -> Vec<Vec<f64>> {
+) -> Result<Vec<Vec<f64>>, Cancelled> {
     if tests.is_empty() {
-        return vec![Vec::new(); simulations.len()];
+        return Ok(vec![Vec::new(); simulations.len()]);
     }
     let compare = |real: &Behaviour, simulated: &Behaviour| Compared {
         distance: distance.distance(real, simulated),
         residuals: None,
     };
-    let results = compare_all(simulator, simulations, tests, Comparison::Distance, &compare);
+    let results = compare_all(simulator, simulations, tests, Comparison::Distance, &compare)?;
     cost.count(&results);
     let one =
         |compared: &Result<Compared, WorldError>| compared.as_ref().map_or(f64::INFINITY, |c| worst_if_nan(c.distance));
-    results.chunks(tests.len()).map(|row| row.iter().map(one).collect()).collect()
+    Ok(results.chunks(tests.len()).map(|row| row.iter().map(one).collect()).collect())
 }
 
 /// A distance that is a sum of squares, in both of its forms.
@@ -168,12 +183,12 @@ pub(super) fn residuals(
     simulations: &[Vec<f64>],
     tests: &[&Entry],
     cost: &mut Cost,
-) -> Vec<(f64, Option<Residuals>)> {
+) -> Result<Vec<(f64, Option<Residuals>)>, Cancelled> {
     let compare = |real: &Behaviour, simulated: &Behaviour| Compared {
         distance: distance.distance.distance(real, simulated),
         residuals: Some(distance.squares.residuals(real, simulated)),
     };
-    let results = compare_all(simulator, simulations, tests, Comparison::Residuals, &compare);
+    let results = compare_all(simulator, simulations, tests, Comparison::Residuals, &compare)?;
     cost.count(&results);
     let mut results = results.into_iter().map(|compared| compared.unwrap_or_else(|_| no_behaviour()));
     let one_simulation = |_: &Vec<f64>| {
@@ -181,7 +196,7 @@ pub(super) fn residuals(
         let (distances, blocks): (Vec<f64>, Vec<Option<Residuals>>) = of_tests.unzip();
         (phi(&distances), blocks.into_iter().collect::<Option<Vec<_>>>().map(|tests| tests.concat()))
     };
-    simulations.iter().map(one_simulation).collect()
+    Ok(simulations.iter().map(one_simulation).collect())
 }
 
 /// An infinite distance: nothing to compare with.
@@ -196,7 +211,7 @@ fn compare_all(
     tests: &[&Entry],
     comparison: Comparison,
     compare: &(dyn Fn(&Behaviour, &Behaviour) -> Compared + Sync),
-) -> Vec<Result<Compared, WorldError>> {
+) -> Result<Vec<Result<Compared, WorldError>>, Cancelled> {
     let (mut which, mut requested) = (Vec::new(), Vec::new());
     for (k, (s, entry)) in simulations.iter().flat_map(|s| tests.iter().map(move |entry| (s, entry))).enumerate() {
         let Some(real) = entry.behaviour() else { continue };
@@ -207,11 +222,11 @@ fn compare_all(
     }
     let (jobs, requests): (Vec<Job>, Vec<OutputRequest>) = requested.into_iter().unzip();
     let mut results: Vec<_> = (0..simulations.len() * tests.len()).map(|_| Ok(no_behaviour())).collect();
-    for (k, output) in which.into_iter().zip(evaluate_all(simulator, &jobs, &requests)) {
+    for (k, output) in which.into_iter().zip(evaluate_all(simulator, &jobs, &requests)?) {
         results[k] =
             output.map(|output| if let Output::Distance(compared) = output { compared } else { no_behaviour() });
     }
-    results
+    Ok(results)
 }
 
 /// phi: the mean distance over the tests (eq 4 for phi_1); NaN when there is none.
@@ -231,7 +246,7 @@ pub(super) fn disagreement(
     rivals: &[Vec<f64>],
     controllers: &[UnitPoint],
     cost: &mut Cost,
-) -> Vec<f64> {
+) -> Result<Vec<f64>, Cancelled> {
     let (scenarios, per_controller) = (simulator.scenarios(), rivals.len() * simulator.scenarios());
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| {
@@ -239,12 +254,12 @@ pub(super) fn disagreement(
         Job { s: &rivals[within / scenarios], c: &points[k / per_controller], scenario: within % scenarios }
     };
     let jobs: Vec<Job> = (0..points.len() * per_controller).map(job).collect();
-    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()]);
+    let outputs = evaluate_all(simulator, &jobs, &vec![OutputRequest::Behaviour; jobs.len()])?;
     let failed = || WorldError::Setup { what: "no behaviour came back".to_owned() };
     let of = |output| if let Output::Behaviour(behaviour) = output { Ok(behaviour) } else { Err(failed()) };
     let results: Vec<Result<Behaviour, WorldError>> = outputs.into_iter().map(|output| output.and_then(of)).collect();
     cost.count(&results);
-    results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect()
+    Ok(results.par_chunks(per_controller).map(|row| mean_pairwise(distance, row, scenarios)).collect())
 }
 
 fn mean_pairwise(distance: &dyn Distance, row: &[Result<Behaviour, WorldError>], scenarios: usize) -> f64 {

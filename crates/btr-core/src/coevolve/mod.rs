@@ -31,7 +31,8 @@ mod transfer;
 pub use correction::LinearCorrection;
 pub use drift::{Change, Drift};
 pub use estimation::{
-    Abduction, Belief, Estimated, Explanation, Extension, FittedExtension, OpenDirection, Posterior, Suspect,
+    Abduction, Belief, EstimateError, Estimated, Explanation, Extension, FittedExtension, OpenDirection, Posterior,
+    Suspect,
 };
 pub use evaluate::{Cost, phi};
 pub use history::{Augmentation, EstimateRecord, Evidence, Generation, History, Iteration, Side, StopReason};

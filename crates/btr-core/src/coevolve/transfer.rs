@@ -7,7 +7,7 @@ use crate::distance::Distance;
 use crate::random::Rng;
 use crate::search::UnitPoint;
 use crate::search::ga::neighbours;
-use crate::world::Simulator;
+use crate::world::{Cancelled, Simulator};
 use serde::{Deserialize, Serialize};
 
 /// Bits per parameter when the neighbourhood rule mutates a controller.
@@ -59,24 +59,29 @@ pub(super) struct TransferChoice<'a> {
 
 impl TransferChoice<'_> {
     /// The controllers to try, c_i first; at most `m`.
-    pub(super) fn choose(mut self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Vec<ScoredController> {
+    pub(super) fn choose(
+        mut self,
+        m: usize,
+        rng: &mut Rng,
+        cost: &mut Cost,
+    ) -> Result<Vec<ScoredController>, Cancelled> {
         match self.plan.transfer.rule {
             // The informative rule needs the posterior: see `most_informative_first`.
             Rule::Fittest | Rule::Informative => {
                 self.candidates.truncate(m);
-                self.candidates
+                Ok(self.candidates)
             }
             Rule::Neighbourhood => self.neighbourhood(m, rng, cost),
             Rule::Disagreement => self.disagreeing(m, cost),
         }
     }
 
-    fn neighbourhood(self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Vec<ScoredController> {
-        let Some(best) = self.candidates.into_iter().next() else { return Vec::new() };
+    fn neighbourhood(self, m: usize, rng: &mut Rng, cost: &mut Cost) -> Result<Vec<ScoredController>, Cancelled> {
+        let Some(best) = self.candidates.into_iter().next() else { return Ok(Vec::new()) };
         let mut chosen = vec![best.clone()];
         for _ in 0..NEIGHBOUR_ROUNDS {
             let units = neighbours(&best.unit, m - chosen.len(), self.plan.transfer.mutation, NEIGHBOUR_BITS, rng);
-            let fitness = evaluate::fitness(self.simulator, self.simulation, &units, cost);
+            let fitness = evaluate::fitness(self.simulator, self.simulation, &units, cost)?;
             let generation = best.generation;
             let mutants =
                 units.into_iter().zip(fitness).map(|(unit, fitness)| ScoredController { unit, fitness, generation });
@@ -91,21 +96,21 @@ impl TransferChoice<'_> {
                 break;
             }
         }
-        chosen
+        Ok(chosen)
     }
 
-    fn disagreeing(self, m: usize, cost: &mut Cost) -> Vec<ScoredController> {
+    fn disagreeing(self, m: usize, cost: &mut Cost) -> Result<Vec<ScoredController>, Cancelled> {
         let mut candidates = self.candidates;
         candidates.truncate(self.plan.transfer.candidates.max(m));
         if candidates.is_empty() {
-            return candidates;
+            return Ok(candidates);
         }
         let fittest = candidates.remove(0);
         let units: Vec<UnitPoint> = candidates.iter().map(|c| c.unit.clone()).collect();
-        let scores = evaluate::disagreement(self.simulator, self.distance, self.rivals, &units, cost);
+        let scores = evaluate::disagreement(self.simulator, self.distance, self.rivals, &units, cost)?;
         let mut order: Vec<usize> = (0..candidates.len()).collect();
         order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));
-        std::iter::once(fittest).chain(order.into_iter().take(m - 1).map(|k| candidates[k].clone())).collect()
+        Ok(std::iter::once(fittest).chain(order.into_iter().take(m - 1).map(|k| candidates[k].clone())).collect())
     }
 }
 

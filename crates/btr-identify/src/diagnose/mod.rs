@@ -23,7 +23,7 @@ pub use residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
-use btr_core::world::WorldError;
+use btr_core::world::{Cancelled, WorldError};
 use residual_law::residual_law;
 use round::round;
 use state::DiagnosisState;
@@ -33,17 +33,18 @@ use thresholds::EXPLAINED;
 /// it is reached.
 ///
 /// # Errors
-/// The reason why the model cannot be simulated at its current values.
+/// The reason why the model cannot be simulated at its current values, or cancelled work.
 pub fn diagnose(
     objective: &mut Objective,
     question: DiagnoseOptions,
     on_step: &dyn Fn(&LadderStep),
 ) -> Result<Diagnosis, WorldError> {
     let state = begin(objective, on_step)?;
-    Ok(match objective.description.has_contact {
+    let diagnosis = match objective.description.has_contact {
         true => go_on(objective, question, state, on_step),
         false => go_on_with_new_starts(objective, question, state, on_step, RESTARTS),
-    })
+    };
+    if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(diagnosis) }
 }
 
 /// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, such starts are

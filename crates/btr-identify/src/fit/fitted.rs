@@ -7,7 +7,7 @@ use super::residual_vector::chi;
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
 use crate::residual_model::TimeStep;
-use btr_core::world::WorldError;
+use btr_core::world::{Cancelled, WorldError};
 
 /// Start values of amplitudes that are off: off, where some effects have no slope, and two sizes next to it.
 const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
@@ -83,13 +83,14 @@ const MOST: f64 = 0.5;
 /// logs. Where that leaves something to explain, it continues with starts from the fitted model.
 ///
 /// # Errors
-/// The reason why the model cannot be simulated at its current values.
+/// The reason why the model cannot be simulated at its current values, or cancelled work.
 pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<FitResult, WorldError> {
     let mut ladder = LadderRecorder { steps: Vec::new(), on_step };
     let fit = begin(objective, &mut ladder)?;
     let done = finish(objective, fit, &mut ladder, "fitted");
     let restarts_left = if objective.description.has_contact { 1 } else { RESTARTS };
-    refine_starts(objective, done, ladder, restarts_left)
+    let fitted = refine_starts(objective, done, ladder, restarts_left)?;
+    if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(fitted) }
 }
 
 /// Continues with start states from the fitted model, at most `restarts_left` times. Without contact, that is always

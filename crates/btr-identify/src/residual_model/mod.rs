@@ -33,6 +33,12 @@ pub trait ResidualModel: Send + Sync {
     /// A simulation that diverges, or that cannot be set up, gives an error in its place.
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>>;
 
+    /// Whether the work was cancelled. Residuals are then errors ([`WorldError::Cancelled`]), which a search takes for
+    /// simulations that fail; its result is discarded.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+
     /// The model with a change; `None` where the change is not available or would make no difference.
     fn derive(&self, _derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
         None

@@ -2,7 +2,7 @@
 
 use crate::experiment::FileError;
 use crate::identification::ProblemError;
-use btr_core::world::WorldError;
+use btr_core::world::{Cancelled, WorldError};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -47,6 +47,9 @@ pub enum DistributedError {
     /// The payloads do not belong to the batch.
     #[error("{0}")]
     Payload(&'static str),
+    /// The work was cancelled: a law's function failed.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The same payload failed before, in another thread that waited for it.
     #[error(transparent)]
     Shared(std::sync::Arc<DistributedError>),

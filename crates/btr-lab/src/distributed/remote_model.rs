@@ -1,4 +1,4 @@
-//! A residual model whose residuals are computed by workers, or in this process, until the run is stopped.
+//! A residual model whose residuals are computed by workers, or in this process, until the work is cancelled.
 
 use super::bundle::{Bundle, RecordedLogs};
 use super::error::DistributedError;
@@ -7,10 +7,13 @@ use crate::execution::{BATCH_SIZE, ExecutionContext, Payload, fingerprint_of};
 use crate::experiment::ReadLog;
 use crate::identification::VerbInput;
 use btr_core::log::Log;
-use btr_core::world::WorldError;
+use btr_core::world::{Cancelled, WorldError};
 use btr_identify::residual_model::{Derivation, ModelDescription, ResidualModel, ResidualRequest, TimeStep};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
+
+/// The answers to some requests.
+type Residuals = Vec<Result<Vec<f64>, WorldError>>;
 
 /// A residual model evaluated by workers.
 pub struct RemoteModel {
@@ -34,7 +37,7 @@ impl RemoteModel {
         Ok(RemoteModel { payload: payload.map(Arc::new), ..RemoteModel::here(local, context) })
     }
 
-    /// A residual model evaluated in this process until the run is stopped.
+    /// A residual model evaluated in this process until the work is cancelled.
     pub fn here(local: Arc<dyn ResidualModel>, context: Arc<ExecutionContext>) -> Self {
         RemoteModel {
             base: local.clone(),
@@ -53,16 +56,17 @@ impl RemoteModel {
     }
 
     /// The workers' residuals; `None` without workers.
-    fn ask(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Option<Vec<Result<Vec<f64>, WorldError>>> {
-        let payload = self.payload.as_ref()?;
+    fn ask(&self, rollouts: &[ResidualRequest], step: TimeStep) -> Result<Option<Residuals>, Cancelled> {
+        self.context.check_cancelled()?;
+        let Some(payload) = &self.payload else { return Ok(None) };
         let asked =
             |one: &ResidualRequest| RolloutMessage { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
         let (requests, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
         let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, requests });
         let fingerprint = || *self.fingerprint.get_or_init(|| fingerprint(self.base.as_ref()));
-        let residuals: Vec<ResidualMessage> =
+        let residuals: Option<Vec<ResidualMessage>> =
             self.context.dispatch(std::slice::from_ref(payload), &batch, rollouts.len(), fingerprint)?;
-        Some(residuals.into_iter().map(|r| r.map_err(WorldError::from)).collect())
+        Ok(residuals.map(|residuals| residuals.into_iter().map(|r| r.map_err(WorldError::from)).collect()))
     }
 }
 
@@ -104,12 +108,17 @@ impl ResidualModel for RemoteModel {
     }
 
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
-        self.context.check_cancelled();
-        self.ask(requests, step).unwrap_or_else(|| self.local.residuals(requests, step))
+        match self.ask(requests, step) {
+            Ok(residuals) => residuals.unwrap_or_else(|| self.local.residuals(requests, step)),
+            Err(cancelled) => requests.iter().map(|_| Err(cancelled.into())).collect(),
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.context.is_cancelled()
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
-        self.context.check_cancelled();
         Some(self.derived(self.local.derive(derivation)?, derivation.clone()))
     }
 }

@@ -7,7 +7,7 @@ use crate::execution::{BATCH_SIZE, ExecutionContext, Executor, Payload, fingerpr
 use crate::experiment::{RealitySource, Source};
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Space;
-use btr_core::world::{Behaviour, Job, Measure, Output, OutputRequest, Simulator, WorldError};
+use btr_core::world::{Behaviour, Cancelled, Job, Measure, Output, OutputRequest, Simulator, WorldError};
 use btr_physics::model::Model;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -109,8 +109,13 @@ pub(super) fn fingerprint(model: &Model) -> u64 {
 
 impl RemoteSimulator<'_> {
     /// Workers' outputs for some jobs; `None` without workers.
-    fn dispatch(&self, jobs: &[Job], requests: &[OutputRequest]) -> Option<Vec<Result<Output, WorldError>>> {
-        let ExperimentPayload { payload, fingerprint, .. } = self.experiment.as_ref()?;
+    fn dispatch(
+        &self,
+        jobs: &[Job],
+        requests: &[OutputRequest],
+    ) -> Result<Option<Vec<Result<Output, WorldError>>>, Cancelled> {
+        self.context.check_cancelled()?;
+        let Some(ExperimentPayload { payload, fingerprint, .. }) = &self.experiment else { return Ok(None) };
         let (mut payloads, mut numbers) = (vec![payload.clone()], Vec::new());
         let mut order = |request: &OutputRequest| {
             Some(match request {
@@ -134,9 +139,10 @@ impl RemoteSimulator<'_> {
             Some(Candidate { s, c, scenario, output: order(request)? })
         };
         let candidates: Option<Vec<Candidate>> = jobs.iter().zip(requests).map(candidate).collect();
-        let outputs: Vec<CandidateResult> =
-            self.context.dispatch(&payloads, &Batch::Population(candidates?), jobs.len(), || *fingerprint)?;
-        Some(outputs.into_iter().map(|output| output.map_err(WorldError::from)).collect())
+        let Some(candidates) = candidates else { return Ok(None) };
+        let outputs: Option<Vec<CandidateResult>> =
+            self.context.dispatch(&payloads, &Batch::Population(candidates), jobs.len(), || *fingerprint)?;
+        Ok(outputs.map(|outputs| outputs.into_iter().map(|output| output.map_err(WorldError::from)).collect()))
     }
 }
 
@@ -170,7 +176,9 @@ impl Simulator for RemoteSimulator<'_> {
     }
 
     fn evaluate_all(&self, jobs: &[Job], requests: &[OutputRequest]) -> Vec<Result<Output, WorldError>> {
-        self.context.check_cancelled();
-        self.dispatch(jobs, requests).unwrap_or_else(|| self.local.evaluate_all(jobs, requests))
+        match self.dispatch(jobs, requests) {
+            Ok(outputs) => outputs.unwrap_or_else(|| self.local.evaluate_all(jobs, requests)),
+            Err(cancelled) => jobs.iter().map(|_| Err(cancelled.into())).collect(),
+        }
     }
 }

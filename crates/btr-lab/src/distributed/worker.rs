@@ -8,7 +8,7 @@ use super::messages::{
 };
 use super::remote_model;
 use super::remote_simulator;
-use crate::execution::{Answer, hash_of};
+use crate::execution::{Answer, ExecutionContext, hash_of};
 use crate::experiment;
 use crate::experiment::LogSource;
 use crate::identification::VerbInput;
@@ -43,15 +43,27 @@ const MISMATCH: DistributedError = DistributedError::Payload("the batch does not
 
 /// Answers a batch: `payloads` are keys and contents, the first of them the problem or experiment. To be called by
 /// workers, each in one thread; each payload is opened once per process. `functions` unpacks the laws that
-/// [`Executor::functions`](crate::execution::Executor::functions) packed.
+/// [`Executor::functions`](crate::execution::Executor::functions) packed; the context is cancelled where one of them
+/// fails.
 ///
 /// # Errors
-/// Payloads of another version, files that do not exist.
-pub fn serve(payloads: &[(u64, &[u8])], batch: &[u8], functions: Functions) -> Result<Vec<u8>, DistributedError> {
+/// Payloads of another version, files that do not exist, cancelled work.
+pub fn serve(
+    payloads: &[(u64, &[u8])],
+    batch: &[u8],
+    functions: Functions,
+    context: &ExecutionContext,
+) -> Result<Vec<u8>, DistributedError> {
     let no_payload = DistributedError::Payload("a batch without a payload");
     let ((key, content), tests) = payloads.split_first().ok_or(no_payload)?;
     let (batch, request) = (hash_of(batch), postcard::from_bytes(batch)?);
-    let opened = PROBLEMS.get(*key, || open(decode(content)?, functions)).map_err(DistributedError::Shared)?;
+    let open_payload = || {
+        let opened = open(decode(content)?, functions)?;
+        // What was opened while a function failed is incomplete, and must not stay in the cache.
+        context.check_cancelled()?;
+        Ok(opened)
+    };
+    let opened = PROBLEMS.get(*key, open_payload).map_err(DistributedError::Shared)?;
     let answer = match (&*opened, request) {
         (OpenPayload::Problem { residual_model, batch_size, fingerprint }, Batch::Rollouts(rollouts)) => {
             let results = residuals(residual_model.as_ref(), *batch_size, *key, &rollouts)?;

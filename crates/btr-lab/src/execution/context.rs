@@ -1,13 +1,19 @@
-//! The execution context: number of threads, cancellation flag, executor.
+//! The execution context: number of threads, cancellation, executor.
+//!
+//! Cancellation is a value: rollouts that have not begun end with [`WorldError::Cancelled`](btr_core::world::WorldError),
+//! and whoever started the work asks the context for the cause.
 
 use super::exchange::{Answer, ExchangeError};
 use super::executor::{Executor, Payload};
+use btr_core::world::Cancelled;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::any::Any;
-use std::panic::resume_unwind;
-use std::sync::Arc;
+use std::error::Error;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Why work was cancelled, where it was not on request: what an executor, a listener or a law's function failed with.
+pub type Cause = Box<dyn Error + Send + Sync>;
 
 /// Where work is done and whether it was cancelled.
 #[derive(Default)]
@@ -15,11 +21,8 @@ pub struct ExecutionContext {
     threads: Option<usize>,
     executor: Option<Box<dyn Executor>>,
     cancelled: AtomicBool,
+    cause: Mutex<Option<Cause>>,
 }
-
-/// What cancelled work unwinds with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cancelled;
 
 /// More threads than the system allows.
 #[derive(Debug, thiserror::Error)]
@@ -42,9 +45,20 @@ impl ExecutionContext {
         ExecutionContext { threads: Some(threads), ..ExecutionContext::default() }
     }
 
-    /// Cancels the work: it unwinds soon with [`Cancelled`], without a result.
+    /// Cancels the work: it soon ends with [`Cancelled`] in place of a result.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Cancels the work for a cause; of several, the first is kept.
+    pub fn fail(&self, cause: Cause) {
+        self.cause.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(cause);
+        self.cancel();
+    }
+
+    /// Takes the cause that the work was cancelled for; `None` where it was not cancelled, or on request.
+    pub fn take_cause(&self) -> Option<Cause> {
+        self.cause.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
     /// Whether the work was cancelled.
@@ -52,11 +66,12 @@ impl ExecutionContext {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Unwinds with [`Cancelled`] if the work was cancelled.
-    pub fn check_cancelled(&self) {
-        if self.is_cancelled() {
-            resume_unwind(Box::new(Cancelled));
-        }
+    /// Passes on a cancellation.
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn check_cancelled(&self) -> Result<(), Cancelled> {
+        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
 
     /// The executor; none where all work is done in this process.
@@ -75,25 +90,31 @@ impl ExecutionContext {
         Ok(pool.map_err(|source| ThreadError { threads, source })?.install(work))
     }
 
-    /// A worker's `count` results for a batch, checked against the fingerprint; `None` without an executor. Where the
-    /// executor or the worker fails, this unwinds: with the executor's own cause, or with an [`ExchangeError`].
+    /// A worker's `count` results for a batch, checked against the fingerprint; `None` without an executor.
+    ///
+    /// # Errors
+    /// Cancelled work. A failure of the executor or the worker cancels it, with the executor's own cause or with an
+    /// [`ExchangeError`].
     pub(crate) fn dispatch<T: DeserializeOwned>(
         &self,
         payloads: &[Arc<Payload>],
         batch: &impl Serialize,
         count: usize,
         fingerprint: impl FnOnce() -> u64,
-    ) -> Option<Vec<T>> {
-        self.check_cancelled();
-        let executor = self.executor.as_ref()?;
-        let as_cause = |error: ExchangeError| -> Box<dyn Any + Send> { Box::new(error) };
+    ) -> Result<Option<Vec<T>>, Cancelled> {
+        self.check_cancelled()?;
+        let Some(executor) = &self.executor else { return Ok(None) };
+        let as_cause = |error: ExchangeError| -> Cause { Box::new(error) };
         let exchange = || {
             let batch = postcard::to_allocvec(batch).map_err(|e| as_cause(e.into()))?;
             let answer = executor.work(payloads, &batch)?;
             Answer::read(&answer, fingerprint(), &batch, count).map_err(as_cause)
         };
-        let results = exchange().unwrap_or_else(|cause| resume_unwind(cause));
-        self.check_cancelled();
-        Some(results)
+        let results = exchange().map_err(|cause| {
+            self.fail(cause);
+            Cancelled
+        })?;
+        self.check_cancelled()?;
+        Ok(Some(results))
     }
 }

@@ -1,6 +1,6 @@
 //! The executor: whatever hands out batches to threads, processes or machines.
 
-use std::any::Any;
+use super::context::Cause;
 use std::sync::Arc;
 
 /// What a worker receives once and may cache under its key: a model with its logs, an experiment, or a real test.
@@ -25,6 +25,6 @@ pub trait Executor: Send + Sync {
     /// threads at once as there are workers.
     ///
     /// # Errors
-    /// Whatever keeps the answer from coming: all work ends with it.
-    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>>;
+    /// Whatever keeps the answer from coming: all work is cancelled for this cause.
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause>;
 }

@@ -101,14 +101,14 @@ impl Run {
     /// Executes the next unit of work and writes a checkpoint.
     ///
     /// # Errors
-    /// A failed write; the checkpoint before the step is intact.
+    /// A failed write, or cancelled work; the checkpoint before the step is intact.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
         let model = experiment.model.clone();
         let comparison = TestComparison { distance: &self.state.plan().distance, reality: experiment.reality_source() };
         let (context, payloads) = (&experiment.context, &self.payloads);
         let simulator = RemoteSimulator::new(&model, experiment.source(), comparison, context, payloads)?;
         let (distance, reality) = (self.distance.as_ref(), experiment.reality.as_mut());
-        let step = self.state.step(&mut Environment { simulator: &simulator, distance, reality });
+        let step = self.state.step(&mut Environment { simulator: &simulator, distance, reality })?;
         self.checkpoint()?;
         Ok(step)
     }
@@ -118,7 +118,7 @@ impl Run {
     /// error ladder.
     ///
     /// # Errors
-    /// A failed write.
+    /// A failed write, or cancelled work.
     pub fn look_for_cause(
         &mut self,
         experiment: &mut Experiment,
@@ -132,7 +132,7 @@ impl Run {
         let cause = match self.larger.cause.take().filter(|cause| cause.after_iteration == closed) {
             Some(known) => known,
             None => {
-                let (cause, explanation) = Cause::of(experiment, &self.state, on_step);
+                let (cause, explanation) = Cause::of(experiment, &self.state, on_step)?;
                 self.larger.explanation = explanation;
                 cause
             }

@@ -5,6 +5,7 @@ use crate::experiment::FileError;
 use crate::failure::Failure;
 use crate::model_text::AddError;
 use btr_core::coevolve::PlanError;
+use btr_core::world::Cancelled;
 use std::path::PathBuf;
 
 /// Why a run cannot begin or continue.
@@ -42,6 +43,9 @@ pub enum RunError {
     /// The experiment cannot be packed for workers.
     #[error(transparent)]
     Distributed(#[from] DistributedError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
@@ -70,7 +74,7 @@ impl RunError {
             RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
             RunError::Augment(error) => error.help(),
             RunError::Distributed(error) => error.help(),
-            RunError::Plan(_) | RunError::Io { .. } => None,
+            RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => None,
         }
     }
 }

@@ -16,7 +16,7 @@ use btr_core::parallel;
 use btr_core::signal::smooth;
 use btr_core::space::Space;
 use btr_core::world::TimeStep;
-use btr_core::world::{Behaviour, Job, Measure, Simulator, WorldError};
+use btr_core::world::{Behaviour, Cancelled, Job, Measure, Simulator, WorldError};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
@@ -50,14 +50,23 @@ impl Model {
     }
 
     /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated in one batch.
-    /// Calls `check_cancelled` before every batch; a panic in it ends the rest.
-    pub fn simulate_jobs(&self, jobs: &[Job], check_cancelled: &(dyn Fn() + Sync)) -> Vec<Result<Log, WorldError>> {
+    /// `check_cancelled` is called before every batch; once it gives an error, no further batch is simulated.
+    ///
+    /// # Errors
+    /// Cancelled work. A simulation that fails gives an error in its place.
+    pub fn simulate_jobs(
+        &self,
+        jobs: &[Job],
+        check_cancelled: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+    ) -> Result<Vec<Result<Log, WorldError>>, Cancelled> {
         let batch_size = parallel::side_by_side(rollout::lanes(), jobs.len());
         let with_cancellation = |batch: &[Job]| {
-            check_cancelled();
-            self.simulate_all(batch.iter().map(|job| self.job(job)).collect())
+            check_cancelled()?;
+            Ok(self.simulate_all(batch.iter().map(|job| self.job(job)).collect()))
         };
-        jobs.par_chunks(batch_size).with_max_len(1).flat_map_iter(with_cancellation).collect()
+        let batches: Result<Vec<_>, Cancelled> =
+            jobs.par_chunks(batch_size).with_max_len(1).map(with_cancellation).collect();
+        Ok(batches?.into_iter().flatten().collect())
     }
 
     /// The logs of several rollouts with their fitness.

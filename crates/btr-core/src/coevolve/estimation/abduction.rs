@@ -8,7 +8,7 @@
 use super::posterior::{Estimated, Posterior};
 use super::predictive::PriorPredictive;
 use super::probe::ProbedTest;
-use super::problem::{EstimationContext, EstimationProblem};
+use super::problem::{EstimateError, EstimationContext, EstimationProblem};
 use crate::coevolve::evaluate::{self, Cost, ResidualDistance};
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
@@ -16,7 +16,7 @@ use crate::distance::Distance;
 use crate::optimize::Residuals;
 use crate::random;
 use crate::space::Dim;
-use crate::world::Simulator;
+use crate::world::{Cancelled, Simulator};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -104,20 +104,23 @@ impl Abduction<'_> {
     }
 
     /// Estimates S, from a belief to begin with; `prior` is what is known of it without any test.
+    ///
+    /// # Errors
+    /// Too few simulations that succeed, or cancelled work.
     pub fn fit(
         &self,
         simulator: &dyn Simulator,
         prior: &Posterior,
         from: &Posterior,
         cost: &mut Cost,
-    ) -> Option<FittedExtension> {
+    ) -> Result<FittedExtension, EstimateError> {
         let (early, estimated) = self.settle(simulator, prior, from, cost)?;
         let members = self.phase.members(from.mean().len());
         let draws = estimated.belief.draws(members, &mut random::stream(self.seed, &[0]));
-        let (views, _) = self.problem(simulator, prior, &self.held_out).run_ensemble(&draws, cost);
+        let (views, _) = self.problem(simulator, prior, &self.held_out).run_ensemble(&draws, cost)?;
         let held_out = PriorPredictive::of(&views);
         let judged = !self.held_out.is_empty();
-        Some(FittedExtension {
+        Ok(FittedExtension {
             early,
             estimated,
             held_out: judged.then_some(held_out.chi),
@@ -133,22 +136,26 @@ impl Abduction<'_> {
         prior: &Posterior,
         from: &Posterior,
         cost: &mut Cost,
-    ) -> Option<(Estimated, Estimated)> {
+    ) -> Result<(Estimated, Estimated), EstimateError> {
         let context = EstimationContext { phase: &self.phase, seed: self.seed };
-        let (first, longer) = self.learn.split_first()?;
+        let (first, longer) = self.learn.split_first().ok_or(EstimateError::TooFew)?;
         let early = self.problem(simulator, prior, first).settle(from, &context, cost)?;
         let mut estimated = early.clone();
         for tests in longer {
             if !estimated.explains {
-                let whole = self.problem(simulator, prior, self.learn.last()?).settle(from, &context, cost)?;
-                return Some((early, Estimated { explains: false, ..whole }));
+                let whole =
+                    self.problem(simulator, prior, longer.last().unwrap_or(first)).settle(from, &context, cost)?;
+                return Ok((early, Estimated { explains: false, ..whole }));
             }
             estimated = self.problem(simulator, prior, tests).narrow(&estimated.belief, &context, cost)?;
         }
-        Some((early, estimated))
+        Ok((early, estimated))
     }
 
     /// A few turns of an estimate on the beginnings of the training tests.
+    ///
+    /// # Errors
+    /// As for [`fit`](Self::fit).
     pub fn glance(
         &self,
         simulator: &dyn Simulator,
@@ -156,17 +163,18 @@ impl Abduction<'_> {
         from: &Posterior,
         turns: usize,
         cost: &mut Cost,
-    ) -> Option<Estimated> {
+    ) -> Result<Estimated, EstimateError> {
         let phase = PosteriorPhase { turns, ..self.phase.clone() };
-        self.problem(simulator, prior, self.learn.first()?).settle(
-            from,
-            &EstimationContext { phase: &phase, seed: self.seed },
-            cost,
-        )
+        let context = EstimationContext { phase: &phase, seed: self.seed };
+        let first = self.learn.first().ok_or(EstimateError::TooFew)?;
+        self.problem(simulator, prior, first).settle(from, &context, cost)
     }
 
     /// The extensions that would lower chi-squared of the tests' beginnings, the most promising first, for an S near
     /// `belief`.
+    ///
+    /// # Errors
+    /// Cancelled work.
     pub fn screen(
         &self,
         simulator: &dyn Simulator,
@@ -174,7 +182,7 @@ impl Abduction<'_> {
         belief: &Posterior,
         extensions: &[Extension<'_>],
         cost: &mut Cost,
-    ) -> Vec<Suspect> {
+    ) -> Result<Vec<Suspect>, Cancelled> {
         let here = simulator.simulations().from_unit(belief.mean().as_slice());
         let mut sums: Vec<Vec<ProbeEquations>> =
             extensions.iter().map(|e| vec![ProbeEquations::default(); e.probes.len()]).collect();
@@ -182,20 +190,20 @@ impl Abduction<'_> {
         let mut gradient = &information * (belief.mean() - prior.mean());
         let mut chi2 = 0.0;
         for entry in self.learn.first().into_iter().flatten() {
-            let Some(probed) = self.probed(simulator, belief, entry, cost) else { continue };
+            let Some(probed) = self.probed(simulator, belief, entry, cost)? else { continue };
             chi2 += probed.chi2();
             information += probed.information();
             gradient += probed.gradient();
             let along = |(extension, sums): (&Extension, &mut Vec<ProbeEquations>)| {
                 let mut cost = Cost::default();
-                let residuals = self.residuals(extension, &here, entry, &mut cost);
+                let residuals = self.residuals(extension, &here, entry, &mut cost)?;
                 sums.iter_mut().zip(residuals).for_each(|(sum, r)| sum.add(r.and_then(|r| probed.along(&r))));
-                cost
+                Ok(cost)
             };
-            let costs: Vec<Cost> = extensions.par_iter().zip(&mut sums).map(along).collect();
+            let costs: Vec<Cost> = extensions.par_iter().zip(&mut sums).map(along).collect::<Result<_, Cancelled>>()?;
             costs.into_iter().for_each(|spent| cost.add(spent));
         }
-        let Some(factor) = information.cholesky() else { return Vec::new() };
+        let Some(factor) = information.cholesky() else { return Ok(Vec::new()) };
         let promise = |(k, sums): (usize, &Vec<ProbeEquations>)| {
             let best =
                 |(probe, sum): (&Vec<f64>, &ProbeEquations)| Some((probe.clone(), sum.best(&factor, &gradient)?));
@@ -209,7 +217,7 @@ impl Abduction<'_> {
         };
         let mut suspects: Vec<Suspect> = sums.iter().enumerate().filter_map(promise).collect();
         suspects.sort_by(|a, b| a.left.total_cmp(&b.left));
-        suspects
+        Ok(suspects)
     }
 
     fn probed(
@@ -218,21 +226,27 @@ impl Abduction<'_> {
         belief: &Posterior,
         entry: &Entry,
         cost: &mut Cost,
-    ) -> Option<ProbedTest> {
+    ) -> Result<Option<ProbedTest>, Cancelled> {
         let members = self.phase.members(belief.mean().len());
         let draws = belief.draws(members, &mut random::stream(self.seed, &[0]));
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| simulator.simulations().from_unit(unit)).collect();
-        let distance = ResidualDistance::of(self.distance)?;
-        let results = evaluate::residuals(simulator, distance, &points, &[entry], cost);
+        let Some(distance) = ResidualDistance::of(self.distance) else { return Ok(None) };
+        let results = evaluate::residuals(simulator, distance, &points, &[entry], cost)?;
         let errors: Option<Vec<Residuals>> = results.into_iter().map(|(_, residuals)| residuals).collect();
-        ProbedTest::of(&draws, &errors?, belief.mean())
+        Ok(errors.and_then(|errors| ProbedTest::of(&draws, &errors, belief.mean())))
     }
 
-    fn residuals(&self, of: &Extension, here: &[f64], entry: &Entry, cost: &mut Cost) -> Vec<Option<Residuals>> {
-        let Some(distance) = ResidualDistance::of(self.distance) else { return vec![None; of.probes.len()] };
+    fn residuals(
+        &self,
+        of: &Extension,
+        here: &[f64],
+        entry: &Entry,
+        cost: &mut Cost,
+    ) -> Result<Vec<Option<Residuals>>, Cancelled> {
+        let Some(distance) = ResidualDistance::of(self.distance) else { return Ok(vec![None; of.probes.len()]) };
         let points: Vec<Vec<f64>> = of.probes.iter().map(|probe| [here, probe].concat()).collect();
-        let results = evaluate::residuals(of.simulator, distance, &points, &[entry], cost);
-        results.into_iter().map(|(_, residuals)| residuals).collect()
+        let results = evaluate::residuals(of.simulator, distance, &points, &[entry], cost)?;
+        Ok(results.into_iter().map(|(_, residuals)| residuals).collect())
     }
 
     /// The initial belief about a larger S: the belief of the screening, and the suspect's own parameters about their

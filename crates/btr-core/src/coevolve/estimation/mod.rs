@@ -22,4 +22,5 @@ pub(super) use linearise::TestInformation;
 pub(super) use posterior::root;
 pub use posterior::{Belief, Estimated, Explanation, OpenDirection, Posterior};
 pub(super) use predictive::PriorPredictive;
+pub use problem::EstimateError;
 pub(super) use problem::{EstimationProblem, TurnResult, WIDENING};

@@ -12,7 +12,7 @@ use crate::distance::Distance;
 use crate::optimize::Residuals;
 use crate::random;
 use crate::search::UnitPoint;
-use crate::world::Simulator;
+use crate::world::{Cancelled, Simulator};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -45,6 +45,31 @@ pub(in crate::coevolve) struct EstimationContext<'a> {
     pub seed: u64,
 }
 
+/// Why there is no estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EstimateError {
+    /// Too few simulations of the ensemble succeeded.
+    #[error("too few simulations succeeded for an estimate")]
+    TooFew,
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl EstimateError {
+    /// `None` where too few simulations succeeded.
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn unless_cancelled<T>(estimate: Result<T, Self>) -> Result<Option<T>, Cancelled> {
+        match estimate {
+            Ok(estimate) => Ok(Some(estimate)),
+            Err(EstimateError::TooFew) => Ok(None),
+            Err(EstimateError::Cancelled(cancelled)) => Err(cancelled),
+        }
+    }
+}
+
 /// Result of one turn.
 pub(in crate::coevolve) struct TurnResult {
     pub estimated: Estimated,
@@ -55,14 +80,13 @@ pub(in crate::coevolve) struct TurnResult {
 }
 
 impl EstimationProblem<'_> {
-    /// Turns from a belief until it settles, the turns run out or they no longer help. `None` where nothing could be
-    /// simulated.
+    /// Turns from a belief until it settles, the turns run out or they no longer help.
     pub(super) fn settle(
         &self,
         from: &Posterior,
         context: &EstimationContext<'_>,
         cost: &mut Cost,
-    ) -> Option<Estimated> {
+    ) -> Result<Estimated, EstimateError> {
         let first = self.next(from, 1, context, cost)?;
         self.go_on(first, context, cost).map(|turn| turn.estimated)
     }
@@ -74,7 +98,7 @@ impl EstimationProblem<'_> {
         from: &Posterior,
         context: &EstimationContext<'_>,
         cost: &mut Cost,
-    ) -> Option<Estimated> {
+    ) -> Result<Estimated, EstimateError> {
         let first = self.next(from, 1, context, cost)?;
         if !first.as_predicted {
             return self.go_on(first, context, cost).map(|turn| turn.estimated);
@@ -82,14 +106,19 @@ impl EstimationProblem<'_> {
         let kept = Estimated { belief: from.clone(), explains: true, ..first.estimated.clone() };
         let narrower = |turn: &TurnResult| turn.as_predicted && turn.estimated.belief.volume() <= from.volume();
         if !narrower(&first) {
-            return Some(kept);
+            return Ok(kept);
         }
         let last = self.go_on(first, context, cost)?;
-        Some(if narrower(&last) { Estimated { explains: true, ..last.estimated } } else { kept })
+        Ok(if narrower(&last) { Estimated { explains: true, ..last.estimated } } else { kept })
     }
 
     /// Further turns after a first one.
-    fn go_on(&self, first: TurnResult, context: &EstimationContext<'_>, cost: &mut Cost) -> Option<TurnResult> {
+    fn go_on(
+        &self,
+        first: TurnResult,
+        context: &EstimationContext<'_>,
+        cost: &mut Cost,
+    ) -> Result<TurnResult, EstimateError> {
         let (mut last, mut chis) = (first, Vec::new());
         for turn in 2..=context.phase.turns as u64 {
             chis.push(last.estimated.chi);
@@ -101,7 +130,7 @@ impl EstimationProblem<'_> {
             }
             last = self.next(&last.estimated.belief, turn, context, cost)?;
         }
-        Some(last)
+        Ok(last)
     }
 
     /// One turn, with an ensemble of its own.
@@ -111,10 +140,10 @@ impl EstimationProblem<'_> {
         turn: u64,
         context: &EstimationContext<'_>,
         cost: &mut Cost,
-    ) -> Option<TurnResult> {
+    ) -> Result<TurnResult, EstimateError> {
         let members = context.phase.members(belief.mean().len());
         let draws = belief.wider(WIDENING).draws(members, &mut random::stream(context.seed, &[turn]));
-        self.turn(belief, &self.run_ensemble(&draws, cost).0)
+        self.turn(belief, &self.run_ensemble(&draws, cost)?.0).ok_or(EstimateError::TooFew)
     }
 
     /// Runs an ensemble on the tests: its view of each test (`None` where too few members could be simulated), and each
@@ -123,17 +152,17 @@ impl EstimationProblem<'_> {
         &self,
         draws: &[UnitPoint],
         cost: &mut Cost,
-    ) -> (Vec<Option<TestView>>, Vec<f64>) {
+    ) -> Result<(Vec<Option<TestView>>, Vec<f64>), Cancelled> {
         let points: Vec<Vec<f64>> = draws.iter().map(|unit| self.simulator.simulations().from_unit(unit)).collect();
         let mut phis = vec![0.0; draws.len()];
-        let Some(distance) = ResidualDistance::of(self.distance) else { return (Vec::new(), phis) };
+        let Some(distance) = ResidualDistance::of(self.distance) else { return Ok((Vec::new(), phis)) };
         let run = |entry: &&Entry| {
-            let results = evaluate::residuals(self.simulator, distance, &points, &[*entry], cost);
+            let results = evaluate::residuals(self.simulator, distance, &points, &[*entry], cost)?;
             phis.iter_mut().zip(&results).for_each(|(sum, (phi, _))| *sum += phi / self.tests.len() as f64);
-            view(draws, results.into_iter().map(|(_, residuals)| residuals).collect())
+            Ok(view(draws, results.into_iter().map(|(_, residuals)| residuals).collect()))
         };
-        let views = self.tests.iter().map(run).collect();
-        (views, phis)
+        let views = self.tests.iter().map(run).collect::<Result<_, Cancelled>>()?;
+        Ok((views, phis))
     }
 
     /// Moves a belief by the information of the tests; `None` where none of them could be simulated.

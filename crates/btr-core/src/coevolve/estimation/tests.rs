@@ -154,7 +154,7 @@ fn an_effect_that_s_lacks_is_found() {
         Extension { simulator: &again, probes: vec![vec![0.1]] },
         Extension { simulator: &robot, probes: vec![vec![0.5], vec![-0.5]] },
     ];
-    let suspects = abduction.screen(&small, &prior, &without.estimated.belief, &extensions, cost);
+    let suspects = abduction.screen(&small, &prior, &without.estimated.belief, &extensions, cost).unwrap();
     assert_eq!(suspects[0].extension, 1, "{suspects:?}");
     let larger = Posterior::of_bounds(&[0.5, 0.5, 0.5]);
     let from = abduction.beginning(&without.estimated.belief, &suspects[0], &larger);

@@ -3,7 +3,7 @@
 use crate::coevolve::evaluate::{self, Cost};
 use crate::distance::matches;
 use crate::search::UnitPoint;
-use crate::world::{Job, Measure, Output, OutputRequest, Simulator, WorldError};
+use crate::world::{Cancelled, Job, Measure, Output, OutputRequest, Simulator, WorldError};
 
 /// An axis of a map.
 pub(in crate::coevolve) struct DescriptorAxis {
@@ -65,7 +65,7 @@ pub(in crate::coevolve) fn judged(
     (s, axes): (&[f64], &[DescriptorAxis]),
     controllers: &[UnitPoint],
     cost: &mut Cost,
-) -> (Vec<f64>, Vec<Vec<f64>>) {
+) -> Result<(Vec<f64>, Vec<Vec<f64>>), Cancelled> {
     let scenarios = simulator.scenarios();
     let points: Vec<Vec<f64>> = controllers.iter().map(|u| simulator.controllers().from_unit(u)).collect();
     let job = |k: usize| Job { s, c: &points[k / scenarios], scenario: k % scenarios };
@@ -75,12 +75,12 @@ pub(in crate::coevolve) fn judged(
     } else {
         OutputRequest::Fitness
     };
-    let outputs = evaluate::evaluate_all(simulator, &jobs, &vec![request; jobs.len()]);
+    let outputs = evaluate::evaluate_all(simulator, &jobs, &vec![request; jobs.len()])?;
     cost.count(&outputs);
     let one = |(c, outputs): (&Vec<f64>, &[Result<Output, WorldError>])| {
         mean(c, axes, outputs).unwrap_or_else(|| (f64::NEG_INFINITY, Vec::new()))
     };
-    points.iter().zip(outputs.chunks(scenarios)).map(one).unzip()
+    Ok(points.iter().zip(outputs.chunks(scenarios)).map(one).unzip())
 }
 
 /// Means over the scenarios of one controller; `None` where one of them failed.

@@ -8,6 +8,7 @@ use crate::coevolve::plan::{Method, Rule};
 use crate::coevolve::transfer::{self, ScoredController, TransferChoice};
 use crate::search::uniform;
 use crate::search::{AnySearch, Search, UnitPoint};
+use crate::world::Cancelled;
 
 impl Coevolution {
     pub(super) fn controllers(
@@ -16,9 +17,9 @@ impl Coevolution {
         mut search: AnySearch,
         mut archive: Vec<ScoredController>,
         generation: usize,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         let units = search.ask(&mut self.stream(Stream::Controllers, generation));
-        let scores = self.score_controllers(on, &units);
+        let scores = self.score_controllers(on, &units)?;
         search.tell(&units, &scores.iter().map(|f| -f).collect::<Vec<_>>());
         let best = best_index(&scores.iter().map(|f| -f).collect::<Vec<_>>());
         let point = on.simulator.controllers().from_unit(&units[best]);
@@ -36,19 +37,23 @@ impl Coevolution {
             Some(phase) if generation < phase.generations => {
                 Phase::Controllers { search, archive, generation: generation + 1 }
             }
-            _ => self.choose(on, &archive),
+            _ => self.choose(on, &archive)?,
         };
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 
     /// Fitness in s_{i−1}, corrected or replaced as the method requires.
-    pub(super) fn score_controllers(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Vec<f64> {
+    pub(super) fn score_controllers(
+        &mut self,
+        on: &Environment<'_>,
+        units: &[UnitPoint],
+    ) -> Result<Vec<f64>, Cancelled> {
         if self.explores() {
             let rivals = self.rivals(on);
             return evaluate::disagreement(on.simulator, on.distance, &rivals, units, &mut self.state.cost);
         }
-        let fitness = self.robust_fitness(on, units);
-        fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect()
+        let fitness = self.robust_fitness(on, units)?;
+        Ok(fitness.iter().zip(units).map(|(f, unit)| f + self.state.correction.at(unit)).collect())
     }
 
     /// Estimation-exploration maximises disagreement in all iterations but the last.
@@ -56,7 +61,7 @@ impl Coevolution {
         self.plan.method == Method::EstimationExploration && self.state.iteration < self.plan.iterations
     }
 
-    pub(super) fn choose(&mut self, on: &Environment<'_>, archive: &[ScoredController]) -> Phase {
+    pub(super) fn choose(&mut self, on: &Environment<'_>, archive: &[ScoredController]) -> Result<Phase, Cancelled> {
         let m = self
             .plan
             .transfers(on.simulator.controllers().len())
@@ -68,10 +73,10 @@ impl Coevolution {
             candidates.sort_by(|a, b| b.fitness.total_cmp(&a.fitness));
         }
         let fittest = candidates.first().map(|c| c.unit.clone());
-        let mut queue = self.chosen(on, candidates, m);
+        let mut queue = self.chosen(on, candidates, m)?;
         if self.explores() {
             let units: Vec<UnitPoint> = queue.iter().map(|c| c.unit.clone()).collect();
-            let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+            let fitness = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost)?;
             queue.iter_mut().zip(fitness).for_each(|(c, f)| c.fitness = f);
         }
         if let Some(first) = queue.first() {
@@ -79,11 +84,16 @@ impl Coevolution {
             // The next search starts from the fittest controller, not from an informative one.
             self.state.ahead = fittest.filter(|_| informative).or_else(|| self.state.controller.clone());
         }
-        Phase::Transfer { queue, next: 0, testing: None }
+        Ok(Phase::Transfer { queue, next: 0, testing: None })
     }
 
     /// The candidates chosen by the plan's rule.
-    fn chosen(&mut self, on: &Environment<'_>, candidates: Vec<ScoredController>, m: usize) -> Vec<ScoredController> {
+    fn chosen(
+        &mut self,
+        on: &Environment<'_>,
+        candidates: Vec<ScoredController>,
+        m: usize,
+    ) -> Result<Vec<ScoredController>, Cancelled> {
         if self.plan.transfer.rule == Rule::Informative {
             return self.most_informative_first(on, candidates, m);
         }

@@ -7,7 +7,7 @@ use crate::coevolve::ledger::{Entry, PredictedFitness};
 use crate::coevolve::map::{self, Outlook};
 use crate::coevolve::plan::Method;
 use crate::coevolve::transfer::ScoredController;
-use crate::world::Simulator;
+use crate::world::{Cancelled, Simulator};
 
 impl Coevolution {
     /// The map, where the method makes one, and its predictions by all real tests so far. `simulator` is the one that
@@ -25,7 +25,7 @@ impl Coevolution {
     }
 
     /// Begins the map, or chooses from it what is tried next.
-    pub(super) fn begin_map(&mut self, on: &mut Environment<'_>) -> StepOutcome {
+    pub(super) fn begin_map(&mut self, on: &mut Environment<'_>) -> Result<StepOutcome, Cancelled> {
         if self.state.map.is_none() {
             self.state.map = self.plan.map.as_ref().and_then(|phase| phase.start(on.simulator.controllers().len()));
             self.state.phase = Phase::Map { generation: 1 };
@@ -42,7 +42,7 @@ impl Coevolution {
     }
 
     /// A generation of the map.
-    pub(super) fn fill_map(&mut self, on: &mut Environment<'_>, generation: usize) -> StepOutcome {
+    pub(super) fn fill_map(&mut self, on: &mut Environment<'_>, generation: usize) -> Result<StepOutcome, Cancelled> {
         let (Some(mut map), Some(phase)) = (self.state.map.take(), self.plan.map.as_ref()) else {
             self.state.phase = Phase::End;
             return self.step(on);
@@ -50,7 +50,7 @@ impl Coevolution {
         let (axes, generations) = (phase.axes(on.simulator), phase.generations);
         let units = map.ask(&mut self.stream(Stream::Controllers, generation));
         let request = (self.state.simulation.as_slice(), axes.as_slice());
-        let (scores, places) = map::judged(on.simulator, request, &units, &mut self.state.cost);
+        let (scores, places) = map::judged(on.simulator, request, &units, &mut self.state.cost)?;
         let costs: Vec<f64> = scores.iter().map(|f| -f).collect();
         map.tell(&units, &costs, &places);
         self.state.map = Some(map);
@@ -59,7 +59,7 @@ impl Coevolution {
         self.state.history.generations.push(Generation::new(label, vec![best], &scores));
         self.state.phase =
             if generation < generations { Phase::Map { generation: generation + 1 } } else { Phase::Begin };
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 
     /// The fitness predicted for a controller of the map before this iteration's tests.

@@ -5,10 +5,15 @@ use super::state::Phase;
 use crate::coevolve::history::{Generation, GenerationLabel, Side, StopReason};
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, Search, UnitPoint};
+use crate::world::Cancelled;
 
 impl Coevolution {
     /// Reality as the environment of the controller search: the next population goes to the robot.
-    pub(super) fn next_real_generation(&mut self, on: &mut Environment<'_>, mut search: AnySearch) -> StepOutcome {
+    pub(super) fn next_real_generation(
+        &mut self,
+        on: &mut Environment<'_>,
+        mut search: AnySearch,
+    ) -> Result<StepOutcome, Cancelled> {
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
         let queue = units.into_iter().map(|unit| ScoredController { unit, fitness: f64::NAN, generation: 1 }).collect();
         self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
@@ -21,7 +26,7 @@ impl Coevolution {
         on: &mut Environment<'_>,
         queue: &[ScoredController],
         mut search: AnySearch,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         let scenarios = on.simulator.scenarios();
         let mine: Vec<f64> = (self.state.ledger.entries().iter())
             .filter(|e| e.trial.iteration == self.state.iteration)
@@ -39,21 +44,21 @@ impl Coevolution {
             let label = GenerationLabel { iteration: self.state.iteration, generation: 1, side: Side::Controllers };
             self.state.history.generations.push(Generation::new(label, vec![point], &fitness));
         }
-        let record = self.record(on);
+        let record = self.record(on)?;
         self.state.history.iterations.push(record);
         if self.state.iteration >= self.plan.iterations {
             self.state.phase = Phase::Stopped(StopReason::IterationsDone);
-            return StepOutcome::Iteration;
+            return Ok(StepOutcome::Iteration);
         }
         if units.len() < queue.len() || self.tests_left() == 0 {
             self.state.phase = Phase::Stopped(StopReason::RealTestsSpent);
-            return StepOutcome::Iteration;
+            return Ok(StepOutcome::Iteration);
         }
         search.tell(&units, &costs);
         self.state.iteration += 1;
         let units = search.ask(&mut self.stream(Stream::Controllers, 1));
         let queue = units.into_iter().map(|unit| ScoredController { unit, fitness: f64::NAN, generation: 1 }).collect();
         self.state.phase = Phase::Transfer { queue, next: 0, testing: Some(search) };
-        StepOutcome::Iteration
+        Ok(StepOutcome::Iteration)
     }
 }

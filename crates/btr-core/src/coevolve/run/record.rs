@@ -6,19 +6,20 @@ use crate::coevolve::history::{EstimateRecord, Evidence, Generation, Iteration, 
 use crate::coevolve::ledger::Entry;
 use crate::search::UnitPoint;
 use crate::signal::stats;
+use crate::world::Cancelled;
 
 /// A parameter this close to a bound, as a share of its range, lies on it: no search gets there exactly.
 const AT_BOUND: f64 = 1e-3;
 
 impl Coevolution {
-    pub(super) fn record(&mut self, on: &Environment<'_>) -> Iteration {
-        let evidence = self.evidence(on);
+    pub(super) fn record(&mut self, on: &Environment<'_>) -> Result<Iteration, Cancelled> {
+        let evidence = self.evidence(on)?;
         self.compare_with_before(on);
         let mine = self.state.ledger.of_iteration(self.state.iteration);
         let first = mine.iter().min_by_key(|e| e.trial.number);
         let space = on.simulator.simulations();
         let controller = self.state.controller.as_ref().map(|u| on.simulator.controllers().from_unit(u));
-        Iteration {
+        Ok(Iteration {
             i: self.state.iteration,
             fitness_sim: first.and_then(|e| e.promised),
             fitness_ci95: first.and_then(|e| e.promised_ci95),
@@ -37,7 +38,7 @@ impl Coevolution {
             real_tests: self.state.ledger.spent(),
             simulated_evaluations: self.state.cost.evaluations,
             evidence,
-        }
+        })
     }
 
     /// The estimate of S so far.
@@ -59,7 +60,7 @@ impl Coevolution {
         })
     }
 
-    pub(super) fn evidence(&mut self, on: &Environment<'_>) -> Evidence {
+    pub(super) fn evidence(&mut self, on: &Environment<'_>) -> Result<Evidence, Cancelled> {
         let share =
             |phi: Option<f64>| phi.zip(self.state.phi_start).map(|(phi, start)| phi / start.max(f64::MIN_POSITIVE));
         let (phi_share, predicted_share) = (share(self.state.phi), share(self.state.phi_predicted));
@@ -73,15 +74,15 @@ impl Coevolution {
         let promised: Vec<f64> = pairs.iter().map(|p| p.1).collect();
         let real: Vec<f64> = pairs.iter().map(|p| p.2).collect();
         let units: Vec<UnitPoint> = pairs.into_iter().map(|p| p.0).collect();
-        let renewed = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
-        Evidence {
+        let renewed = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost)?;
+        Ok(Evidence {
             phi_share,
             predicted_share,
             rank_agreement: stats::kendall_tau_b(&promised, &real),
             pressure_on_simulations: self.pressure_on_simulations(),
             pressure_on_controllers: stats::kendall_tau_b(&promised, &renewed).map(|tau| (1.0 - tau) / 2.0),
             at_bound: self.at_bound(on),
-        }
+        })
     }
 
     pub(super) fn pressure_on_simulations(&self) -> Option<f64> {

@@ -6,10 +6,15 @@ use crate::coevolve::history::StopReason;
 use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::Method;
 use crate::coevolve::transfer::ScoredController;
+use crate::world::Cancelled;
 
 impl Coevolution {
     /// Does the next unit of work.
-    pub fn step(&mut self, on: &mut Environment<'_>) -> StepOutcome {
+    ///
+    /// # Errors
+    /// Cancelled work. What the step did so far is lost and the run is to be dropped; it is resumed from the state before
+    /// the step.
+    pub fn step(&mut self, on: &mut Environment<'_>) -> Result<StepOutcome, Cancelled> {
         match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
             Phase::Map { generation } => self.fill_map(on, generation),
@@ -26,7 +31,7 @@ impl Coevolution {
         }
     }
 
-    fn begin(&mut self, on: &mut Environment<'_>) -> StepOutcome {
+    fn begin(&mut self, on: &mut Environment<'_>) -> Result<StepOutcome, Cancelled> {
         if self.tests_left() == 0 {
             return self.stop(StopReason::RealTestsSpent);
         }
@@ -54,8 +59,8 @@ impl Coevolution {
         self.step(on)
     }
 
-    fn end(&mut self, on: &mut Environment<'_>) -> StepOutcome {
-        let record = self.record(on);
+    fn end(&mut self, on: &mut Environment<'_>) -> Result<StepOutcome, Cancelled> {
+        let record = self.record(on)?;
         self.state.history.iterations.push(record);
         let goal = self.plan.fitness_goal;
         let best = self.best_tested().and_then(Entry::fitness);
@@ -71,11 +76,74 @@ impl Coevolution {
             self.state.iteration += 1;
             Phase::Begin
         };
-        StepOutcome::Iteration
+        Ok(StepOutcome::Iteration)
     }
 
-    pub(super) fn stop(&mut self, reason: StopReason) -> StepOutcome {
+    pub(super) fn stop(&mut self, reason: StopReason) -> Result<StepOutcome, Cancelled> {
         self.state.phase = Phase::Stopped(reason.clone());
-        StepOutcome::Stopped(reason)
+        Ok(StepOutcome::Stopped(reason))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
+    use crate::space::Space;
+    use crate::world::{Behaviour, Simulator, WorldError};
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// A toy whose simulations are cancelled after some.
+    struct CancelledToy<'a> {
+        toy: &'a Toy,
+        left: AtomicUsize,
+    }
+
+    impl Simulator for CancelledToy<'_> {
+        fn simulations(&self) -> &Space {
+            self.toy.simulations()
+        }
+
+        fn controllers(&self) -> &Space {
+            self.toy.controllers()
+        }
+
+        fn scenarios(&self) -> usize {
+            self.toy.scenarios()
+        }
+
+        fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
+            let left = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
+            if left.is_ok() { self.toy.run(s, c, scenario) } else { Err(Cancelled.into()) }
+        }
+    }
+
+    #[test]
+    fn cancelled_simulations_end_a_step_and_no_robot_is_moved_by_them() {
+        let (toy, distance) = (Toy::driven(0.0, &[]), whitened());
+        for simulations in [0, 40, 400, 1000] {
+            let simulator = CancelledToy { toy: &toy, left: simulations.into() };
+            let mut robot = ToyRobot::new(&toy, &[1.7, 1.13], 3);
+            let mut on = Environment { simulator: &simulator, distance: &distance, reality: &mut robot };
+            let mut run = Coevolution::new(estimating(4), 3, &simulator).unwrap();
+            let before = loop {
+                let before = run.clone();
+                match run.step(&mut on) {
+                    Ok(outcome) => assert!(!matches!(outcome, StepOutcome::Stopped(_)), "it ended after {simulations}"),
+                    Err(Cancelled) => break before,
+                }
+            };
+            assert_eq!(run.ledger(), before.ledger());
+            // From the state before, the run goes on as one that was never cancelled.
+            let mut undisturbed = Coevolution::new(estimating(4), 3, &toy).unwrap();
+            let mut resumed = before;
+            for run in [&mut undisturbed, &mut resumed] {
+                let mut robot = ToyRobot::new(&toy, &[1.7, 1.13], 3);
+                let mut on = Environment { simulator: &toy, distance: &distance, reality: &mut robot };
+                while !matches!(run.step(&mut on).unwrap(), StepOutcome::Stopped(_)) {}
+            }
+            assert_eq!(resumed, undisturbed);
+        }
     }
 }

@@ -10,7 +10,7 @@ use crate::coevolve::plan::Method;
 use crate::coevolve::promise;
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, UnitPoint};
-use crate::world::Trial;
+use crate::world::{Cancelled, Trial};
 
 /// A run stops after this many tests if none returned usable data: tests wear a robot out.
 const VAIN: usize = 3;
@@ -22,20 +22,20 @@ impl Coevolution {
         queue: Vec<ScoredController>,
         next: usize,
         testing: Option<AnySearch>,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         let explores = testing.is_none();
         if self.state.ledger.spent() >= VAIN && self.no_usable_test(on, explores) {
             return self.stop(StopReason::NoRealData);
         }
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
-        let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()]);
+        let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()])?;
         let result =
             on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
-            Ok(()) => StepOutcome::Tested,
-            Err(what) => StepOutcome::Waiting(what),
+            Ok(()) => Ok(StepOutcome::Tested),
+            Err(what) => Ok(StepOutcome::Waiting(what)),
         }
     }
 
@@ -52,21 +52,25 @@ impl Coevolution {
     }
 
     /// What a controller's fitness in reality is expected to be, with an interval where there is a posterior or a map.
-    fn predicted(&mut self, on: &Environment<'_>, controller: &ScoredController) -> PredictedFitness {
+    fn predicted(
+        &mut self,
+        on: &Environment<'_>,
+        controller: &ScoredController,
+    ) -> Result<PredictedFitness, Cancelled> {
         if self.plan.method == Method::QualityDiversity {
-            return self.predicted_by_map(on, controller);
+            return Ok(self.predicted_by_map(on, controller));
         }
         if self.plan.posterior.is_none() || !controller.fitness.is_finite() {
             let value = Some(controller.fitness).filter(|fitness| fitness.is_finite());
-            return PredictedFitness { value, ci95: None };
+            return Ok(PredictedFitness { value, ci95: None });
         }
         let draws = self.posterior_draws(on, Stream::Promises, promise::DRAWS);
         let simulations = std::iter::once(self.state.simulation.clone()).chain(draws).collect::<Vec<_>>();
         let units = std::slice::from_ref(&controller.unit);
-        let of = evaluate::fitness_in(on.simulator, &simulations, units, &mut self.state.cost).concat();
+        let of = evaluate::fitness_in(on.simulator, &simulations, units, &mut self.state.cost)?.concat();
         let (fitness, draws) = of.split_at(1);
         let value = fitness.first().copied().filter(|fitness| fitness.is_finite());
-        PredictedFitness { value, ci95: promise::interval(draws) }
+        Ok(PredictedFitness { value, ci95: promise::interval(draws) })
     }
 
     /// What is left to try in this iteration: every chosen controller in every scenario, as far as the budget goes.
@@ -88,7 +92,7 @@ impl Coevolution {
         on: &mut Environment<'_>,
         queue: &[ScoredController],
         testing: Option<AnySearch>,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         if let Some(search) = testing {
             return self.finish_real_generation(on, queue, search);
         }
@@ -99,12 +103,12 @@ impl Coevolution {
         }
         match self.plan.method {
             Method::LinearCorrection => {
-                self.correct(on);
+                self.correct(on)?;
                 self.state.phase = Phase::End;
             }
             Method::QualityDiversity => self.state.phase = Phase::End,
             _ if !on.simulator.simulations().is_empty() => {
-                self.state.phase = self.begin_simulators(on, self.state.iteration);
+                self.state.phase = self.begin_simulators(on, self.state.iteration)?;
             }
             _ => self.state.phase = Phase::End,
         }
@@ -113,14 +117,15 @@ impl Coevolution {
 
     /// Refits the estimate of f_r − f_s to the whole ledger. f_s is simulated anew: the fitness predicted before each
     /// test contains the estimate of that time.
-    fn correct(&mut self, on: &Environment<'_>) {
+    fn correct(&mut self, on: &Environment<'_>) -> Result<(), Cancelled> {
         let entries = self.state.ledger.entries().iter();
         let tested: Vec<(UnitPoint, f64)> = entries
             .filter_map(|e| Some((on.simulator.controllers().to_unit(&e.trial.controller), e.fitness()?)))
             .collect();
         let units: Vec<UnitPoint> = tested.iter().map(|(unit, _)| unit.clone()).collect();
-        let simulated = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost);
+        let simulated = evaluate::fitness(on.simulator, &self.state.simulation, &units, &mut self.state.cost)?;
         let gaps = tested.into_iter().zip(simulated).map(|((unit, real), sim)| (unit, real - sim));
         self.state.correction = LinearCorrection::fit(&gaps.collect::<Vec<_>>());
+        Ok(())
     }
 }

@@ -9,7 +9,7 @@ use crate::coevolve::plan::PosteriorPhase;
 use crate::coevolve::transfer::ScoredController;
 use crate::optimize::Residuals;
 use crate::search::{UnitPoint, uniform};
-use crate::world::Behaviour;
+use crate::world::{Behaviour, Cancelled};
 use nalgebra::DMatrix;
 use std::cmp::Ordering;
 
@@ -22,7 +22,7 @@ const FITTEST: usize = 4;
 
 impl Coevolution {
     /// Fitness that counts in the search for controllers: in s_{i−1}, or a quantile over the posterior.
-    pub(super) fn robust_fitness(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Vec<f64> {
+    pub(super) fn robust_fitness(&mut self, on: &Environment<'_>, units: &[UnitPoint]) -> Result<Vec<f64>, Cancelled> {
         let Some(phase) = self.plan.posterior.clone() else {
             return evaluate::fitness(on.simulator, &self.state.simulation, units, &mut self.state.cost);
         };
@@ -53,40 +53,54 @@ impl Coevolution {
         on: &Environment<'_>,
         fittest: Vec<ScoredController>,
         count: usize,
-    ) -> Vec<ScoredController> {
-        let Some(phase) = self.plan.posterior.clone() else { return fittest.into_iter().take(count).collect() };
+    ) -> Result<Vec<ScoredController>, Cancelled> {
+        let Some(phase) = self.plan.posterior.clone() else {
+            return Ok(fittest.into_iter().take(count).collect());
+        };
         if self.is_identified(&phase) {
-            return fittest.into_iter().take(count).collect();
+            return Ok(fittest.into_iter().take(count).collect());
         }
-        let candidates = self.candidates(on, &fittest);
+        let candidates = self.candidates(on, &fittest)?;
         let members =
             (phase.members(self.state.simulation.len()) / MEMBERS_DIVISOR).max(self.state.simulation.len() + 8);
-        let gains: Vec<ExpectedGain> =
-            candidates.iter().map(|candidate| self.expected_gain(on, &candidate.unit, members)).collect();
+        let gains: Vec<ExpectedGain> = candidates
+            .iter()
+            .map(|candidate| self.expected_gain(on, &candidate.unit, members))
+            .collect::<Result<_, _>>()?;
         let best = (0..candidates.len()).max_by(|&a, &b| gains[a].order(&gains[b]).then(b.cmp(&a)));
         let first = best.map(|k| candidates[k].clone());
         let others = fittest.into_iter().filter(|other| Some(&other.unit) != first.as_ref().map(|first| &first.unit));
-        first.clone().into_iter().chain(others).take(count).collect()
+        Ok(first.clone().into_iter().chain(others).take(count).collect())
     }
 
     /// Candidates of the informative rule: the fittest, and those of others drawn from C that are no worse than half of
     /// these.
-    fn candidates(&mut self, on: &Environment<'_>, fittest: &[ScoredController]) -> Vec<ScoredController> {
+    fn candidates(
+        &mut self,
+        on: &Environment<'_>,
+        fittest: &[ScoredController],
+    ) -> Result<Vec<ScoredController>, Cancelled> {
         let count = self.plan.transfer.candidates.max(1);
         let best: Vec<ScoredController> = fittest.iter().take(count.div_ceil(FITTEST)).cloned().collect();
         let mut rng = self.stream(Stream::Candidates, 0);
         let dims = on.simulator.controllers().len();
         let units: Vec<UnitPoint> = (best.len()..count).map(|_| uniform(dims, &mut rng)).collect();
-        let fitness = self.robust_fitness(on, &units);
+        let fitness = self.robust_fitness(on, &units)?;
         let mut sorted = fitness.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NEG_INFINITY);
         let drawn = units.into_iter().zip(fitness).filter(|(_, fitness)| *fitness >= median && fitness.is_finite());
-        best.into_iter().chain(drawn.map(|(unit, fitness)| ScoredController { unit, fitness, generation: 0 })).collect()
+        let drawn = drawn.map(|(unit, fitness)| ScoredController { unit, fitness, generation: 0 });
+        Ok(best.into_iter().chain(drawn).collect())
     }
 
     /// Expected information about S from a test of this controller.
-    fn expected_gain(&mut self, on: &Environment<'_>, unit: &UnitPoint, members: usize) -> ExpectedGain {
+    fn expected_gain(
+        &mut self,
+        on: &Environment<'_>,
+        unit: &UnitPoint,
+        members: usize,
+    ) -> Result<ExpectedGain, Cancelled> {
         let belief = self.belief();
         let mut rng = stream(self.state.seed, Stream::Candidates, self.state.iteration as u64, 1);
         let draws = belief.draws(members, &mut rng);
@@ -94,7 +108,7 @@ impl Coevolution {
         let mut total = DMatrix::zeros(draws[0].len(), draws[0].len());
         let mut unpredictable = 0.0f64;
         for scenario in 0..on.simulator.scenarios() {
-            let behaviours = evaluate::behaviours(on.simulator, &points, (unit, scenario), &mut self.state.cost);
+            let behaviours = evaluate::behaviours(on.simulator, &points, (unit, scenario), &mut self.state.cost)?;
             match information(on, &draws, &behaviours) {
                 Some((information, left)) => (total, unpredictable) = (total + information, unpredictable.max(left)),
                 None => unpredictable = f64::INFINITY,
@@ -103,7 +117,7 @@ impl Coevolution {
         let frame = root(belief.covariance());
         let share = DMatrix::identity(total.nrows(), total.ncols()) + frame.transpose() * total * &frame;
         let gain_nats = share.cholesky().map_or(0.0, |factor| factor.l().diagonal().iter().map(|x| x.ln()).sum());
-        ExpectedGain { gain_nats, unpredictable }
+        Ok(ExpectedGain { gain_nats, unpredictable })
     }
 }
 

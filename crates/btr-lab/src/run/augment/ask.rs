@@ -1,13 +1,13 @@
 //! Diagnoses the cause of a run's disengagement from its real tests.
 
 use super::by_posterior;
-use super::cause::Cause;
+use super::cause::{Cause, DiagnosisError};
 use crate::distributed::RemoteModel;
 use crate::experiment::Experiment;
 use crate::identification::IdentificationProblem;
 use btr_core::coevolve::{Coevolution, Entry, Explanation, Ledger};
 use btr_core::log::Log;
-use btr_core::world::Trial;
+use btr_core::world::{Cancelled, Trial, WorldError};
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, diagnose};
 use btr_identify::fit::Objective;
@@ -25,43 +25,58 @@ const FLOATING_STEPS: f64 = 1e6;
 impl Cause {
     /// Diagnoses the real tests of a run; `on_step` is called with every step of the error ladder. For a run with a
     /// posterior, also returns the explanation of the tests, if there is one.
+    ///
+    /// # Errors
+    /// Cancelled work.
     pub(crate) fn of(
         experiment: &Experiment,
         run: &Coevolution,
         on_step: &dyn Fn(&LadderStep),
-    ) -> (Self, Option<Explanation>) {
+    ) -> Result<(Self, Option<Explanation>), Cancelled> {
         let unanswered = Cause { after_iteration: run.history().iterations.len(), ..Cause::default() };
         let answer = match run.plan().posterior {
             Some(_) => by_posterior::cause(experiment, run, unanswered.clone(), on_step),
             None => unanswered.clone().answered(experiment, run.ledger(), on_step).map(|answered| (answered, None)),
         };
-        answer.unwrap_or_else(|why| (Cause { not_diagnosed: Some(why), ..unanswered }, None))
+        match answer {
+            Ok(answer) => Ok(answer),
+            Err(DiagnosisError::NotPossible(why)) => Ok((Cause { not_diagnosed: Some(why), ..unanswered }, None)),
+            Err(DiagnosisError::Cancelled(cancelled)) => Err(cancelled),
+        }
     }
 
-    fn answered(self, experiment: &Experiment, ledger: &Ledger, on_step: &dyn Fn(&LadderStep)) -> Result<Self, String> {
+    fn answered(
+        self,
+        experiment: &Experiment,
+        ledger: &Ledger,
+        on_step: &dyn Fn(&LadderStep),
+    ) -> Result<Self, DiagnosisError> {
         let fixed = experiment.model.robot.base == Base::Fixed;
         let tests = chosen(ledger, if fixed { MOST_TESTS.0 } else { MOST_TESTS.1 });
         let learn = tests.len() - tests.len() / HELD_OUT;
         let known = tests.iter().filter_map(|test| Some((&test.trial, &test.behaviour()?.log)));
         let known: Vec<(&Trial, &Log)> = known.collect();
         if known.is_empty() {
-            return Err("no real test gave a log".to_owned());
+            return Err(DiagnosisError::why("no real test gave a log"));
         }
         let whole = known.iter().map(|(trial, log)| experiment.from_the_beginning(trial, log));
-        let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+        let logs: Vec<Log> = whole.collect::<Result<_, _>>().map_err(|error| DiagnosisError::why(&error))?;
         let tests_with_logs: Vec<(&Trial, &Log)> = known.iter().map(|(trial, _)| *trial).zip(&logs).collect();
-        let model = experiment.replaying(&tests_with_logs, learn).map_err(|e| e.to_string())?;
-        let problem = IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|e| e.to_string())?;
+        let model = experiment.replaying(&tests_with_logs, learn).map_err(|error| DiagnosisError::why(&error))?;
+        let problem =
+            IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|error| DiagnosisError::why(&error))?;
         let options = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
         let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
-        let found = diagnose(&mut Objective::new(&residual_model), options, on_step)
-            .map_err(|_| "the model diverges on the real tests at its current values".to_owned())?;
+        let found = diagnose(&mut Objective::new(&residual_model), options, on_step).map_err(|error| match error {
+            WorldError::Cancelled(cancelled) => cancelled.into(),
+            _ => DiagnosisError::why("the model diverges on the real tests at its current values"),
+        })?;
         if found.cut_short && found.effects.is_empty() {
-            return Err(format!(
+            return Err(DiagnosisError::why(&format!(
                 "a floating robot needs the slow engine, and more than the {} rollouts allowed here; `btr diagnose` with the \
                  logs under transfers/ has no such limit",
                 options.max_rollouts
-            ));
+            )));
         }
         let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
         Ok(Cause {

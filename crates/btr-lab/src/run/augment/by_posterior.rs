@@ -2,7 +2,7 @@
 //! added one by one; each is screened at every site, the most promising ones are estimated with all of S free, and
 //! held-out tests judge the result.
 
-use super::cause::Cause;
+use super::cause::{Cause, DiagnosisError};
 use super::cause_search::CauseSearch;
 use crate::experiment::Experiment;
 use crate::scales::RobotScales;
@@ -28,13 +28,13 @@ pub(super) fn cause(
     run: &Coevolution,
     unanswered: Cause,
     on_step: &dyn Fn(&LadderStep),
-) -> Result<(Cause, Option<Explanation>), String> {
+) -> Result<(Cause, Option<Explanation>), DiagnosisError> {
     let (model, plan) = (experiment.model.as_ref(), run.plan());
-    let phase = plan.posterior.clone().ok_or("the run has no posterior")?;
+    let phase = plan.posterior.clone().ok_or_else(|| DiagnosisError::why("the run has no posterior"))?;
     let distance = plan.distance.build();
     let tests = chosen(run);
     if tests.is_empty() {
-        return Err("no real test gave a log".to_owned());
+        return Err(DiagnosisError::why("no real test gave a log"));
     }
     let (learn, held_out) = tests.split_at(tests.len() - usize::from(tests.len() > 1));
     let numbers = |tests: &[&Entry]| tests.iter().map(|test| test.trial.number).collect();
@@ -48,7 +48,7 @@ pub(super) fn cause(
         phase: PosteriorPhase { restarts: 0, turns: TURNS, ..phase },
         seed: experiment.seed,
     };
-    let scales = scales(model, learn).map_err(|e| e.to_string())?;
+    let scales = scales(model, learn).map_err(|error| DiagnosisError::why(&error))?;
     let mut cost = Cost::default();
     let search = CauseSearch { abduction, model, scales, context: &experiment.context, start: run.start().to_vec() };
     let mut ladder = Vec::new();
@@ -57,17 +57,19 @@ pub(super) fn cause(
         on_step(&ladder_step);
         ladder.push(ladder_step);
     };
-    let mut state = search.begin(&mut cost).ok_or("the model diverges on the real tests at its current values")?;
+    let mut state = search
+        .begin(&mut cost)?
+        .ok_or_else(|| DiagnosisError::why("the model diverges on the real tests at its current values"))?;
     record_step("S as it stands".to_owned(), &state.fitted);
     let mut effects = Vec::new();
     while !state.fitted.estimated.explains && effects.len() < MOST_EFFECTS {
-        let Some((next, found)) = search.round(&state, &mut cost) else { break };
+        let Some((next, found)) = search.round(&state, &mut cost)? else { break };
         record_step(format!("+ {}@{}", found.effect, found.site), &next.fitted);
         effects.push(found);
         state = next;
     }
-    state = search.pruned(state, &mut effects, &mut cost);
-    state = search.simplified(state, &mut effects, &mut cost);
+    state = search.pruned(state, &mut effects, &mut cost)?;
+    state = search.simplified(state, &mut effects, &mut cost)?;
     // Later effects change the estimates of earlier ones, so all parameters are read from the final state.
     for (k, found) in effects.iter_mut().enumerate() {
         found.parameters = search.parameters(&state, k);

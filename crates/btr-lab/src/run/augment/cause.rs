@@ -2,9 +2,28 @@
 
 use crate::experiment::Experiment;
 use crate::model_text::{AddError, Addition, add};
+use btr_core::world::Cancelled;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{MissingEffect, Verdict};
 use serde::{Deserialize, Serialize};
+
+/// Why a diagnosis was not finished.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum DiagnosisError {
+    /// It is not possible.
+    #[error("{0}")]
+    NotPossible(String),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl DiagnosisError {
+    /// A diagnosis that is not possible, for this reason.
+    pub(super) fn why(why: &(impl ToString + ?Sized)) -> Self {
+        DiagnosisError::NotPossible(why.to_string())
+    }
+}
 
 /// Why simulation and reality disengaged.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

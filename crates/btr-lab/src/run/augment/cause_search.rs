@@ -6,9 +6,9 @@ use super::extended::{Added, Extended};
 use crate::execution::ExecutionContext;
 use crate::identification::sites;
 use crate::scales::RobotScales;
-use btr_core::coevolve::{Abduction, Cost, Estimated, Extension, Posterior};
+use btr_core::coevolve::{Abduction, Cost, EstimateError, Estimated, Extension, Posterior};
 use btr_core::space::{Dim, Space};
-use btr_core::world::Simulator;
+use btr_core::world::{Cancelled, Simulator};
 use btr_identify::diagnose::MissingEffect;
 use btr_identify::fit::Estimate;
 use btr_physics::effects::{EFFECTS, SiteKind};
@@ -39,12 +39,11 @@ pub(super) struct CauseSearch<'a> {
 }
 
 impl<'a> CauseSearch<'a> {
-    /// Fits S without further effects.
-    pub(super) fn begin(&self, cost: &mut Cost) -> Option<PresentExplanation<'a>> {
-        let extended = self.extended(Vec::new())?;
+    /// Fits S without further effects; `None` if it cannot be simulated.
+    pub(super) fn begin(&self, cost: &mut Cost) -> Result<Option<PresentExplanation<'a>>, Cancelled> {
+        let Some(extended) = self.extended(Vec::new()) else { return Ok(None) };
         let prior = self.prior(extended.simulations());
-        let fitted = self.abduction.fit(&extended, &prior, &prior, cost)?;
-        Some(PresentExplanation { added: Vec::new(), fitted, prior, extended })
+        self.fitted(extended, &prior, cost)
     }
 
     /// Adds one effect; `None` if no effect helps enough.
@@ -52,41 +51,44 @@ impl<'a> CauseSearch<'a> {
         &self,
         state: &PresentExplanation<'a>,
         cost: &mut Cost,
-    ) -> Option<(PresentExplanation<'a>, MissingEffect)> {
-        let quick_estimates = self.quick_estimates(state, cost);
+    ) -> Result<Option<(PresentExplanation<'a>, MissingEffect)>, Cancelled> {
+        let quick_estimates = self.quick_estimates(state, cost)?;
         let mut fitted: Vec<PresentExplanation> = Vec::new();
         for candidate in quick_estimates.iter().take(FITTED) {
             // Once a candidate explains everything, candidates that do not even explain the beginnings cannot compete.
             if !candidate.explains && fitted.iter().any(|tried| tried.fitted.estimated.explains) {
                 break;
             }
-            fitted.extend(self.tried(&candidate.added, &candidate.belief, cost));
+            fitted.extend(self.tried(&candidate.added, &candidate.belief, cost)?);
         }
         fitted.sort_by(|a, b| 0.0f64.total_cmp(&ExplanationCost::of(a).less_than(ExplanationCost::of(b))));
         let before = state.fitted.estimated.chi.powi(2);
-        let leader = fitted.first()?;
+        let Some(leader) = fitted.first() else { return Ok(None) };
         let helps = before - leader.fitted.estimated.chi.powi(2) > HELPS * (before - 1.0);
-        let found = self.found(state, &fitted).filter(|_| helps)?;
-        Some((fitted.swap_remove(0), found))
+        let found = self.found(state, &fitted).filter(|_| helps);
+        Ok(found.map(|found| (fitted.swap_remove(0), found)))
     }
 
     /// Quick estimates of the candidates, best first. Candidates are screened at the current belief and at the unbiased
     /// prior.
-    fn quick_estimates(&self, state: &PresentExplanation<'a>, cost: &mut Cost) -> Vec<QuickEstimate> {
+    fn quick_estimates(
+        &self,
+        state: &PresentExplanation<'a>,
+        cost: &mut Cost,
+    ) -> Result<Vec<QuickEstimate>, Cancelled> {
         let spaces: Vec<Extended> =
             self.offered(&state.added).into_iter().filter_map(|added| self.extended(added)).collect();
         let extensions: Vec<Extension> =
             spaces.iter().map(|extended| Extension { simulator: extended, probes: extended.probes() }).collect();
         let mut quick_estimates: Vec<QuickEstimate> = Vec::new();
         for base in [state.fitted.estimated.belief.clone(), self.abduction.unbiased(&state.prior)] {
-            self.context.check_cancelled();
-            let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost);
+            let suspects = self.abduction.screen(&state.extended, &state.prior, &base, &extensions, cost)?;
             for suspect in suspects.iter().take(TRIED) {
-                self.context.check_cancelled();
                 let extended = &spaces[suspect.extension];
                 let prior = self.prior(extended.simulations());
                 let from = self.abduction.beginning(&base, suspect, &prior);
                 let estimated = self.abduction.glance(extended, &prior, &from, QUICK_TURNS, cost);
+                let estimated = EstimateError::unless_cancelled(estimated)?;
                 let Some(Estimated { chi, belief, explains, .. }) = estimated else { continue };
                 quick_estimates.push(QuickEstimate { added: extended.added().to_vec(), belief, chi, explains });
             }
@@ -99,16 +101,30 @@ impl<'a> CauseSearch<'a> {
             names.push(name);
             first
         });
-        quick_estimates
+        Ok(quick_estimates)
     }
 
-    /// Fits S with these effects.
-    pub(super) fn tried(&self, added: &[Added], from: &Posterior, cost: &mut Cost) -> Option<PresentExplanation<'a>> {
-        self.context.check_cancelled();
-        let extended = self.extended(added.to_vec())?;
+    /// Fits S with these effects; `None` if it cannot be simulated.
+    pub(super) fn tried(
+        &self,
+        added: &[Added],
+        from: &Posterior,
+        cost: &mut Cost,
+    ) -> Result<Option<PresentExplanation<'a>>, Cancelled> {
+        let Some(extended) = self.extended(added.to_vec()) else { return Ok(None) };
+        self.fitted(extended, from, cost)
+    }
+
+    fn fitted(
+        &self,
+        extended: Extended<'a>,
+        from: &Posterior,
+        cost: &mut Cost,
+    ) -> Result<Option<PresentExplanation<'a>>, Cancelled> {
         let prior = self.prior(extended.simulations());
-        let fitted = self.abduction.fit(&extended, &prior, from, cost)?;
-        Some(PresentExplanation { added: added.to_vec(), fitted, prior, extended })
+        let fitted = EstimateError::unless_cancelled(self.abduction.fit(&extended, &prior, from, cost))?;
+        let added = extended.added().to_vec();
+        Ok(fitted.map(|fitted| PresentExplanation { added, fitted, prior, extended }))
     }
 
     /// Indices in a state's space of the parameters of its `k`th added effect.
@@ -171,7 +187,7 @@ impl<'a> CauseSearch<'a> {
     }
 
     pub(super) fn extended(&self, added: Vec<Added>) -> Option<Extended<'a>> {
-        Extended::new(self.model, added, &self.scales).ok()
+        Extended::new(self.model, added, &self.scales, self.context).ok()
     }
 
     /// Prior over a space: S around its start, effects off.

@@ -1,5 +1,6 @@
 //! A model extended by effects: their parameters are further dimensions of S.
 
+use crate::execution::ExecutionContext;
 use crate::scales::RobotScales;
 use btr_core::space::{Dim, Scale, Space, SpaceError};
 use btr_core::world::{Behaviour, Job, Simulator, WorldError};
@@ -30,18 +31,24 @@ impl Added {
 /// A model with effects whose parameters are the last dimensions of its S.
 pub(super) struct Extended<'a> {
     model: &'a Model,
+    context: &'a ExecutionContext,
     added: Vec<Added>,
     space: Space,
 }
 
 impl<'a> Extended<'a> {
-    pub(super) fn new(model: &'a Model, added: Vec<Added>, scales: &RobotScales) -> Result<Self, SpaceError> {
+    pub(super) fn new(
+        model: &'a Model,
+        added: Vec<Added>,
+        scales: &RobotScales,
+        context: &'a ExecutionContext,
+    ) -> Result<Self, SpaceError> {
         let of = |added: &Added| -> Vec<Dim> {
             let spec = added.effect.spec();
             spec.params.iter().map(|param| dim(spec, param, &added.site, scales, model)).collect()
         };
         let dims = model.simulations().dims().iter().cloned().chain(added.iter().flat_map(of)).collect();
-        Ok(Extended { model, added, space: Space::new(dims)? })
+        Ok(Extended { model, context, added, space: Space::new(dims)? })
     }
 
     pub(super) fn added(&self) -> &[Added] {
@@ -95,6 +102,9 @@ impl Simulator for Extended<'_> {
     }
 
     fn run_all(&self, jobs: &[Job]) -> Vec<Result<Behaviour, WorldError>> {
+        if let Err(cancelled) = self.context.check_cancelled() {
+            return jobs.iter().map(|_| Err(cancelled.into())).collect();
+        }
         let split: Vec<(&[f64], Vec<PlacedEffect>)> = jobs.iter().map(|job| self.split(job.s)).collect();
         let requests = jobs
             .iter()

@@ -6,7 +6,7 @@ use super::explanation::{ExplanationCost, PresentExplanation};
 use super::extended::Added;
 use btr_core::coevolve::{Cost, Posterior, Suspect};
 use btr_core::space::Dim;
-use btr_core::world::Simulator;
+use btr_core::world::{Cancelled, Simulator};
 use btr_identify::diagnose::MissingEffect;
 use btr_physics::effects;
 
@@ -18,10 +18,13 @@ impl<'a> CauseSearch<'a> {
         mut state: PresentExplanation<'a>,
         effects: &mut Vec<MissingEffect>,
         cost: &mut Cost,
-    ) -> PresentExplanation<'a> {
+    ) -> Result<PresentExplanation<'a>, Cancelled> {
         let mut k = 0;
         while k < state.added.len() {
-            let tried = self.without(&state, k).and_then(|(added, from)| self.tried(&added, &from, cost));
+            let tried = match self.without(&state, k) {
+                Some((added, from)) => self.tried(&added, &from, cost)?,
+                None => None,
+            };
             match tried.filter(|tried| ExplanationCost::of(tried).less_than(ExplanationCost::of(&state)) > 0.0) {
                 Some(tried) => {
                     effects.remove(k);
@@ -30,7 +33,7 @@ impl<'a> CauseSearch<'a> {
                 None => k += 1,
             }
         }
-        state
+        Ok(state)
     }
 
     /// The effects of a state without the `k`th, and a belief to start from. `None` for the only effect, and for the
@@ -65,13 +68,14 @@ impl<'a> CauseSearch<'a> {
         mut state: PresentExplanation<'a>,
         effects: &mut [MissingEffect],
         cost: &mut Cost,
-    ) -> PresentExplanation<'a> {
+    ) -> Result<PresentExplanation<'a>, Cancelled> {
         for k in 0..state.added.len() {
             for (name, _) in state.added[k].effect.spec().nested {
                 let Some(simpler) = effects::find(name) else { continue };
                 let mut added = state.added.clone();
                 added[k].effect = simpler;
-                let Some(tried) = self.tried(&added, &self.about(&state, &added, Some(k)), cost) else { continue };
+                let from = self.about(&state, &added, Some(k));
+                let Some(tried) = self.tried(&added, &from, cost)? else { continue };
                 if ExplanationCost::of(&tried).less_than(ExplanationCost::of(&state)) > 0.0 {
                     (*name).clone_into(&mut effects[k].effect);
                     state = tried;
@@ -79,7 +83,7 @@ impl<'a> CauseSearch<'a> {
                 }
             }
         }
-        state
+        Ok(state)
     }
 
     /// A belief to start from when some effects of a state remain: their parameters keep their values, and the

@@ -71,7 +71,7 @@ mod tests {
         let distance = whitened();
         let mut run = Coevolution::new(estimating(8), robot.seed, simulator).unwrap();
         let mut on = Environment { simulator, distance: &distance, reality: &mut robot };
-        while !matches!(run.step(&mut on), StepOutcome::Stopped(_)) {}
+        while !matches!(run.step(&mut on).unwrap(), StepOutcome::Stopped(_)) {}
         run
     }
 

@@ -7,6 +7,7 @@ use crate::coevolve::history::{Augmentation, Side};
 use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome};
 use crate::coevolve::run::state::Phase;
 use crate::space::{Dim, Space};
+use crate::world::Cancelled;
 
 impl Coevolution {
     /// Goes on in a larger S, whose first dimensions are the present ones. A run that had stopped makes one more
@@ -66,13 +67,13 @@ impl Coevolution {
         &mut self,
         on: &mut Environment<'_>,
         known: Option<Estimated>,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         if known.is_some() {
             return self.finish_estimation(on, known);
         }
         let tested = self.state.ledger.entries().iter().rev().find(|entry| entry.behaviour().is_some());
         let latest = tested.map_or(self.state.iteration, |entry| entry.trial.iteration);
-        self.state.phase = self.begin_simulators(on, latest);
+        self.state.phase = self.begin_simulators(on, latest)?;
         self.step(on)
     }
 }
@@ -89,7 +90,7 @@ mod tests {
     /// Steps until it stops.
     fn stopped(run: &mut Coevolution, on: &mut Environment<'_>) -> StopReason {
         loop {
-            if let StepOutcome::Stopped(reason) = run.step(on) {
+            if let StepOutcome::Stopped(reason) = run.step(on).unwrap() {
                 return reason;
             }
         }

@@ -8,19 +8,24 @@ use crate::coevolve::ledger::Entry;
 use crate::coevolve::plan::PosteriorPhase;
 use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome, Stream};
 use crate::coevolve::run::state::{Estimation, Phase};
+use crate::world::Cancelled;
 use nalgebra::DVector;
 
 impl Coevolution {
     /// Begins step 3 on all tests that count, from the present belief. Nothing is estimated where all of S is
     /// identified already and the fresh tests are as predicted.
-    pub(in crate::coevolve::run) fn begin_estimation(&mut self, on: &Environment<'_>, mut tests: Vec<usize>) -> Phase {
-        let Some(phase) = self.plan.posterior.clone() else { return Phase::End };
+    pub(in crate::coevolve::run) fn begin_estimation(
+        &mut self,
+        on: &Environment<'_>,
+        mut tests: Vec<usize>,
+    ) -> Result<Phase, Cancelled> {
+        let Some(phase) = self.plan.posterior.clone() else { return Ok(Phase::End) };
         let is_fresh = |&k: &usize| self.state.ledger.entries()[k].trial.iteration == self.state.iteration;
         let fresh: Vec<usize> = tests.iter().copied().filter(is_fresh).collect();
         let members = phase.members(self.state.simulation.len());
         let draws = self.belief().draws(members, &mut self.stream(Stream::Ensembles, 0));
         let mut cost = self.state.cost;
-        let (views, _) = self.problem(on, &fresh).run_ensemble(&draws, &mut cost);
+        let (views, _) = self.problem(on, &fresh).run_ensemble(&draws, &mut cost)?;
         self.state.cost = cost;
         let PriorPredictive { chi, at_noise: as_predicted, .. } = PriorPredictive::of(&views);
         self.state.phi_predicted = Some(chi).filter(|phi| phi.is_finite());
@@ -31,11 +36,11 @@ impl Coevolution {
         if as_predicted && identified {
             self.state.phi = self.state.phi_predicted;
             self.state.confirmed = true;
-            return Phase::End;
+            return Ok(Phase::End);
         }
         let explained = self.state.estimated.as_ref().is_some_and(|estimated| estimated.explains);
         let surprised = self.state.confirmed && explained && !as_predicted;
-        Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None, surprised })
+        Ok(Phase::Estimate(Estimation { tests, belief: self.belief(), turn: 1, start: 0, best: None, surprised }))
     }
 
     /// The estimation problem of some tests of the ledger.
@@ -55,14 +60,18 @@ impl Coevolution {
     }
 
     /// One turn.
-    pub(in crate::coevolve::run) fn estimate(&mut self, on: &Environment<'_>, estimation: Estimation) -> StepOutcome {
+    pub(in crate::coevolve::run) fn estimate(
+        &mut self,
+        on: &Environment<'_>,
+        estimation: Estimation,
+    ) -> Result<StepOutcome, Cancelled> {
         let Some(phase) = self.plan.posterior.clone() else { return self.finish_estimation(on, None) };
         let number = estimation.start * phase.turns + estimation.turn;
         let members = phase.members(self.state.simulation.len());
         let draws = estimation.belief.wider(WIDENING).draws(members, &mut self.stream(Stream::Ensembles, number));
         let mut cost = self.state.cost;
         let problem = self.problem(on, &estimation.tests);
-        let (views, scores) = problem.run_ensemble(&draws, &mut cost);
+        let (views, scores) = problem.run_ensemble(&draws, &mut cost)?;
         let turned = problem.turn(&estimation.belief, &views);
         self.state.cost = cost;
         let points = draws.iter().map(|unit| on.simulator.simulations().from_unit(unit)).collect();
@@ -73,7 +82,7 @@ impl Coevolution {
         if !settled && estimation.turn < phase.turns {
             let (belief, turn) = (estimated.belief, estimation.turn + 1);
             self.state.phase = Phase::Estimate(Estimation { belief, turn, ..estimation });
-            return StepOutcome::Generation;
+            return Ok(StepOutcome::Generation);
         }
         self.finish_start(on, estimation, estimated, &phase)
     }
@@ -85,7 +94,7 @@ impl Coevolution {
         estimation: Estimation,
         estimated: Estimated,
         phase: &PosteriorPhase,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         let better = |other: &Estimated| (estimated.explains, -estimated.chi) >= (other.explains, -other.chi);
         let best =
             if estimation.best.as_ref().is_none_or(better) { estimated } else { estimation.best.unwrap_or(estimated) };
@@ -112,7 +121,7 @@ impl Coevolution {
         let about = prior.draws(1, &mut self.stream(Stream::Ensembles, start * phase.turns)).remove(0);
         let belief = Posterior::new(DVector::from_vec(about), prior.covariance().clone());
         self.state.phase = Phase::Estimate(Estimation { belief, turn: 1, start, best: Some(best), ..estimation });
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 
     /// Ends step 3 with this estimate.
@@ -120,7 +129,7 @@ impl Coevolution {
         &mut self,
         on: &Environment<'_>,
         best: Option<Estimated>,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         if let Some(best) = best {
             let space = on.simulator.simulations();
             self.state.simulation = space.from_unit(best.belief.mean().as_slice());
@@ -128,6 +137,6 @@ impl Coevolution {
             self.state.estimated = Some(best);
         }
         self.state.phase = Phase::End;
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 }

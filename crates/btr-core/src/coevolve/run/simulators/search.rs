@@ -9,45 +9,50 @@ use crate::coevolve::run::state::{Phase, RunState};
 use crate::coevolve::transfer;
 use crate::optimize::{LeastSquares, Residuals};
 use crate::search::{AnySearch, Search, UnitPoint};
+use crate::world::Cancelled;
 
 impl Coevolution {
     /// Step 3; the tests of iteration `latest` are those that always count.
-    pub(in crate::coevolve::run) fn begin_simulators(&mut self, on: &Environment<'_>, latest: usize) -> Phase {
+    pub(in crate::coevolve::run) fn begin_simulators(
+        &mut self,
+        on: &Environment<'_>,
+        latest: usize,
+    ) -> Result<Phase, Cancelled> {
         if self.plan.posterior.is_none() && self.plan.simulators.is_none() {
-            return Phase::End;
+            return Ok(Phase::End);
         }
-        let now = self.distances_now(on);
+        let now = self.distances_now(on)?;
         let RunState { ledger, iteration, .. } = &self.state;
         let fresh: Vec<f64> = indices(ledger, &ledger.of_iteration(*iteration)).map(|k| now[k]).collect();
         let tests: Vec<usize> = indices(ledger, &ledger.counting(latest, self.plan.memory, &now)).collect();
         if tests.is_empty() {
             self.state.phi = None;
-            return Phase::End;
+            return Ok(Phase::End);
         }
         if self.plan.posterior.is_some() {
             return self.begin_estimation(on, tests);
         }
-        let Some(phase) = self.plan.simulators.clone() else { return Phase::End };
+        let Some(phase) = self.plan.simulators.clone() else { return Ok(Phase::End) };
         let incumbent = evaluate::phi(&tests.iter().map(|&k| now[k]).collect::<Vec<_>>());
         self.state.phi_predicted = (!fresh.is_empty()).then(|| evaluate::phi(&fresh));
         self.state.phi_start = self.state.phi_start.or(self.state.phi_predicted);
         self.state.phi = Some(incumbent);
         if self.plan.phi_goal.is_some_and(|goal| incumbent <= goal) {
-            return Phase::End;
+            return Ok(Phase::End);
         }
         let space = on.simulator.simulations();
         let first = self.state.iteration == 1 && self.plan.initial_simulation == Initial::Random;
         let here = space.to_unit(&self.state.simulation);
         let carried = self.state.carried.take().filter(|_| phase.carry_over);
         let search = carried.unwrap_or_else(|| phase.search.start(space.len(), (!first).then_some(here.as_slice())));
-        Phase::Simulators { search, tests, tried: vec![(here, incumbent)], generation: 1 }
+        Ok(Phase::Simulators { search, tests, tried: vec![(here, incumbent)], generation: 1 })
     }
 
     /// How far the present simulation is from every test of the ledger; infinite where a test failed.
-    pub(in crate::coevolve::run) fn distances_now(&mut self, on: &Environment<'_>) -> Vec<f64> {
+    pub(in crate::coevolve::run) fn distances_now(&mut self, on: &Environment<'_>) -> Result<Vec<f64>, Cancelled> {
         let RunState { ledger, simulation, cost, .. } = &mut self.state;
         let all: Vec<&Entry> = ledger.entries().iter().collect();
-        evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost).remove(0)
+        Ok(evaluate::distances(on.simulator, on.distance, std::slice::from_ref(simulation), &all, cost)?.remove(0))
     }
 
     pub(in crate::coevolve::run) fn simulators(
@@ -57,11 +62,11 @@ impl Coevolution {
         tests: Vec<usize>,
         mut tried: Vec<(UnitPoint, f64)>,
         generation: usize,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         let units = search.ask(&mut self.stream(Stream::Simulators, generation));
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
         let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
-        let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost);
+        let rows = evaluate::distances(on.simulator, on.distance, &points, &entries, &mut self.state.cost)?;
         let scores: Vec<f64> = rows.iter().map(|row| evaluate::phi(row)).collect();
         search.tell(&units, &scores);
         self.record_generation(generation, points, &scores);
@@ -69,7 +74,7 @@ impl Coevolution {
         let generations = self.plan.simulators.as_ref().map_or(0, |phase| phase.generations);
         if generation < generations && !self.found(&tried) {
             self.state.phase = Phase::Simulators { search, tests, tried, generation: generation + 1 };
-            return StepOutcome::Generation;
+            return Ok(StepOutcome::Generation);
         }
         self.state.carried = Some(search);
         let refines = generation < self.plan.simulator_generations() && !self.found(&tried);
@@ -79,7 +84,7 @@ impl Coevolution {
         } else {
             self.settle_simulation(on, &tried);
         }
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 
     /// One turn of least squares, or a new start where the last turn got nowhere.
@@ -90,16 +95,16 @@ impl Coevolution {
         tests: Vec<usize>,
         mut tried: Vec<(UnitPoint, f64)>,
         generation: usize,
-    ) -> StepOutcome {
+    ) -> Result<StepOutcome, Cancelled> {
         if search.done() {
             search = LeastSquares::near(&best(&tried).0, &mut self.stream(Stream::Simulators, generation));
         }
         let from = tried.len();
         let probes = search.probes();
-        let residuals = self.residuals(on, &tests, &probes, &mut tried);
+        let residuals = self.residuals(on, &tests, &probes, &mut tried)?;
         if let Some(linear) = search.linearise(&probes, &residuals) {
             let steps = search.tries(&linear);
-            let residuals = self.residuals(on, &tests, &steps, &mut tried);
+            let residuals = self.residuals(on, &tests, &steps, &mut tried)?;
             search.settle(&linear, &steps, &residuals);
         }
         let space = on.simulator.simulations();
@@ -111,7 +116,7 @@ impl Coevolution {
         } else {
             self.settle_simulation(on, &tried);
         }
-        StepOutcome::Generation
+        Ok(StepOutcome::Generation)
     }
 
     /// The residuals of some points on some tests; each point joins what was tried.
@@ -121,14 +126,14 @@ impl Coevolution {
         tests: &[usize],
         units: &[UnitPoint],
         tried: &mut Vec<(UnitPoint, f64)>,
-    ) -> Vec<Option<Residuals>> {
-        let Some(distance) = ResidualDistance::of(on.distance) else { return vec![None; units.len()] };
+    ) -> Result<Vec<Option<Residuals>>, Cancelled> {
+        let Some(distance) = ResidualDistance::of(on.distance) else { return Ok(vec![None; units.len()]) };
         let points: Vec<Vec<f64>> = units.iter().map(|u| on.simulator.simulations().from_unit(u)).collect();
         let entries: Vec<&Entry> = tests.iter().map(|&k| &self.state.ledger.entries()[k]).collect();
         let (phis, residuals): (Vec<f64>, Vec<_>) =
-            evaluate::residuals(on.simulator, distance, &points, &entries, &mut self.state.cost).into_iter().unzip();
+            evaluate::residuals(on.simulator, distance, &points, &entries, &mut self.state.cost)?.into_iter().unzip();
         tried.extend(units.iter().cloned().zip(phis));
-        residuals
+        Ok(residuals)
     }
 
     pub(in crate::coevolve::run) fn record_generation(
