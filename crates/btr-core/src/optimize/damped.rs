@@ -8,14 +8,14 @@ use nalgebra::{DMatrix, DVector};
 
 /// The local quadratic model of half a sum of squares.
 #[derive(Clone, Debug)]
-pub struct NormalEquations {
+pub struct QuadraticModel {
     /// Curvature: the products of the Jacobian's columns, and the information of priors. Square, symmetric.
     pub curvature: DMatrix<f64>,
     /// Slope: the products of the Jacobian's columns with the residual, and the slopes of priors.
     pub gradient: DVector<f64>,
 }
 
-impl NormalEquations {
+impl QuadraticModel {
     /// The step that cancels the gradient where the diagonal is larger by the factor 1 + `damping`. Each parameter with a
     /// number in `held` moves by that number; `held` is empty or has one entry per parameter. A parameter without
     /// curvature stays where it is. `None` where the numbers allow for no finite step.
@@ -54,7 +54,7 @@ mod tests {
             let jacobian = DMatrix::from_fn(9, 4, |i, k| numbers[4 * i + k] + if i == k { 9.0 } else { 0.0 });
             let residual = DVector::from_column_slice(&numbers[31..40]);
             let normal =
-                NormalEquations { curvature: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residual) };
+                QuadraticModel { curvature: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residual) };
             for held in [vec![], vec![None, Some(by), None, Some(0.0)]] {
                 let step = normal.step(0.0, &held).unwrap();
                 let slope = jacobian.tr_mul(&(&residual + &jacobian * &step));
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn what_has_no_effect_stays() {
-        let normal = NormalEquations {
+        let normal = QuadraticModel {
             curvature: DMatrix::from_row_slice(2, 2, &[4.0, 0.0, 0.0, 0.0]),
             gradient: DVector::from_column_slice(&[-2.0, 0.0]),
         };

@@ -7,6 +7,7 @@
 //! (Cauchy's weights): they have just jumped, and say nothing about the slope. The caller judges the points by the
 //! distance itself.
 
+use super::damped::QuadraticModel;
 use crate::random::Rng;
 use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector};
@@ -48,8 +49,9 @@ pub struct LeastSquares {
 pub struct Linear {
     weights: Vec<Vec<f64>>,
     cost: f64,
-    normal: DMatrix<f64>,
-    gradient: DVector<f64>,
+    normal: QuadraticModel,
+    /// Zero for what is held at a bound.
+    held: Vec<Option<f64>>,
 }
 
 impl LeastSquares {
@@ -105,25 +107,22 @@ impl LeastSquares {
         let dot = |a: &[f64], b: &[f64]| -> f64 {
             a.iter().zip(b).zip(&flat_weights).map(|((a, b), w)| known(a * b) * w).sum()
         };
-        let mut gradient = DVector::from_fn(columns.len(), |i, _| columns[i].as_ref().map_or(0.0, |a| dot(a, &errors)));
+        let gradient = DVector::from_fn(columns.len(), |i, _| columns[i].as_ref().map_or(0.0, |a| dot(a, &errors)));
         // What would leave the cube is held, or the step of the others would count on it.
         let held = |k: usize| (self.here[k] >= 1.0 && gradient[k] < 0.0) || (self.here[k] <= 0.0 && gradient[k] > 0.0);
-        let held: Vec<bool> = (0..columns.len()).map(held).collect();
-        let normal = DMatrix::from_fn(columns.len(), columns.len(), |i, j| match (&columns[i], &columns[j]) {
-            (Some(a), Some(b)) if !held[i] && !held[j] => dot(a, b),
+        let held = (0..columns.len()).map(|k| held(k).then_some(0.0)).collect();
+        let curvature = DMatrix::from_fn(columns.len(), columns.len(), |i, j| match (&columns[i], &columns[j]) {
+            (Some(a), Some(b)) => dot(a, b),
             _ => 0.0,
         });
-        for k in (0..held.len()).filter(|k| held[*k]) {
-            gradient[k] = 0.0;
-        }
-        Some(Linear { cost: cost(here, &weights), weights, normal, gradient })
+        Some(Linear { cost: cost(here, &weights), weights, normal: QuadraticModel { curvature, gradient }, held })
     }
 
     /// Steps of several lengths and directions between the gradient's and Gauss and Newton's.
     pub fn tries(&self, linear: &Linear) -> Vec<UnitPoint> {
         let reached = |(factor, length): &(f64, f64)| {
             let step = linear.step(self.damping * factor);
-            let moved = |(x, d): (&f64, &f64)| (x - (length * d).clamp(-STRIDE, STRIDE)).clamp(0.0, 1.0);
+            let moved = |(x, d): (&f64, &f64)| (x + (length * d).clamp(-STRIDE, STRIDE)).clamp(0.0, 1.0);
             self.here.iter().zip(step.iter()).map(moved).collect()
         };
         TRIES.iter().map(reached).collect()
@@ -152,15 +151,9 @@ impl LeastSquares {
 }
 
 impl Linear {
-    /// The step against the gradient with this damping, in Marquardt's scaling; none where the numbers allow for none.
+    /// The step with this damping; none where the numbers allow for none.
     fn step(&self, damping: f64) -> DVector<f64> {
-        let mut damped = self.normal.clone();
-        for k in 0..damped.nrows() {
-            // A parameter without effect stays where it is.
-            damped[(k, k)] = if damped[(k, k)] > 0.0 { damped[(k, k)] * (1.0 + damping) } else { 1.0 };
-        }
-        let step = damped.cholesky().map(|factors| factors.solve(&self.gradient));
-        step.filter(|step| step.iter().all(|x| x.is_finite())).unwrap_or_else(|| DVector::zeros(self.gradient.len()))
+        self.normal.step(damping, &self.held).unwrap_or_else(|| DVector::zeros(self.held.len()))
     }
 }
 

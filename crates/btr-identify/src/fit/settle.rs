@@ -4,6 +4,7 @@ use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
 use crate::residual_model::FitParameter;
+use btr_core::optimize::QuadraticModel;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 
@@ -91,10 +92,10 @@ impl FitPoint {
         parameters: &[FitParameter],
         jacobian: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
-        let gradient = self.gradient(parameters, jacobian);
+        let normal = self.normal_equations(parameters, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
-            let step = self.solved(parameters, jacobian, 0.0, &pinned, gradient.clone())?;
+            let step = normal.step(0.0, &pinned)?;
             let beyond = |k: usize| {
                 let (parameter, u) = (&parameters[self.active[k]], self.u[self.active[k]]);
                 let bound = if step[k] < 0.0 { parameter.bounds.0 } else { parameter.bounds.1 };
@@ -127,7 +128,8 @@ impl FitPoint {
         let second = |row: usize| 0.5 * (near_weight * near[row] + far_weight * far[row] + here_weight * here[row]);
         let second = DVector::from_fn(here.len(), |row, _| second(row));
         let held: Vec<Option<f64>> = pinned.iter().map(|pinned| pinned.map(|_| 0.0)).collect();
-        let bend = self.solved(parameters, jacobian, 0.0, &held, jacobian.tr_mul(&second))?;
+        let gradient = jacobian.tr_mul(&second);
+        let bend = QuadraticModel { gradient, ..self.normal_equations(parameters, jacobian) }.step(0.0, &held)?;
         (bend.norm() < BENT * step.norm()).then_some(bend)
     }
 }

@@ -4,6 +4,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
 use crate::residual_model::FitParameter;
+use btr_core::optimize::QuadraticModel;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -219,10 +220,10 @@ impl FitPoint {
     /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let gradient = self.gradient(parameters, jacobian);
+        let normal = self.normal_equations(parameters, jacobian);
         let mut held = vec![None; self.active.len()];
         loop {
-            let step = self.solved(parameters, jacobian, damping, &held, gradient.clone())?;
+            let step = normal.step(damping, &held)?;
             let leaves = |k: usize| {
                 let (u, (least, most)) = (self.u[self.active[k]], parameters[self.active[k]].bounds);
                 (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
@@ -235,40 +236,16 @@ impl FitPoint {
         }
     }
 
-    /// Half the cost's gradient.
-    pub(super) fn gradient(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> DVector<f64> {
+    /// The local quadratic model of half the cost.
+    pub(super) fn normal_equations(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
+        let mut curvature = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &parameter) in self.active.iter().enumerate() {
-            gradient[k] += parameters[parameter].spread.powi(-2) * self.u[parameter];
+            let information = parameters[parameter].spread.powi(-2);
+            curvature[(k, k)] += information;
+            gradient[k] += information * self.u[parameter];
         }
-        gradient
-    }
-
-    /// The step that cancels a gradient in the local linear model; parameters in `held` move by the given amounts.
-    pub(super) fn solved(
-        &self,
-        parameters: &[FitParameter],
-        jacobian: &DMatrix<f64>,
-        damping: f64,
-        held: &[Option<f64>],
-        mut gradient: DVector<f64>,
-    ) -> Option<DVector<f64>> {
-        let mut normal = jacobian.tr_mul(jacobian);
-        for (k, &parameter) in self.active.iter().enumerate() {
-            normal[(k, k)] = (normal[(k, k)] + parameters[parameter].spread.powi(-2)) * (1.0 + damping);
-        }
-        let held = || held.iter().enumerate().filter_map(|(k, by)| Some((k, (*by)?)));
-        for (k, by) in held() {
-            gradient.axpy(by, &normal.column(k), 1.0);
-            normal.row_mut(k).fill(0.0);
-            normal.column_mut(k).fill(0.0);
-            normal[(k, k)] = 1.0;
-        }
-        for (k, by) in held() {
-            gradient[k] = -by;
-        }
-        let step = normal.cholesky()?.solve(&gradient);
-        step.iter().all(|x| x.is_finite()).then(|| -step)
+        QuadraticModel { curvature, gradient }
     }
 }
 
