@@ -10,8 +10,6 @@ from btr._optional import needed
 if TYPE_CHECKING:
     import pandas
 
-    from btr.documents import Estimate
-
 Rows = list[dict[str, Any]]
 """A table: every row has the same keys, which head its columns."""
 
@@ -21,15 +19,6 @@ def cell(value: Any) -> str:
     if value is None:
         return "-"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def interval(parameter: Estimate) -> str:
-    """The 95 % interval of a fitted number, or why there is none."""
-    if parameter.at_bound:
-        return "at its bound"
-    ci95 = parameter.ci95
-    by = " (by its bounds)" if parameter.by_bounds else ""
-    return "withheld" if ci95 is None else f"{cell(ci95[0])} .. {cell(ci95[1])}{by}"
 
 
 def text(rows: Rows) -> str:

@@ -12,10 +12,11 @@ from typing import Any, Union
 from btr import _btr, _warnings
 from btr._btr import BtrError, Log
 from btr._inputs import count, must_be_called
+from btr._sources import LogLike, is_columns
 from btr.controller import Controller
 from btr.documents import Iteration
 from btr.executors import ExecutorLike, executor_of
-from btr.logs import LogLike, is_columns, load_log
+from btr.logs import load_log
 from btr.model import Model, loaded
 from btr.results import CoevolveResult
 

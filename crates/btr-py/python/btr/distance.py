@@ -24,7 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from btr import _btr
 from btr._btr import Log
 from btr._inputs import floats, wrong
-from btr.logs import LogLike, load_log
+from btr._sources import LogLike
+from btr.logs import load_log
 
 __all__ = ["dtw", "fitness", "information", "normalised_rmse", "rmse", "spectrum", "whitened"]
 

@@ -17,9 +17,9 @@ from btr._btr import Log
 from btr._inputs import count, floats
 from btr._laws import Law, Number
 from btr._points import Points, rollouts_in, rows_of, table_of
+from btr._sources import LogLike, given
 from btr.controller import Controller
 from btr.documents import Dimension
-from btr.logs import LogLike, given
 
 
 class Model:
@@ -70,7 +70,7 @@ class Model:
         alone contain neither the initial pose of the loop's tests (the drive may start from another pose) nor their
         duration. A `btr.Controller` of `coevolve` contains both; simulating it reproduces the loop's simulation."""
         seed = None if seed is None else count(seed, "seed")
-        commands, start = _commands_of(log, self)
+        commands, start = _commands_of(log, self._model)
         return self._model.simulate(commands, seed, start)
 
     @property
@@ -125,7 +125,7 @@ class Model:
             raise ValueError("with a log, its commands drive the joints: controllers would have no effect")
         rows_s = rows_of(s, self._model, "parameters", rollouts)
         rows_c = rows_of(c, self._model, "controllers", rollouts)
-        return self._model.simulate_all(rows_s, rows_c, *_commands_of(log, self))
+        return self._model.simulate_all(rows_s, rows_c, *_commands_of(log, self._model))
 
     def add(self, *effects: str) -> Model:
         """The model with added effects, their parameters free (`"coulomb_friction@knee"`; without a site, one at every
@@ -199,7 +199,7 @@ class Model:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
 
 
-def _commands_of(log: LogLike | Controller | None, model: Model) -> tuple[Log | Path | None, _btr._Begins | None]:
+def _commands_of(log: LogLike | Controller | None, model: _btr.Model) -> tuple[Log | Path | None, _btr._Begins | None]:
     """The log with the commands, and the start of the rollout if it is not that of the log."""
     if isinstance(log, Controller):
         return log.references, (list(log.start.items()), log.base, log.duration_s)

@@ -8,23 +8,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
+from btr._btr import Log
 from btr._optional import needed
-from btr._tables import cell, interval
+from btr._tables import cell
+from btr.documents import Augmentation, ChannelError, Dimension, Estimate, Iteration, LadderStep
+from btr.documents._common import interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from btr._btr import Log
-    from btr.documents import Dimension, Estimate, LadderStep
-    from btr.results import CoevolveResult, CompareResult, DiagnoseResult, FitResult
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
 """Colours by meaning: simulated; measured or held out; before; warning; true."""
 
 _JOINT_CHANNELS = ("cmd", "q", "dq", "tau")
 _FLOORS = "error (noise floors)"
+
+
+# What is drawn of each result. Results have `plot` methods and thus import this module.
+class _Compared(Protocol):
+    channels: list[ChannelError]
+
+
+class _Diagnosed(Protocol):
+    error_ladder: list[LadderStep]
+
+
+class _Fitted(Protocol):
+    parameters: list[Estimate]
+    space: list[Dimension]
+    error_ladder: list[LadderStep]
+
+
+class _Coevolved(Protocol):
+    iterations: list[Iteration]
+    augmentations: list[Augmentation]
 
 
 def _figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float], **options: Any) -> list[Axes]:
@@ -63,7 +82,7 @@ def _errors(ax: Axes, errors: Sequence[float]) -> None:
     ax.set_xlabel(_FLOORS)
 
 
-def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
+def compare(found: _Compared, ax: Axes | None = None) -> Axes:
     """The error of each channel in noise floors (`chi`), as bars on a logarithmic scale with the noise floor."""
     channels = found.channels
     ax = ax or _figure(size=(6.4, _height(len(channels))))[0]
@@ -76,7 +95,7 @@ def compare(found: CompareResult, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def diagnose(found: DiagnoseResult, ax: Axes | None = None) -> Axes:
+def diagnose(found: _Diagnosed, ax: Axes | None = None) -> Axes:
     """The error ladder on training and held-out logs, in noise floors on a logarithmic scale."""
     ladder = found.error_ladder
     return _ladder(ladder, ax or _figure(size=(6.4, _height(len(ladder))))[0])
@@ -95,14 +114,14 @@ def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> Axes:
     return ax
 
 
-def fit(found: FitResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def fit(found: _Fitted, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """The fitted values with 95 % intervals between their bounds, and the error after each step, on a pair of axes."""
     rows = max(len(found.parameters), len(found.error_ladder))
     values, ladder = _figure(1, 2, size=(13.0, _height(rows))) if ax is None else ax
     return [_values(found, values), _ladder(found.error_ladder, ladder)]
 
 
-def _values(found: FitResult, ax: Axes) -> Axes:
+def _values(found: _Fitted, ax: Axes) -> Axes:
     dims = {dim.name: dim for dim in found.space}
     _rows(ax, [parameter.name for parameter in found.parameters])
     for row, parameter in enumerate(found.parameters):
@@ -136,7 +155,7 @@ def _share(dim: Dimension, value: float | None) -> float:
     return float((value - low) / (high - low))
 
 
-def coevolve(found: CoevolveResult, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def coevolve(found: _Coevolved, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Results by iteration, on a pair of axes. Left: phi on a logarithmic scale, of the new simulation, and of the
     previous one on tests that it was not fitted to. Right: the best controller's fitness, predicted and real. Without
     any fitness there is only the left one."""
@@ -151,7 +170,7 @@ def coevolve(found: CoevolveResult, ax: Sequence[Axes] | None = None) -> list[Ax
     return drawn
 
 
-def _iterations(found: CoevolveResult, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> Axes:
+def _iterations(found: _Coevolved, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> Axes:
     """One line per (key, name, ink) over the iterations, with marks where parameters were added to the simulation."""
     for key, name, ink in lines:
         values = [math.nan if iteration[key] is None else iteration[key] for iteration in found.iterations]

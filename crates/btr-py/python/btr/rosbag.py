@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from btr import _btr
 from btr._btr import BtrError, Log
-
-if TYPE_CHECKING:
-    from btr.model import Model
 
 # Message types to read; others (images) are not copied from the bag.
 READ = {"JointState", "JointTrajectory", "Imu", "Float64MultiArray"}
@@ -27,7 +24,7 @@ def is_reader(source: Any) -> bool:
     return type(source).__module__.partition(".")[0] == "rosbags" and hasattr(source, "messages")
 
 
-def load_bag(path: Path, model: Model | None) -> Log:
+def load_bag(path: Path, model: _btr.Model | None) -> Log:
     """The log of a bag's folder. Raises `BtrError` if rosbags is not installed or cannot read the bag."""
     try:
         from rosbags.rosbag2 import Reader, ReaderError
@@ -40,7 +37,7 @@ def load_bag(path: Path, model: Model | None) -> Log:
         raise BtrError(f"{path}: {error}\nhelp: check that it was closed and copied as a whole") from error
 
 
-def read(reader: Any, name: str | None, model: Model | None) -> Log:
+def read(reader: Any, name: str | None, model: _btr.Model | None) -> Log:
     """The log of a reader of rosbags: joint states and the other messages in `READ`, as for an MCAP file. Raises
     `BtrError` for a reader that is not open and for a bag without joint states."""
     if name is None:
@@ -55,4 +52,4 @@ def read(reader: Any, name: str | None, model: Model | None) -> Log:
     # For an empty list of connections, rosbags would return all messages.
     raw = reader.messages(connections=selected) if selected else ()
     messages = ((numbers[id(connection)], stamp_ns, bytes(data)) for connection, stamp_ns, data in raw)
-    return _btr.log_of_messages(Path(name), topics, messages, None if model is None else model._model)
+    return _btr.log_of_messages(Path(name), topics, messages, model)

@@ -9,8 +9,8 @@ from typing import Any, Union
 
 from btr import _btr, _warnings
 from btr._inputs import count, must_be_called
+from btr._sources import LogLike, Logs
 from btr.executors import ExecutorLike, executor_of
-from btr.logs import LogLike, Logs
 from btr.model import Model, loaded
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
 
@@ -47,14 +47,14 @@ def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLik
     """Quality of logs before any fit, and which free parameters they determine. Raises `BtrError` for logs that cannot be
     read or do not match the model."""
     model = loaded(model)
-    return CheckResult(json.loads(_btr.check(model._model, Logs(model).all(logs))))
+    return CheckResult(json.loads(_btr.check(model._model, Logs(model._model).all(logs))))
 
 
 def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
     """The model's error on every channel, in multiples of the noise floor, and where it fails. Raises `BtrError` for logs
     that cannot be read or have no channel in common with the model."""
     model = loaded(model)
-    document, page = _btr.compare(model._model, Logs(model).all(logs))
+    document, page = _btr.compare(model._model, Logs(model._model).all(logs))
     return CompareResult(json.loads(document), page)
 
 
@@ -73,7 +73,7 @@ def diagnose(
     simulations run (see `btr.executors`). Raises `BtrError` for logs without information, or on which the model diverges.
     An exception of `tell` ends the diagnosis."""
     model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
-    given = Logs(model)
+    given = Logs(model._model)
     document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, workers)
     return DiagnoseResult(_warned(json.loads(document)), page, commands)
 
@@ -98,6 +98,6 @@ def fit(
     parameters, for logs without information, or on which the model diverges. An exception of `tell` ends the fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added = [add] if isinstance(add, str) else list(add or ())
-    given = Logs(model)
+    given = Logs(model._model)
     document, page, space, fitted = _btr.fit(model._model, given.all(logs), given.all(held_out), added, tell, workers)
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))

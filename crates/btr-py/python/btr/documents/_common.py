@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from btr._tables import cell
 from btr.documents._record import Record
 
 Severity = Literal["fine", "doubtful", "bad"]
@@ -91,6 +92,15 @@ class Estimate(Record):
     """Whether the value is at a bound."""
     by_bounds: bool
     """Whether the interval follows from bounds (its own or those of others) rather than from the logs."""
+
+
+def interval(parameter: Estimate) -> str:
+    """The 95 % interval of a fitted number, or why there is none."""
+    if parameter.at_bound:
+        return "at its bound"
+    ci95 = parameter.ci95
+    by = " (by its bounds)" if parameter.by_bounds else ""
+    return "withheld" if ci95 is None else f"{cell(ci95[0])} .. {cell(ci95[1])}{by}"
 
 
 class NullDirection(Record):

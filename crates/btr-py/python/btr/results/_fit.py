@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from btr import _tables, plots
 from btr import documents as doc
 from btr._btr import Page
-from btr._tables import Rows, cell, interval
+from btr._tables import Rows, cell
+from btr.documents._common import interval
 from btr.results._base import Reported
 
 if TYPE_CHECKING:
