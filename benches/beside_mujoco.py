@@ -144,8 +144,11 @@ def main():
         for scene in scenes:
             scene.time_btr()
             scene.time_mujoco()
-    print(f"µs of processor time per step and candidate, minimum / median of {rounds} rounds of rollouts of {DURATION_S:g} s; "
-          f"MuJoCo {mujoco.__version__}; moved and height: btr/MuJoCo")
+    print(
+        f"µs of processor time per step and candidate, minimum / median of {rounds} rounds "
+        f"of rollouts of {DURATION_S:g} s; "
+        f"MuJoCo {mujoco.__version__}; moved and height: btr/MuJoCo"
+    )
     print(f"{'':24}{'btr':>18}{'MuJoCo':>18}{'faster':>8}   moved along x, m  height  agreement")
     for scene in scenes:
         print(scene.row())

@@ -27,7 +27,9 @@ def made() -> btr.Log:
     """A log of 44 channels with noise, so that all digits are significant."""
     random, phase = np.random.default_rng(1), 0.01 * np.arange(ROWS)
     names = [f"{prefix}_joint{k}" for prefix in ("cmd", "q", "dq", "tau") for k in range(JOINTS)]
-    return btr.Log(STEP_S * np.arange(ROWS), {n: np.sin(phase + len(n)) + 1e-3 * random.standard_normal(ROWS) for n in names})
+    return btr.Log(
+        STEP_S * np.arange(ROWS), {n: np.sin(phase + len(n)) + 1e-3 * random.standard_normal(ROWS) for n in names}
+    )
 
 
 def columns(log: btr.Log, prefix: str) -> np.ndarray:

@@ -43,8 +43,8 @@ def main() -> None:
     args = parser.parse_args()
     out = args.out.resolve()
     print(
-        "seed | phi_1: worst length %, real tests, to 2 % | fitness found, reality alone | ahead m, aside m, turned deg | "
-        "series: worst %, tests, to 2 % | ahead m, aside m, turned deg"
+        "seed | phi_1: worst length %, real tests, to 2 % | fitness found, reality alone | "
+        "ahead m, aside m, turned deg | series: worst %, tests, to 2 % | ahead m, aside m, turned deg"
     )
     within, fitter, series_within = 0, 0, 0
     for seed in range(1, args.seeds + 1):
@@ -58,8 +58,9 @@ def main() -> None:
         series_within += worst_error(series) <= 2.0
         paths = ["{:.2f} {:+.2f} {:+5.1f}".format(*course(folder, args.btr)) for folder in (folders[0], folders[2])]
         print(
-            f"{seed:4} | {worst_error(ant):8.2f} {ant['real_tests']:5} {tests_to(ant, 2.0):>5} | {fitness:.3f} {fitness_alone:.3f}"
-            f" | {paths[0]} | {worst_error(series):6.2f} {series['real_tests']:3} {tests_to(series, 2.0):>3} | {paths[1]}",
+            f"{seed:4} | {worst_error(ant):8.2f} {ant['real_tests']:5} {tests_to(ant, 2.0):>5} | "
+            f"{fitness:.3f} {fitness_alone:.3f} | {paths[0]} | "
+            f"{worst_error(series):6.2f} {series['real_tests']:3} {tests_to(series, 2.0):>3} | {paths[1]}",
             flush=True,
         )
     print(f"all lengths within 2 %: {within}/{args.seeds} with phi_1, {series_within}/{args.seeds} with time series")

@@ -202,7 +202,11 @@ def fit(arm: Arm, measured: sysid.ModelSequences, rubbing: str | None = None) ->
     residual = sysid.build_residual_fn(models_sequences=[measured])
     with contextlib.redirect_stdout(io.StringIO()):
         params, result = sysid.optimize(
-            initial_params=parameters(arm, rubbing), residual_fn=residual, optimizer="mujoco", verbose=False, max_iters=20
+            initial_params=parameters(arm, rubbing),
+            residual_fn=residual,
+            optimizer="mujoco",
+            verbose=False,
+            max_iters=20,
         )
     values = params.as_vector().copy()
     left = residual(values, params)[0]
@@ -219,7 +223,9 @@ def with_sysid(arm: Arm, truth: Doubts, episodes: list[Episode]) -> Iterator[Row
     seconds = time.monotonic() - begin
     wanted = np.array([*truth.armature.values(), *truth.damping.values()])
     misses = np.abs(plain.values - wanted) / plain.half_widths
-    says = f"{', '.join(sorted(set(plain.insights)))}; {sum(misses <= 1)}/10 intervals hold, worst miss {max(misses):.0f}x"
+    says = (
+        f"{', '.join(sorted(set(plain.insights)))}; {sum(misses <= 1)}/10 intervals hold, worst miss {max(misses):.0f}x"
+    )
     yield Row("mujoco.sysid", says, None, seconds)
 
 

@@ -42,7 +42,8 @@ def without_map(text: str, method: str, iterations: int, population: int, genera
     text = re.sub(r"(?s)\[coevolve\].*", "", text)
     tests = iterations * population if method == "reality_only" else 1
     return text + (
-        f'[coevolve]\nmethod = "{method}"\niterations = {iterations}\nreal_tests = {min(tests, 10)}\ndistance = "fitness"\n'
+        f'[coevolve]\nmethod = "{method}"\niterations = {iterations}\nreal_tests = {min(tests, 10)}\n'
+        'distance = "fitness"\n'
         f"transfer = {{ count = 1 }}\n[coevolve.controllers]\ngenerations = {generations}\n{SEARCH % population}\n"
     )
 
@@ -56,7 +57,10 @@ def main() -> None:
     parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
     out, text = args.out.resolve(), args.experiment.read_text()
-    print("seed | damage | best simulated: promised, real | map: promised, first test, best, tests | reality alone | within | s")
+    print(
+        "seed | damage | best simulated: promised, real | map: promised, first test, best, tests | "
+        "reality alone | within | s"
+    )
     rows = []
     for seed in range(args.first, args.first + args.seeds):
         asked, damage = damaged(text, seed)
@@ -72,7 +76,8 @@ def main() -> None:
         rows.append((test["promised"], best["recommended"]["fitness_real"], tests[0]["verdict"]["done"]["fitness"],
                      real[0], len(tests), real[1], *within, took_s))
         print(
-            f"{seed:4} | {damage:14} | {rows[-1][0]:.3f} {rows[-1][1]:+.3f} | {tests[0]['promised']:.3f} {rows[-1][2]:+.3f} "
+            f"{seed:4} | {damage:14} | {rows[-1][0]:.3f} {rows[-1][1]:+.3f} | "
+            f"{tests[0]['promised']:.3f} {rows[-1][2]:+.3f} "
             f"{real[0]:+.3f} {len(tests):2} | {real[1]:+.3f} | {within[0]}/{within[1]} | {took_s:.0f}",
             flush=True,
         )
@@ -82,7 +87,9 @@ def main() -> None:
           f"found {median[3]:+.3f} in {median[4]:.0f} tests; reality alone {median[5]:+.3f}")
     print(f"better than the best simulated gait: {sum(row[3] > row[1] for row in rows)} of {len(rows)}, "
           f"than reality alone: {sum(row[3] > row[5] for row in rows)}")
-    print(f"promises within their interval: {sum(columns[6])} of {sum(columns[7])}; most seconds: {max(columns[8]):.0f}")
+    print(
+        f"promises within their interval: {sum(columns[6])} of {sum(columns[7])}; most seconds: {max(columns[8]):.0f}"
+    )
 
 
 if __name__ == "__main__":

@@ -120,10 +120,10 @@ def on_joint(effect: str, joint: str, rng: np.random.Generator) -> dict[str, flo
 
 
 ON_JOINTS = [
-    "coulomb_friction", "stribeck_friction", "asymmetric_friction", "load_dependent_friction", "quadratic_drag", "armature",
-    "parallel_spring", "cogging", "torque_limit", "speed_torque_limit", "thermal_fade", "command_delay", "motor_lag",
-    "command_rate_limit", "command_deadband", "backlash", "joint_elasticity", "encoder_scale", "encoder_offset",
-    "encoder_delay",
+    "coulomb_friction", "stribeck_friction", "asymmetric_friction", "load_dependent_friction", "quadratic_drag",
+    "armature", "parallel_spring", "cogging", "torque_limit", "speed_torque_limit", "thermal_fade", "command_delay",
+    "motor_lag", "command_rate_limit", "command_deadband", "backlash", "joint_elasticity", "encoder_scale",
+    "encoder_offset", "encoder_delay",
 ]  # fmt: skip
 EFFECTS = ["none", *ON_JOINTS, "com_offset", "link_inertia", "gravity_tilt", "voltage_sag", "clock_skew"]
 # Links that carry each other's weight; the turret's centre of mass moves in a plane normal to gravity.
@@ -145,7 +145,9 @@ def hide(effect: str, rng: np.random.Generator) -> Hidden:
         case "link_inertia":
             return Hidden(effect, link, {"inertia": 0.5 * LINKS[link] * size})
         case "gravity_tilt":
-            return Hidden(effect, "base", {axis: 0.05 * between(rng, 0.7, 1.5) * sign(rng) for axis in ("roll", "pitch")})
+            return Hidden(
+                effect, "base", {axis: 0.05 * between(rng, 0.7, 1.5) * sign(rng) for axis in ("roll", "pitch")}
+            )
         case "voltage_sag":
             return Hidden(effect, "*", {"sag": 0.04 * size})
         case "clock_skew":
@@ -194,7 +196,9 @@ class Arm:
             if hidden.on("joint_elasticity", name):
                 spring = {key: str(value) for key, value in hidden.values.items()}
                 ET.SubElement(body, "joint", name="apart", axis=axis, **spring)
-            limit = {"forcerange": f"{-hidden.values['torque']} {hidden.values['torque']}"} if limited(hidden, name) else {}
+            limit = (
+                {"forcerange": f"{-hidden.values['torque']} {hidden.values['torque']}"} if limited(hidden, name) else {}
+            )
             bias = servo_bias(hidden, name, self.kp[name], self.kd[name])
             ET.SubElement(actuators, "general", name=name, joint=name, gainprm=str(self.kp[name]),
                           biastype="affine", biasprm=text(bias), **limit)  # fmt: skip

@@ -18,7 +18,10 @@ import pathlib
 from asking import BTR, ROOT, coevolved, quartiles, worst_error
 
 EXPERIMENT = ROOT / "robots" / "ant-series.toml"
-NOISE = "{ position_rad = 0.0005, velocity_rad_s = 0.02, torque_n_m = 0.05, gyro_rad_s = 0.01, acceleration_m_s2 = 0.1, force_n = 0.5 }"
+NOISE = (
+    "{ position_rad = 0.0005, velocity_rad_s = 0.02, torque_n_m = 0.05, "
+    "gyro_rad_s = 0.01, acceleration_m_s2 = 0.1, force_n = 0.5 }"
+)
 SWINGS = ", ".join(f'"amplitude@{side}{row}_*" = [0.0, 0.4]' for side in "LR" for row in "123")
 
 # Settings of each method, by dotted keys of the experiment; {tests} is the number of real tests.
@@ -81,19 +84,26 @@ def draw(curves: dict[str, list[tuple[float, float, float]]], file: pathlib.Path
     path = lambda points: " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
     parts = [f'<text x="{LEFT}" y="18">best fitness in reality: median and quartiles</text>']
     for value in (k / 10 for k in range(math.ceil(10 * least), math.floor(10 * most) + 1)):
-        parts.append(f'<line x1="{LEFT}" x2="{LEFT + WIDTH}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#e4e4e4"/>')
+        parts.append(
+            f'<line x1="{LEFT}" x2="{LEFT + WIDTH}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#e4e4e4"/>'
+        )
         parts.append(f'<text x="{LEFT - 8}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.1f}</text>')
     for test in range(1, tests + 1):
         parts.append(f'<text x="{x(test):.1f}" y="{TOP + HEIGHT + 20}" text-anchor="middle">{test}</text>')
     parts.append(f'<text x="{LEFT + WIDTH / 2}" y="{TOP + HEIGHT + 40}" text-anchor="middle">real tests</text>')
     for (name, curve), colour in zip(curves.items(), COLOURS):
-        band = [(x(k), y(q[0])) for k, q in enumerate(curve, 1)] + [(x(k), y(q[2])) for k, q in reversed(list(enumerate(curve, 1)))]
+        band = [(x(k), y(q[0])) for k, q in enumerate(curve, 1)] + [
+            (x(k), y(q[2])) for k, q in reversed(list(enumerate(curve, 1)))
+        ]
         parts.append(f'<polygon points="{path(band)}" fill="{colour}" opacity="0.12"/>')
     for number, ((name, curve), colour) in enumerate(zip(curves.items(), COLOURS)):
         middle = [(x(k), y(q[1])) for k, q in enumerate(curve, 1)]
         parts.append(f'<polyline points="{path(middle)}" fill="none" stroke="{colour}" stroke-width="2"/>')
         at = TOP + 12 + 20 * number
-        parts.append(f'<line x1="{LEFT + WIDTH + 16}" x2="{LEFT + WIDTH + 40}" y1="{at}" y2="{at}" stroke="{colour}" stroke-width="3"/>')
+        parts.append(
+            f'<line x1="{LEFT + WIDTH + 16}" x2="{LEFT + WIDTH + 40}" y1="{at}" y2="{at}" '
+            f'stroke="{colour}" stroke-width="3"/>'
+        )
         parts.append(f'<text x="{LEFT + WIDTH + 46}" y="{at + 4}">{name}</text>')
     frame = 'width="870" height="420" viewBox="0 0 870 420" font-family="sans-serif" font-size="13" fill="#333"'
     body = '<rect width="870" height="420" fill="white"/>' + "".join(parts)

@@ -109,7 +109,10 @@ def outside(text: str, args: argparse.Namespace) -> None:
         right = cause["verdict"] == "effect_missing" and sorted(found) == sorted(names)
         exact += right
         said = ", ".join(found) + (f" ({', '.join(alike)})" if alike else "")
-        print(f"{seed:4} | {', '.join(names)} | {cause['verdict']} | {said} | {took_s:.0f} {'' if right else 'WRONG'}", flush=True)
+        print(
+            f"{seed:4} | {', '.join(names)} | {cause['verdict']} | {said} | {took_s:.0f} {'' if right else 'WRONG'}",
+            flush=True,
+        )
     print(f"named exactly: {exact} of {args.seeds}")
 
 
@@ -139,8 +142,8 @@ def drift(args: argparse.Namespace) -> None:
         recovered += [known[0] - 3] if known else []
         worst = max(100 * abs(value / truth[n] - 1) for n, value in history["iterations"][-1]["parameters"].items())
         print(
-            f"{seed:4} | {name} x {times} | {said} | {noticed[-1] if drifts else '-'}, {known[0] - 3 if known else '-'} "
-            f"| {worst:.2f} | {took_s:.0f}",
+            f"{seed:4} | {name} x {times} | {said} | {noticed[-1] if drifts else '-'}, "
+            f"{known[0] - 3 if known else '-'} | {worst:.2f} | {took_s:.0f}",
             flush=True,
         )
     print(f"named exactly, and nothing else: {right} of {args.seeds}")

@@ -67,7 +67,9 @@ class Ladder:
         print(f"{'step':<46}{'train':>9}{'test':>9}  {''.join(f'{joint:>15}' for joint in JOINTS)}", flush=True)
 
     def line(self, step: str, train: float, held_out: float, model: str) -> None:
-        errors = {channel["name"]: channel["rmse"] for channel in ask(self.btr, "compare", model, *self.judge)["channels"]}
+        errors = {
+            channel["name"]: channel["rmse"] for channel in ask(self.btr, "compare", model, *self.judge)["channels"]
+        }
         each = "".join(f"{1000 * errors[f'q_{joint}']:15.1f}" for joint in JOINTS)
         print(f"{step:<46}{train:9.2f}{held_out:9.2f}  {each}", flush=True)
 

@@ -22,9 +22,23 @@ EXPERIMENT = ROOT / "robots" / "nao.toml"
 # No-load speed in rad/s, stall torque in N·m: motors and gears as in crates/btr-physics/src/nao.rs, which has the
 # sources.
 STRONG, KNEE = (4.162, 11.98), (6.402, 7.786)
-LIMITS = {"HipYawPitch": STRONG, "HipRoll": STRONG, "AnkleRoll": STRONG, "HipPitch": KNEE, "KneePitch": KNEE, "AnklePitch": KNEE}
+LIMITS = {
+    "HipYawPitch": STRONG,
+    "HipRoll": STRONG,
+    "AnkleRoll": STRONG,
+    "HipPitch": KNEE,
+    "KneePitch": KNEE,
+    "AnklePitch": KNEE,
+}
 ARM, ROLL = (8.293, 2.269), (7.194, 2.616)
-LIMITS |= {"HeadPitch": ROLL, "ShoulderRoll": ROLL, "ElbowRoll": ROLL, "HeadYaw": ARM, "ShoulderPitch": ARM, "ElbowYaw": ARM}
+LIMITS |= {
+    "HeadPitch": ROLL,
+    "ShoulderRoll": ROLL,
+    "ElbowRoll": ROLL,
+    "HeadYaw": ARM,
+    "ShoulderPitch": ARM,
+    "ElbowYaw": ARM,
+}
 
 FALLEN_M = 0.25
 """Height of the torso, which is 0.35 m in the pose of the table, below which the robot has fallen."""
@@ -42,7 +56,9 @@ def walk(folder: pathlib.Path, truth: dict[str, float], duration_s: float, btr: 
 
 def largest(rows: list[dict[str, float]], kind: str, limit: int) -> tuple[float, str]:
     """The largest ratio of a joint's channel of a kind to its limit, and the joint."""
-    shares = {name: max(abs(row[name]) for row in rows if name in row) for name in rows[0] if name.startswith(f"{kind}_")}
+    shares = {
+        name: max(abs(row[name]) for row in rows if name in row) for name in rows[0] if name.startswith(f"{kind}_")
+    }
     shares = {name.split("_", 1)[1]: value for name, value in shares.items()}
     joint = max(shares, key=lambda name: shares[name] / LIMITS[name.lstrip("LR")][limit])
     return shares[joint] / LIMITS[joint.lstrip("LR")][limit], f"{joint} {shares[joint]:.2f}"
@@ -60,8 +76,9 @@ def chain(side: float, name: str) -> list[list[tuple[str, tuple, tuple]]]:
     hip, ankle = leg(-0.04, -0.03), leg(-0.23, -0.01)
     return [
         [(f"{name}HipYawPitch", hip, diagonal), (f"{name}HipRoll", hip, TURN), (f"{name}HipPitch", hip, PITCH),
-         (f"{name}KneePitch", leg(-0.13, -0.01), PITCH), (f"{name}AnklePitch", ankle, PITCH), (f"{name}AnkleRoll", ankle, TURN),
-         ("heel", leg(-0.28, -0.06), TURN), ("toe", leg(-0.28, 0.10), TURN), ("back", ankle, TURN)],
+         (f"{name}KneePitch", leg(-0.13, -0.01), PITCH), (f"{name}AnklePitch", ankle, PITCH),
+         (f"{name}AnkleRoll", ankle, TURN), ("heel", leg(-0.28, -0.06), TURN),
+         ("toe", leg(-0.28, 0.10), TURN), ("back", ankle, TURN)],
         [(f"{name}ShoulderPitch", arm(0.14, -0.02), PITCH), (f"{name}ShoulderRoll", arm(0.14, -0.02), YAW),
          (f"{name}ElbowYaw", arm(0.15, 0.07), TURN), (f"{name}ElbowRoll", arm(0.15, 0.07), YAW),
          ("hand", arm(0.15, 0.14), TURN)],
@@ -95,7 +112,10 @@ def points(row: dict[str, float], joints: list[tuple[str, tuple, tuple]]) -> lis
 def figure(row: dict[str, float], left: float, base: float, view: int) -> list[str]:
     """One picture: the robot from its left (`view` 0) or from behind (1), its torso above `left`."""
     scale, parts = 260.0, []
-    flat = lambda p: (left + scale * ((p[0] - row["base_x"]) if view == 0 else (row["base_y"] - p[1])), base - scale * p[2])
+    flat = lambda p: (
+        left + scale * ((p[0] - row["base_x"]) if view == 0 else (row["base_y"] - p[1])),
+        base - scale * p[2],
+    )
     draw = lambda path, colour, width: parts.append(
         f'<polyline points="{" ".join("%.1f,%.1f" % flat(p) for p in path)}" stroke="{colour}" stroke-width="{width}"/>'
     )
@@ -140,7 +160,9 @@ def main() -> None:
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "walks")
     parser.add_argument("--btr", default=BTR)
     args = parser.parse_args()
-    print("seed | tested, walked | speed m/s | ends at x, y m | heading deg | fell | joint speed, torque of their limits")
+    print(
+        "seed | tested, walked | speed m/s | ends at x, y m | heading deg | fell | joint speed, torque of their limits"
+    )
     for seed in range(args.first, args.first + args.seeds):
         folder = args.out.resolve() / f"nao-{seed}"
         truth = coevolved(args.btr, folder, EXPERIMENT, seed)["revealed"]["parameters"]
@@ -151,9 +173,10 @@ def main() -> None:
         fell = next((row for row in rows if row["base_z"] < FALLEN_M), None)
         (speed, fastest), (torque, strongest) = largest(rows, "dq", 0), largest(rows, "tau", 1)
         print(
-            f"{seed:4} | 7, {args.duration:.0f} s | {last['base_x'] / args.duration:.3f} | {last['base_x']:+.2f} {last['base_y']:+.2f} "
-            f"| {heading_deg(last):+.1f} | {'no' if fell is None else 'yes'}, lowest {lowest:.2f} m "
-            f"| {100 * speed:.0f} % ({fastest} rad/s), {100 * torque:.0f} % ({strongest} N·m)",
+            f"{seed:4} | 7, {args.duration:.0f} s | {last['base_x'] / args.duration:.3f} | "
+            f"{last['base_x']:+.2f} {last['base_y']:+.2f} | {heading_deg(last):+.1f} | "
+            f"{'no' if fell is None else 'yes'}, lowest {lowest:.2f} m | "
+            f"{100 * speed:.0f} % ({fastest} rad/s), {100 * torque:.0f} % ({strongest} N·m)",
             flush=True,
         )
 

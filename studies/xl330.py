@@ -56,7 +56,9 @@ def mean_error(btr: str, model: str, log: str, folder: Path) -> float:
 
 def mean_errors(btr: str, model: str, folder: Path) -> tuple[float, float, dict[str, float]]:
     """Mean absolute errors of the training logs and of the test logs, and of each test log."""
-    errors = [{log: mean_error(btr, model, log, folder) for log in logs(gains)} for gains in (ASKED + CONFIRMING, UNSEEN)]
+    errors = [
+        {log: mean_error(btr, model, log, folder) for log in logs(gains)} for gains in (ASKED + CONFIRMING, UNSEEN)
+    ]
     learnt, judged = (sum(part.values()) / len(part) for part in errors)
     return learnt, judged, {Path(log).stem: error for log, error in errors[1].items()}
 

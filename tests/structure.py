@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""Checks the shape of the source: no import circles, small folders, comments of at most 120 columns, no retired words.
+"""Checks the shape of the source: no import circles, small folders, lines of at most 120 columns, no retired words.
 
     python3 tests/structure.py
 
-Imports are read from `use` declarations and paths in the code, as text; unit tests in a file are left out, and so are the
-declarations of a folder's `mod.rs` (`mod x;`, `pub use x::Y`), which own the folder and import nothing. Circles are looked
-for between files, and between the files and folders of each folder.
+Circles are looked for between files, and between the files and folders of each folder. In Rust, imports are read from
+`use` declarations and paths in the code, as text; unit tests in a file are left out, and so are the declarations of a
+folder's `mod.rs` (`mod x;`, `pub use x::Y`), which own the folder and import nothing. In Python, every import counts,
+also in a function or for annotations only.
 """
 
+import ast
 import re
 import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import TypeVar
 
@@ -46,7 +49,8 @@ RETIRED = {
 }
 # A key of `btr check --json` that must hold.
 KEPT = re.compile(r"\"likeness\"|likeness: float")
-TEXT = {".rs", ".md", ".py", ".pyi", ".toml", ".sh", ".snap"}
+PYTHON = {".py", ".pyi"}
+TEXT = PYTHON | {".rs", ".md", ".toml", ".sh", ".snap"}
 
 Module = tuple[str, ...]
 Node = TypeVar("Node", Module, str)
@@ -60,17 +64,23 @@ def tracked() -> list[Path]:
 def words_and_lines() -> Iterator[str]:
     """Retired words and lines that are too long."""
     for path in tracked():
-        if path.suffix not in TEXT or path.name in {"structure.py", "CHANGELOG.md"}:
+        if path.suffix not in TEXT:
             continue
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             place = f"{path.relative_to(ROOT)}:{number}"
-            for word, instead in RETIRED.items():
-                found = re.search(word, KEPT.sub("", line))
-                if found:
-                    yield f"{place}: `{found.group()}` is retired; say: {instead}"
-            # rustfmt wraps code and leaves comments alone.
-            if path.suffix == ".rs" and len(line) > LONGEST_LINE and line.lstrip().startswith("//"):
+            if path.name not in {"structure.py", "CHANGELOG.md"}:
+                yield from (f"{place}: {problem}" for problem in retired_words(line))
+            # rustfmt wraps code in Rust and leaves comments alone.
+            wrapped = path.suffix in PYTHON or (path.suffix == ".rs" and line.lstrip().startswith("//"))
+            if wrapped and len(line) > LONGEST_LINE:
                 yield f"{place}: {len(line)} characters, {LONGEST_LINE} at most"
+
+
+def retired_words(line: str) -> Iterator[str]:
+    for word, instead in RETIRED.items():
+        found = re.search(word, KEPT.sub("", line))
+        if found:
+            yield f"`{found.group()}` is retired; say: {instead}"
 
 
 def large_folders() -> Iterator[str]:
@@ -143,7 +153,7 @@ class Crate:
 
 def module_of(path: Path) -> Module:
     parts = path.with_suffix("").parts
-    return parts[:-1] if parts[-1] in {"mod", "lib"} else parts
+    return parts[:-1] if parts[-1] in {"mod", "lib", "__init__"} else parts
 
 
 def code_of(path: Path) -> str:
@@ -176,6 +186,25 @@ def branches(group: str) -> Iterator[str]:
             if group[begin:at].strip():
                 yield group[begin:at]
             begin = at + 1
+
+
+def python_imports(package: Path) -> dict[Module, set[Module]]:
+    """The modules of a Python package and what each imports."""
+    files = {module_of(path.relative_to(package)): path for path in package.rglob("*") if path.suffix in PYTHON}
+    graph: dict[Module, set[Module]] = {}
+    for module, file in files.items():
+        names: set[str] = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                here = ".".join(file.parent.relative_to(package.parent).parts)
+                origin = resolve_name("." * node.level + (node.module or ""), here)
+                names |= {f"{origin}.{alias.name}" for alias in node.names}
+        paths = [tuple(rest) for first, *rest in (name.split(".") for name in names) if first == package.name]
+        # The rest are names in a module.
+        graph[module] = {path if path in files else path[:-1] for path in paths} - {module}
+    return graph
 
 
 def circles(graph: dict[Node, set[Node]]) -> Iterator[list[Node]]:
@@ -219,15 +248,22 @@ def siblings(graph: dict[Module, set[Module]], folder: Module) -> dict[str, set[
     return among
 
 
-def import_circles() -> Iterator[str]:
+def import_graphs() -> Iterator[tuple[Path, dict[Module, set[Module]]]]:
+    """The source folder of every crate and Python package, and its graph of imports."""
     for source in sorted(ROOT.glob("crates/*/src")):
-        graph = Crate(source).imports()
-        crate = source.parent.name
+        yield source, Crate(source).imports()
+    for initial in sorted(ROOT.glob("crates/*/python/*/__init__.py")):
+        yield initial.parent, python_imports(initial.parent)
+
+
+def import_circles() -> Iterator[str]:
+    for source, graph in import_graphs():
+        name = source.relative_to(ROOT)
         for circle in circles(graph):
-            yield f"{crate}: circle of files: {', '.join('/'.join(module) or 'lib' for module in circle)}"
+            yield f"{name}: circle of files: {', '.join('/'.join(module) or 'the root' for module in circle)}"
         for folder in sorted({module[:depth] for module in graph for depth in range(len(module))}):
-            for circle in circles(siblings(graph, folder)):
-                yield f"{crate}: circle in {'/'.join(folder) or 'src'}: {', '.join(circle)}"
+            for parts in circles(siblings(graph, folder)):
+                yield f"{name.joinpath(*folder)}: circle: {', '.join(parts)}"
 
 
 def main() -> int:

@@ -25,7 +25,11 @@ def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
     `__all__` or, without one, those defined in it."""
     listed = getattr(module, "__all__", None)
     for name, value in vars(module).items():
-        is_own = name in listed if listed else not name.startswith("_") and getattr(value, "__module__", "") == module.__name__
+        is_own = (
+            name in listed
+            if listed
+            else not name.startswith("_") and getattr(value, "__module__", "") == module.__name__
+        )
         if not is_own or not (inspect.isclass(value) or inspect.isroutine(value)):
             continue
         yield name, value

@@ -117,8 +117,14 @@ class Page:
 
     def complaints(self) -> list[str]:
         """Errors and warnings of the console, and scripts that failed."""
-        said = [str(e["args"]) for e in self.events("Runtime.consoleAPICalled") if e["type"] in ("error", "warning", "assert")]
-        logged = [e["entry"]["text"] for e in self.events("Log.entryAdded") if e["entry"]["level"] in ("error", "warning")]
+        said = [
+            str(e["args"])
+            for e in self.events("Runtime.consoleAPICalled")
+            if e["type"] in ("error", "warning", "assert")
+        ]
+        logged = [
+            e["entry"]["text"] for e in self.events("Log.entryAdded") if e["entry"]["level"] in ("error", "warning")
+        ]
         return said + logged + [str(e) for e in self.events("Runtime.exceptionThrown")]
 
     def requests(self) -> list[str]:

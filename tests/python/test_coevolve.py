@@ -103,7 +103,9 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
 
     run = copy.deepcopy(disengaged)
     run.iterations[1]["fitness_real"] = None
-    run.document["augmentations"] = [{"after_iteration": 1, "real_tests": 2, "parameters": ["coulomb_friction.torque@hinge"]}]
+    run.document["augmentations"] = [
+        {"after_iteration": 1, "real_tests": 2, "parameters": ["coulomb_friction.torque@hinge"]}
+    ]
     phi, fitness = run.plot()
     found, predicted, grown = phi.lines
     assert list(found.get_ydata()) == [iteration["phi"] for iteration in run.iterations] and phi.get_yscale() == "log"
@@ -132,7 +134,9 @@ def test_a_failed_test_counts(experiment: btr.Model, tmp_path: Path) -> None:
 
     found = btr.coevolve(experiment, robot, out=tmp_path)
     assert found.real_tests == 6 and len(found.logs) == 5
-    assert found.tests[1]["verdict"] == {"failed": {"why": "fell off the table"}} and "fell off the table" in repr(found)
+    assert found.tests[1]["verdict"] == {"failed": {"why": "fell off the table"}} and "fell off the table" in repr(
+        found
+    )
 
 
 def test_a_test_that_was_recorded_badly_is_warned_about(experiment: btr.Model, tmp_path: Path) -> None:
@@ -160,7 +164,9 @@ q_hinge = { column = "encoder", factor = 2.0 }
 
 
 @pytest.mark.parametrize("kind", ["mapping", "frame", "Log", "path"])
-def test_a_robot_may_use_foreign_channel_names(experiment: btr.Model, undisturbed: dict, tmp_path: Path, kind: str) -> None:
+def test_a_robot_may_use_foreign_channel_names(
+    experiment: btr.Model, undisturbed: dict, tmp_path: Path, kind: str
+) -> None:
     twin, foreign = Twin(experiment), btr.Model(f"{experiment.text}{FOREIGN}", experiment.path)
 
     def robot(controller: btr.Controller) -> object:
@@ -177,7 +183,9 @@ def test_a_robot_may_use_foreign_channel_names(experiment: btr.Model, undisturbe
         return columns if kind == "mapping" else pytest.importorskip("pandas").DataFrame(columns)
 
     found = btr.coevolve(foreign, robot, out=tmp_path / "run")
-    assert [iteration["phi"] for iteration in found.iterations] == [iteration["phi"] for iteration in undisturbed["iterations"]]
+    assert [iteration["phi"] for iteration in found.iterations] == [
+        iteration["phi"] for iteration in undisturbed["iterations"]
+    ]
     assert found.iterations[-1]["parameters"] == undisturbed["iterations"][-1]["parameters"]
     again = btr.coevolve(foreign, robot, out=tmp_path / "run", resume=True)
     assert again.iterations == found.iterations
@@ -218,7 +226,11 @@ def unplugged(controller: btr.Controller) -> btr.Log:
         (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [0]}), btr.BtrError, "1 values where the clock has 2"),
         (lambda c: btr.Log([0.0], {"q_hinge": [0]}), btr.BtrError, "at least two samples"),
         (lambda c: btr.Log([0.0, 0.1], {"q_hinge": [np.nan] * 2}), btr.BtrError, "measures nothing"),
-        (lambda c: btr.Log([0.0, 0.1], {"q_foo": [0, 1]}), btr.BtrError, "measures nothing of this robot: it has q_foo"),
+        (
+            lambda c: btr.Log([0.0, 0.1], {"q_foo": [0, 1]}),
+            btr.BtrError,
+            "measures nothing of this robot: it has q_foo",
+        ),
         (lambda c: btr.Log([0.0, 10.0, 20.0], {"q_hinge": [0, 1, 2]}), btr.BtrError, "is its time in milliseconds"),
         (lambda c: "nowhere.csv", btr.BtrError, "nowhere.csv"),
     ],
@@ -255,7 +267,9 @@ def test_a_run_can_be_resumed_after_ctrl_c(tmp_path: Path) -> None:
         f"experiment = btr.load_model({str(ROBOTS / 'disengage.toml')!r}, {long!r})\n"
         f"btr.coevolve(experiment, out={str(tmp_path)!r}, tell=lambda it: print(it['i'], flush=True))\n"
     )
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
         assert run.stdout is not None and run.stdout.readline() == "1\n"
         run.send_signal(signal.SIGINT)
         _, errors = run.communicate(timeout=120)
@@ -318,7 +332,8 @@ LIFT = """<robot name="lift"><link name="frame"/>
 def test_commands_of_a_slide_are_in_metres(experiment: btr.Model, tmp_path: Path) -> None:
     (tmp_path / "lift.urdf").write_text(LIFT)
     head, loop = (
-        'name = "lift"\n[robot]\nurdf = "lift.urdf"\nbase = "fixed"\n[actuators."*"]\nkind = "position"\nkp = 500.0\nkd = 50.0\n',
+        'name = "lift"\n[robot]\nurdf = "lift.urdf"\nbase = "fixed"\n'
+        '[actuators."*"]\nkind = "position"\nkp = 500.0\nkd = 50.0\n',
         experiment.text[experiment.text.index("[drive]") : experiment.text.index("[reality]")],
     )
     search = experiment.text[experiment.text.index("[coevolve]") :]
@@ -345,7 +360,10 @@ def test_ctrl_c_ends_a_population() -> None:
 
 def test_an_iteration_prints_in_a_line(undisturbed: dict) -> None:
     first = undisturbed["iterations"][0]
-    line = r"iteration 1: 2 real tests; phi [\d.e-]+, [\d.e-]+ for the one before on fresh tests; fitness [\d.]+ promised, [\d.]+ real"
+    line = (
+        r"iteration 1: 2 real tests; phi [\d.e-]+, [\d.e-]+ for the one before on fresh tests; "
+        r"fitness [\d.]+ promised, [\d.]+ real"
+    )
     assert re.fullmatch(line, str(btr.Iteration(first))), str(btr.Iteration(first))
     nothing = dict.fromkeys(["phi_predicted", "fitness_sim", "fitness_real"])
     assert str(btr.Iteration(first | nothing | {"phi": 0.25})) == "iteration 1: 2 real tests; phi 0.25"
@@ -353,8 +371,15 @@ def test_an_iteration_prints_in_a_line(undisturbed: dict) -> None:
 
 def test_a_waiting_run_says_for_what_it_waits(tmp_path: Path, experiment: btr.Model) -> None:
     text = experiment.text.replace('kind = "twin"', 'kind = "manual"')
-    text = "\n".join(line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = ")))
+    text = "\n".join(
+        line for line in text.splitlines() if not line.startswith(("parameters = ", "effects = ", "noise = "))
+    )
     found = btr.coevolve(btr.Model(text, experiment.path), out=tmp_path)
-    assert found.stop_reason is None and "references.csv" in found.waiting_for and "resume=True" in found.waiting_for and "waiting for a real test" in repr(found)
+    assert (
+        found.stop_reason is None
+        and "references.csv" in found.waiting_for
+        and "resume=True" in found.waiting_for
+        and "waiting for a real test" in repr(found)
+    )
     assert found.missing == [] and "<img" not in found._repr_html_()
     assert json.loads((tmp_path / "history.json").read_text())["real_tests"] == 0

@@ -185,8 +185,14 @@ T, X, _ = waves()
 @pytest.mark.parametrize(
     ("mistake", "message"),
     [
-        (lambda: distance.rmse(X, X[1:]), "^1000 real samples beside 999 simulated ones\nhelp: give both sides as many"),
-        (lambda: distance.rmse(np.c_[X, X], np.c_[X, X][1:]), "1000 real samples beside 999 simulated ones of channel 0"),
+        (
+            lambda: distance.rmse(X, X[1:]),
+            "^1000 real samples beside 999 simulated ones\nhelp: give both sides as many",
+        ),
+        (
+            lambda: distance.rmse(np.c_[X, X], np.c_[X, X][1:]),
+            "1000 real samples beside 999 simulated ones of channel 0",
+        ),
         (lambda: distance.dtw({"a": X[1:]}, {"a": X}), "999 real samples beside 1000 simulated ones of channel a"),
         (lambda: distance.rmse({"a": X, "b": X[1:]}, {"a": X, "b": X[1:]}), "^a has 1000 samples, b has 999"),
         (lambda: distance.rmse(np.c_[X, X], X), "2 real channels beside 1"),
@@ -238,6 +244,8 @@ def test_the_module_has_the_distances_of_experiments() -> None:
         function = getattr(distance, name)
         assert function.__doc__.lower().startswith(sentence.lower())
         assert defaults.pop("name") == name
-        keywords = {key: p.default for key, p in inspect.signature(function).parameters.items() if p.kind == p.KEYWORD_ONLY}
+        keywords = {
+            key: p.default for key, p in inspect.signature(function).parameters.items() if p.kind == p.KEYWORD_ONLY
+        }
         clocks = [keywords.pop(key, None) for key in ("dt_s", "clock_s")]
         assert {**keywords, "channels": []} == {**defaults, "channels": []} and clocks == [None, None]

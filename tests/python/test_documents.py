@@ -35,7 +35,9 @@ def test_results_of_logs_are_typed(arm: btr.Model) -> None:
 def test_a_diagnosis_is_typed(arm: btr.Model) -> None:
     found = btr.diagnose(arm, LEARN, held_out=HELD_OUT)
     must_be_typed(found)
-    assert found.effects[0].site == found["effects"][0]["site"] == "yaw" and found.effects[0].parameters[0].unit == "N·m"
+    assert (
+        found.effects[0].site == found["effects"][0]["site"] == "yaw" and found.effects[0].parameters[0].unit == "N·m"
+    )
     assert found.residual_law is None and found.noise_stated_low == [] and "residual_law" not in found.document
 
 
@@ -94,6 +96,13 @@ def test_no_key_hides_behind_a_method() -> None:
     assert len(kinds) > 30
     for kind in kinds:
         assert not declared(kind).keys() & set(dir(dict)), kind
-    results = (btr.CheckResult, btr.CompareResult, btr.DiagnoseResult, btr.EffectsResult, btr.FitResult, btr.CoevolveResult)
+    results = (
+        btr.CheckResult,
+        btr.CompareResult,
+        btr.DiagnoseResult,
+        btr.EffectsResult,
+        btr.FitResult,
+        btr.CoevolveResult,
+    )
     for result in results:
         assert not [key for key in declared(result) if hasattr(result, key)], result

@@ -63,8 +63,8 @@ def test_shifted_commands_are_reported(pendulum: btr.Model, tmp_path: Path) -> N
 
     heard, found = run_with(pendulum, tmp_path / "lost", lost)
     assert heard == [
-        "real test 0: its commands come 20 ms before they were requested: did it lose rows at its beginning? It is compared as "
-        "if it had not"
+        "real test 0: its commands come 20 ms before they were requested: did it lose rows at its beginning? "
+        "It is compared as if it had not"
     ]
     assert found.doubts[0]["topic"] == "command_lag" and found.doubts[0]["severity"] == "bad"
 
@@ -111,11 +111,19 @@ def test_missing_data_of_a_log_is_reported(pendulum: btr.Model, tmp_path: Path) 
 
     for name, change, what in [
         ("half", lambda log: rows(log, slice(0, 150)), "its log ends at 1.49 s, where the test lasts 3 s"),
-        ("few", lambda log: rows(log, slice(0, None, 8)), "its log has 38 samples, where the robot was given 300 commands"),
+        (
+            "few",
+            lambda log: rows(log, slice(0, None, 8)),
+            "its log has 38 samples, where the robot was given 300 commands",
+        ),
         ("none", lambda log: rows(log, slice(0, None, 20)), "16 samples in 3.00 s"),
         ("late", lambda log: rows(log, slice(20, None)), "its log begins 0.200 s into the test by its own clock"),
         ("frozen", frozen, "q_hinge stands still in every bit from 1.00 to 3.00 s, while its command changes by"),
-        ("dead", lambda log: log | {"q_hinge": np.zeros(len(log["t"]))}, "q_hinge never changes while its command does by"),
+        (
+            "dead",
+            lambda log: log | {"q_hinge": np.zeros(len(log["t"]))},
+            "q_hinge never changes while its command does by",
+        ),
     ]:
         heard, found = run_with(pendulum, tmp_path / name, change)
         assert any(line.startswith(f"real test 0: {what}") for line in heard), (name, heard)
@@ -124,7 +132,9 @@ def test_missing_data_of_a_log_is_reported(pendulum: btr.Model, tmp_path: Path) 
 
 def test_joints_missing_in_a_log_are_reported(tmp_path: Path) -> None:
     ant = btr.load_model(ROBOTS / "ant-series.toml", {**SMALL, "coevolve.controllers.search.population": 4})
-    heard, _ = run_with(ant, tmp_path / "some", lambda log: {k: x for k, x in log.items() if k not in ("q_L1_yaw", "q_R3_knee")})
+    heard, _ = run_with(
+        ant, tmp_path / "some", lambda log: {k: x for k, x in log.items() if k not in ("q_L1_yaw", "q_R3_knee")}
+    )
     assert heard == ["real test 0: q_L1_yaw, q_R3_knee are not in its log, and not compared"], heard
     heard, _ = run_with(ant, tmp_path / "all", lambda log: log)
     assert heard == [], heard
@@ -196,7 +206,13 @@ def swings() -> list[tuple[btr.Model, btr.Log]]:
     return [
         (model, model.simulate(btr.Log(t, {"cmd_hinge": command}), seed=1))
         for model in (free, weak)
-        for command in (steps, 0.8 * np.sin(10 * t), 0.5 * np.sin(14 * t), 0.3 + 0.8 * np.sin(10 * t + 1), 0.5 * np.sin(t))
+        for command in (
+            steps,
+            0.8 * np.sin(10 * t),
+            0.5 * np.sin(14 * t),
+            0.3 + 0.8 * np.sin(10 * t + 1),
+            0.5 * np.sin(t),
+        )
     ]
 
 
@@ -208,7 +224,9 @@ def test_loads_and_resonances_are_not_reported_as_reversed_joints() -> None:
 
 def test_a_reversed_joint_is_reported() -> None:
     for model, log in swings():
-        heard = said(model, btr.Log(log.clock_s, log.to_dict() | {"q_hinge": -log["q_hinge"], "dq_hinge": -log["dq_hinge"]}))
+        heard = said(
+            model, btr.Log(log.clock_s, log.to_dict() | {"q_hinge": -log["q_hinge"], "dq_hinge": -log["dq_hinge"]})
+        )
         assert any("bad: hinge moves opposite to its command" in line for line in heard), heard
     reported = 0
     for model, log in walks()[:6]:

@@ -42,7 +42,9 @@ def test_a_model_and_its_logs(tmp_path: Path) -> None:
     assert after.startswith("no joint fails in any regime")
     # The worst channel on held-out logs: rmse, fit, bias, lag, floor, chi.
     assert numbers(before.split("q_yaw")[1].splitlines()[0])[5] > 20
-    assert all(numbers(after.split(f"q_{joint} ")[1].splitlines()[0])[5] < 1.5 for joint in ("yaw", "shoulder", "elbow"))
+    assert all(
+        numbers(after.split(f"q_{joint} ")[1].splitlines()[0])[5] < 1.5 for joint in ("yaw", "shoulder", "elbow")
+    )
     [step] = [line for line in text.splitlines() if line.startswith("  + coulomb_friction@yaw: ")]
     assert max(numbers(step)) < 1.5
     written = {path.name for path in tmp_path.glob("btr_*/*")}

@@ -125,7 +125,10 @@ def test_workers_receive_the_robots_files(tmp_path: Path) -> None:
     phis = []
     for name, executor in (("alone", 1), ("served", Own())):
         found = btr.coevolve(
-            btr.Model(text, experiment.path), lambda c: experiment.simulate(seed=1), out=tmp_path / name, executor=executor
+            btr.Model(text, experiment.path),
+            lambda c: experiment.simulate(seed=1),
+            out=tmp_path / name,
+            executor=executor,
         )
         phis.append([iteration["phi"] for iteration in found.iterations])
     assert phis[0] == phis[1] and phis[0][0] is not None

@@ -24,7 +24,11 @@ def episodes(lengths: list[int]) -> list[Episode]:
     made = []
     for k, length in enumerate(lengths):
         phase = np.arange(length)[:, None] / 7 + np.arange(len(JOINTS)) + k
-        numbers = {"action": np.sin(phase), "observation.state": np.sin(phase - 0.1), "timestamp": np.arange(length) / FPS}
+        numbers = {
+            "action": np.sin(phase),
+            "observation.state": np.sin(phase - 0.1),
+            "timestamp": np.arange(length) / FPS,
+        }
         made.append({key: values.astype(np.float32) for key, values in numbers.items()})
     return made
 

@@ -133,4 +133,6 @@ def test_each_warning_points_to_the_calling_line(arm: btr.Model, log: btr.Log) -
         for _ in range(2):
             btr.fit(arm, btr.Log(log.clock_s, still))
     assert len(heard) >= 2 and len(heard) == 2 * len(set(heard)), heard
-    assert {file for _, file, _ in heard} == {__file__} and all(text.startswith("log 1: ") for text, _, _ in heard), heard
+    assert {file for _, file, _ in heard} == {__file__} and all(text.startswith("log 1: ") for text, _, _ in heard), (
+        heard
+    )

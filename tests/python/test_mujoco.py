@@ -71,7 +71,9 @@ class Pair:
     def btr(self, states, names):
         robot = str(ROOT / "robots" / self.name) if self.name.endswith(".urdf") else self.name
         lines = "\n".join(self.line(state, joints, names) for state, joints, _ in states)
-        run = subprocess.run([EXAMPLES / "accelerations", robot], input=lines, capture_output=True, text=True, check=True)
+        run = subprocess.run(
+            [EXAMPLES / "accelerations", robot], input=lines, capture_output=True, text=True, check=True
+        )
         first, *rest = map(json.loads, run.stdout.splitlines())
         return first, [np.array(line) for line in rest]
 

@@ -37,7 +37,14 @@ REALITIES = {
     "odd": 'effect = "formula"\nsite = "hinge"\non = "torque"\nlaw = "0.4*sin(7*t)*q"',
     "late": 'effect = "command_delay"\nsite = "hinge"\ndelay = 0.03',
 }
-JOINT = ["hinge in", "Residual in", "Residual against velocity", "Residual around reversals", "Spectrum", "Autocorrelation"]
+JOINT = [
+    "hinge in",
+    "Residual in",
+    "Residual against velocity",
+    "Residual around reversals",
+    "Spectrum",
+    "Autocorrelation",
+]
 LADDER = ["The error, step by step"]
 ROUND = ["Round 1"]
 BOUNDS = ["Each value between its bounds"]
@@ -73,7 +80,8 @@ LOOK = """(() => {
     const to = svg.getScreenCTM().inverse();
     for (const shape of [...marks, ...svg.querySelectorAll('text')]) {
       const own = shape.getBBox(), at = to.multiply(shape.getScreenCTM());
-      const corners = [[own.x, own.y], [own.x + own.width, own.y + own.height]].map(([x, y]) => new DOMPoint(x, y).matrixTransform(at));
+      const ends = [[own.x, own.y], [own.x + own.width, own.y + own.height]];
+      const corners = ends.map(([x, y]) => new DOMPoint(x, y).matrixTransform(at));
       const what = `${shape.tagName} ${shape.getAttribute('class') ?? ''} ${shape.textContent}`;
       if (!(Math.max(own.width, own.height) > 0)) say(`${what} has no size`);
       for (const {x, y} of corners)

@@ -145,7 +145,9 @@ def test_fit_draws_every_value_between_its_bounds(answers: dict) -> None:
     values, ladder = found.plot()
     assert names(values) == list(found.values) and names(ladder)[0] == "model as it stands"
     dims = {dim["name"]: dim for dim in found.space}
-    shares = [(value - dims[name]["min"]) / (dims[name]["max"] - dims[name]["min"]) for name, value in found.values.items()]
+    shares = [
+        (value - dims[name]["min"]) / (dims[name]["max"] - dims[name]["min"]) for name, value in found.values.items()
+    ]
     np.testing.assert_allclose(np.concatenate(drawn(values, "main")), shares)
     assert all(0 <= share <= 1 for share in shares)
     # The masses were in the middle of their bounds by ratio, and nothing rubbed.

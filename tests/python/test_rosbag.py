@@ -122,7 +122,9 @@ def test_a_model_maps_topics_and_names(tmp_path: Path) -> None:
     of_hinge = channels.replace("q_yaw =", 'cmd_hinge = "cmd_hip", q_hinge =')
     swing = btr.Model(f"{pendulum.text}\n{of_hinge}", pendulum.path)
     with highlevel.AnyReader([folder]) as reader:
-        assert [entry["log"] for given in (folder, reader) for entry in btr.check(swing, given).logs] == [str(folder)] * 2
+        assert [entry["log"] for given in (folder, reader) for entry in btr.check(swing, given).logs] == [
+            str(folder)
+        ] * 2
 
 
 def test_incomplete_bags_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

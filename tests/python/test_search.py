@@ -181,7 +181,10 @@ def test_an_exception_leaves_the_search_before_that_generation(algorithm, thread
             raise KeyboardInterrupt
         return 1.0
 
-    with nullcontext() if threads is None else ThreadPoolExecutor(threads) as executor, pytest.raises(KeyboardInterrupt):
+    with (
+        nullcontext() if threads is None else ThreadPoolExecutor(threads) as executor,
+        pytest.raises(KeyboardInterrupt),
+    ):
         es.optimize(breaks, executor=executor)
     np.testing.assert_array_equal(before, es.ask())
     assert repr(es.optimize(ellipsoid, 4).result) == repr(whole.result)
@@ -250,7 +253,10 @@ def test_invalid_values_are_reported(mistake, message: str) -> None:
         (lambda: CMAES(SQUARE, popsize="7"), "popsize cannot be '7'"),
         (lambda: CMAES(SQUARE).optimize(lambda x: None), "a cost is one number, not NoneType"),
         (lambda: CMAES(SQUARE).optimize(lambda x: x), "a cost is one number, not ndarray"),
-        (lambda: CMAES(SQUARE).optimize(ellipsoid, executor="ray"), "is a number of threads, or has a method `submit`.*'ray'"),
+        (
+            lambda: CMAES(SQUARE).optimize(ellipsoid, executor="ray"),
+            "is a number of threads, or has a method `submit`.*'ray'",
+        ),
         (lambda: CMAES(SQUARE).optimize(ellipsoid, "two"), "iterations is a whole number, not 'two'"),
         (lambda: CMAES(SQUARE).optimize(3), "what is minimised is a function .*, not 3"),
         (lambda: CMAES(SQUARE, scale=3), 'give "linear" or "log"'),
@@ -271,7 +277,10 @@ def test_threads_evaluate_where_a_number_of_them_is_given() -> None:
         return ellipsoid(x)
 
     alone = minimize(ellipsoid, SQUARE, maxiter=3)
-    assert minimize(cost, SQUARE, maxiter=3, executor=2).fbest == alone.fbest and threading.current_thread().name not in seen
+    assert (
+        minimize(cost, SQUARE, maxiter=3, executor=2).fbest == alone.fbest
+        and threading.current_thread().name not in seen
+    )
     assert minimize(cost, SQUARE, maxiter=3, executor="threads").fbest == alone.fbest
     for workers in (0, -1, 2.5, True):
         with pytest.raises(ValueError, match=f"executor={workers}"):

@@ -33,8 +33,9 @@ def link(name: str, mass: float, length: float) -> str:
 
 def joint(name: str, parent: str, child: str, along: float) -> str:
     return (
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/><origin xyz="{along} 0 0"/>'
-        '<axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="30" velocity="20"/></joint>'
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{along} 0 0"/><axis xyz="0 1 0"/>'
+        '<limit lower="-2.5" upper="2.5" effort="30" velocity="20"/></joint>'
     )
 
 
@@ -59,7 +60,9 @@ def recorded(robot: btr.Model, seed: int, hold_s: float, cut_s: float) -> btr.Lo
     response = robot.simulate(btr.Log(clock_s, {"cmd_j1": waves(), "cmd_j2": waves()}), seed=seed)
     rows = np.arange(0, len(response), 7)
     rows = rows[response.clock_s[rows] >= cut_s - 1e-9]
-    return btr.Log(response.clock_s[rows], {name: response[name][rows] for name in ("cmd_j1", "cmd_j2", "q_j1", "q_j2")})
+    return btr.Log(
+        response.clock_s[rows], {name: response[name][rows] for name in ("cmd_j1", "cmd_j2", "q_j1", "q_j2")}
+    )
 
 
 @pytest.mark.parametrize(("hold_s", "cut_s"), [(0.0, 0.0), (0.0, 1.0), (1.5, 1.0)])

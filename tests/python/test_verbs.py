@@ -164,7 +164,9 @@ def test_an_unexplained_error_is_described_by_a_law(arm: btr.Model) -> None:
     learn, held_out = ([truth.simulate(log, seed=k) for k, log in enumerate(logs)] for logs in (LEARN, HELD_OUT))
     found = btr.diagnose(arm, learn, held_out=held_out)
     law = found.residual_law
-    assert found.verdict == "unexplained" and law is not None and law["site"] == "elbow" and found.next_experiment is None
+    assert (
+        found.verdict == "unexplained" and law is not None and law["site"] == "elbow" and found.next_experiment is None
+    )
     must_be_typed(found)
     better = arm.add_law(law["law"], site=law["site"], on=law["on"])
     assert btr.fit(better, learn, held_out=held_out).held_out < 0.5 * found.error_ladder[-1]["held_out"]
@@ -203,7 +205,11 @@ def test_effects_are_listed() -> None:
         (lambda arm: arm.at({"mass@uper": 1.0}), btr.BtrError, "did you mean `mass@upper`"),
         (lambda arm: arm.at({"mass@upper": -1.0}), btr.BtrError, "lies outside its bounds"),
         (lambda arm: arm.at([1.0]), ValueError, r"shape \(1,\) where \(9,\)"),
-        (lambda arm: arm.simulate_all({"kp@yaww": [20.0]}), btr.BtrError, "none of the model's parameters is called `kp@yaww`"),
+        (
+            lambda arm: arm.simulate_all({"kp@yaww": [20.0]}),
+            btr.BtrError,
+            "none of the model's parameters is called `kp@yaww`",
+        ),
         (lambda arm: arm.simulate_all(controllers={"gain": [1.0]}), btr.BtrError, "there are no controllers"),
         (lambda arm: arm.simulate_all({}), ValueError, "or columns by name"),
         (lambda arm: arm.simulate_all(controllers=[[]], log=LEARN[0]), ValueError, "controllers would have no effect"),
@@ -288,15 +294,26 @@ def test_messages_speak_of_python(arm: btr.Model, tmp_path: Path) -> None:
     log = btr.load_log(LEARN[0])
     log.write(tmp_path / "log.csv")
     assert said(lambda: log.write(tmp_path / "log.csv")).endswith("or write with overwrite=True what may be lost")
-    assert "setting parameters..x=1.0: `parameters..x` is no name" in said(lambda: btr.load_model(ARM, {"parameters..x": 1.0}))
-    messages = [said(mistake) for mistake in (
-        lambda: btr.load_log("robots/arm.toml"),
-        lambda: arm.add("coulomb"),
-        lambda: arm.add("nothing_like_it_at_all"),
-        lambda: btr.Model(f'{arm.text}\n[[effects]]\neffect = "formula"\nsite = "yaw"\non = "torque"\nlaw = "q +"\n', arm.path),
-        lambda: btr.fit(arm, btr.Log(np.arange(0, 1, 0.01), {name: np.zeros(100) for name in log.keys()})),
-    )]
-    assert 'btr.effects("formula")' in messages[3] and "`btr.check` tells" in messages[4] and "for load_model" in messages[0]
+    assert "setting parameters..x=1.0: `parameters..x` is no name" in said(
+        lambda: btr.load_model(ARM, {"parameters..x": 1.0})
+    )
+    messages = [
+        said(mistake)
+        for mistake in (
+            lambda: btr.load_log("robots/arm.toml"),
+            lambda: arm.add("coulomb"),
+            lambda: arm.add("nothing_like_it_at_all"),
+            lambda: btr.Model(
+                f'{arm.text}\n[[effects]]\neffect = "formula"\nsite = "yaw"\non = "torque"\nlaw = "q +"\n', arm.path
+            ),
+            lambda: btr.fit(arm, btr.Log(np.arange(0, 1, 0.01), {name: np.zeros(100) for name in log.keys()})),
+        )
+    ]
+    assert (
+        'btr.effects("formula")' in messages[3]
+        and "`btr.check` tells" in messages[4]
+        and "for load_model" in messages[0]
+    )
     assert not [line for line in messages if "--" in line or "`btr " in line], messages
 
 

@@ -7,9 +7,9 @@
     fitted = btr.fit(model, ["monday.mcap"], held_out=["friday.mcap"], add=answer.names)
     fitted.model.save("fitted.toml")
 
-A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column `t`
-in seconds. Results have typed attributes (`btr.documents`). Errors are `BtrError`, with a remedy. Simulations run on all
-cores without holding Python's lock; with laws that are functions (`Model.add_law`) this needs several processes
+A log is a path (CSV, MCAP, an episode of a LeRobot data set, a bag), a `Log`, or a pandas or polars frame with a column
+`t` in seconds. Results have typed attributes (`btr.documents`). Errors are `BtrError`, with a remedy. Simulations run
+on all cores without holding Python's lock; with laws that are functions (`Model.add_law`) this needs several processes
 (`btr.executors`).
 """
 

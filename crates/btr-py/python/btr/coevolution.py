@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import Any, Union
 
 from btr import _btr, _warnings
 from btr._btr import BtrError, Log

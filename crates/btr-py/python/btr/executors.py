@@ -1,10 +1,10 @@
 """Executors: threads of this process, other processes, other machines.
 
 `executor=` of `coevolve`, `diagnose` and `fit` is `None` (all threads of this machine), a number of threads, `"ray"`,
-an object with `submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes here.
-Results are bit-identical for all executors: workers draw no random numbers, and each returns a fingerprint that proves
-that it computes the same as this process. Laws that are functions (`Model.add_law`) are sent as well, by name if they can
-be imported, else with cloudpickle.
+an object with `submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes
+here. Results are bit-identical for all executors: workers draw no random numbers, and each returns a fingerprint that
+proves that it computes the same as this process. Laws that are functions (`Model.add_law`) are sent as well, by name if
+they can be imported, else with cloudpickle.
 """
 
 from __future__ import annotations
@@ -47,14 +47,15 @@ class Executor(Protocol):
 
 
 class Futures:
-    """An object with `submit(function, *arguments)` that returns a future: a pool of `concurrent.futures`, a Dask `Client`.
+    """An object with `submit(function, *arguments)` that returns a future: a pool of `concurrent.futures`, a Dask
+    `Client`.
 
     Payloads (model and logs) are sent with every batch, except with Dask, which gets them once (`scatter`).
     """
 
     def __init__(self, executor: Any, workers: int | None = None) -> None:
-        """`workers` is the number of batches computed at once. Raises `TypeError` if it is not given and the executor does
-        not state it."""
+        """`workers` is the number of batches computed at once. Raises `TypeError` if it is not given and the executor
+        does not state it."""
         if not callable(getattr(executor, "submit", None)):
             kind = type(executor).__name__
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
@@ -98,13 +99,13 @@ def _workers_of(executor: Any) -> int:
 class Ray:
     """The machines of a Ray cluster (`pip install btr[ray]`), with btr of the same version on each.
 
-    Payloads are put into Ray's object store once. If a machine is lost, another one repeats its batch with the same answer.
-    A worker takes one processor.
+    Payloads are put into Ray's object store once. If a machine is lost, another one repeats its batch with the same
+    answer. A worker takes one processor.
     """
 
     def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
-        """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is the number of
-        batches computed at once, by default the number of the cluster's processors."""
+        """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is the number
+        of batches computed at once, by default the number of the cluster's processors."""
         given = None if workers is None else must_be_some(workers)
         ray = needed("ray", "ray")
         if not ray.is_initialized():

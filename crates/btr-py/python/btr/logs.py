@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["LogLike", "frame", "load_log", "table"]
 
 
-
 def load_log(
     source: LogLike, name: str | None = None, *, model: Model | None = None, episode: int | None = None
 ) -> Log:

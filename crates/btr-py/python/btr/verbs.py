@@ -15,8 +15,8 @@ from btr.model import Model, loaded
 from btr.results import CheckResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
 
 Tell = Callable[[str, float, Union[float, None]], None]
-"""Called with every step of the error ladder: its name, the error on the training logs, and the error on the held-out logs
-(None without any), in multiples of the noise floor. Called on another thread."""
+"""Called with every step of the error ladder: its name, the error on the training logs, and the error on the held-out
+logs (None without any), in multiples of the noise floor. Called on another thread."""
 
 
 def _warned(document: dict[str, Any]) -> dict[str, Any]:
@@ -44,15 +44,15 @@ def effects(name: str | None = None) -> EffectsResult:
 
 
 def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
-    """Quality of logs before any fit, and which free parameters they determine. Raises `BtrError` for logs that cannot be
-    read or do not match the model."""
+    """Quality of logs before any fit, and which free parameters they determine. Raises `BtrError` for logs that cannot
+    be read or do not match the model."""
     model = loaded(model)
     return CheckResult(json.loads(_btr.check(model._model, Logs(model._model).all(logs))))
 
 
 def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
-    """The model's error on every channel, in multiples of the noise floor, and where it fails. Raises `BtrError` for logs
-    that cannot be read or have no channel in common with the model."""
+    """The model's error on every channel, in multiples of the noise floor, and where it fails. Raises `BtrError` for
+    logs that cannot be read or have no channel in common with the model."""
     model = loaded(model)
     document, page = _btr.compare(model._model, Logs(model._model).all(logs))
     return CompareResult(json.loads(document), page)
@@ -67,11 +67,11 @@ def diagnose(
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
-    """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or that
-    no known effect explains the error. The held-out logs decide; without any, the last part of each log is held out.
-    Errors are in multiples of the noise floor. `max_effects` limits the number of effects, and `executor` selects where
-    simulations run (see `btr.executors`). Raises `BtrError` for logs without information, or on which the model diverges.
-    An exception of `tell` ends the diagnosis."""
+    """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or
+    that no known effect explains the error. The held-out logs decide; without any, the last part of each log is held
+    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects, and `executor` selects
+    where simulations run (see `btr.executors`). Raises `BtrError` for logs without information, or on which the model
+    diverges. An exception of `tell` ends the diagnosis."""
     model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
     given = Logs(model._model)
     document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, workers)
@@ -79,8 +79,8 @@ def diagnose(
 
 
 def add(model: Model, *effects: str) -> Model:
-    """The model with added effects, their parameters free, as `Model.add` gives it. Raises `BtrError` for an unknown effect
-    or site."""
+    """The model with added effects, their parameters free, as `Model.add` gives it. Raises `BtrError` for an unknown
+    effect or site."""
     return model.add(*effects)
 
 
@@ -93,9 +93,10 @@ def fit(
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> FitResult:
-    """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects first,
-    and `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without free
-    parameters, for logs without information, or on which the model diverges. An exception of `tell` ends the fit."""
+    """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects
+    first, and `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without
+    free parameters, for logs without information, or on which the model diverges. An exception of `tell` ends the
+    fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added = [add] if isinstance(add, str) else list(add or ())
     given = Logs(model._model)

@@ -92,7 +92,8 @@ class FitResult(Reported):
 
     def _table(self) -> Rows:
         return [
-            {"parameter": p.name, "value": p.value, "unit": p.unit, "95 % interval": interval(p)} for p in self.parameters
+            {"parameter": p.name, "value": p.value, "unit": p.unit, "95 % interval": interval(p)}
+            for p in self.parameters
         ]
 
     def to_dataframe(self) -> pandas.DataFrame:
