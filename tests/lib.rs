@@ -70,7 +70,7 @@ impl Oscillator {
     /// A controller that this family refuses.
     pub fn behave(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
         if (self.refuses)(c) {
-            return Err(WorldError::BlewUp { time_s: 0.0, what: "amplitude".to_owned() });
+            return Err(WorldError::Diverged { time_s: 0.0, what: "amplitude".to_owned() });
         }
         let q = |t: f64| {
             let t = t + 0.3 * scenario as f64;

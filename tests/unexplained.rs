@@ -155,7 +155,7 @@ fn an_experiment_claims_no_more_than_it_tells() {
     let (sentence, told, alike) = (&next.sentence, &next.rivals[0], &next.rivals[1]);
     let least = format!("and stribeck_friction@elbow then differ by at least {:.1} noise floors", told.separation);
     assert!(sentence.contains(&least), "{sentence}");
-    assert!(sentence.ends_with("; this does not tell it from asymmetric_friction@elbow."), "{sentence}");
+    assert!(sentence.ends_with("; this does not distinguish it from asymmetric_friction@elbow."), "{sentence}");
     assert!(next.separation.to_bits() == told.separation.to_bits() && told.separation > 2.0, "{sentence}");
     assert!(alike.separation < 0.3, "{sentence}");
 }

@@ -195,7 +195,7 @@ def test_a_robot_may_use_foreign_channel_names(
     ("wrong", "message"),
     [
         ({"reality": 5}, "reality is a function of a Controller that gives back a log, not 5"),
-        ({"tell": 3}, "tell is a function that hears every iteration, not 3"),
+        ({"tell": 3}, "tell is a function that is called with every iteration, not 3"),
         ({"seed": "a"}, "seed is a whole number, not 'a'"),
         ({"experiment": 3}, "a model is a Model or the path of its file, not 3"),
     ],
@@ -223,13 +223,13 @@ def unplugged(controller: btr.Controller) -> btr.Log:
         (unplugged, Unplugged, "no answer"),
         (lambda c: 3, TypeError, "a log is a path"),
         (lambda c: btr.Log([0.0, 0.0], {"q_hinge": [0, 0]}), btr.BtrError, "does not increase"),
-        (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [0]}), btr.BtrError, "1 values where the clock has 2"),
+        (lambda c: btr.Log([0.0, 1.0], {"q_hinge": [0]}), btr.BtrError, "1 values, but the clock has 2"),
         (lambda c: btr.Log([0.0], {"q_hinge": [0]}), btr.BtrError, "at least two samples"),
-        (lambda c: btr.Log([0.0, 0.1], {"q_hinge": [np.nan] * 2}), btr.BtrError, "measures nothing"),
+        (lambda c: btr.Log([0.0, 0.1], {"q_hinge": [np.nan] * 2}), btr.BtrError, "contains no channel of this robot"),
         (
             lambda c: btr.Log([0.0, 0.1], {"q_foo": [0, 1]}),
             btr.BtrError,
-            "measures nothing of this robot: it has q_foo",
+            "contains no channel of this robot: it has q_foo",
         ),
         (lambda c: btr.Log([0.0, 10.0, 20.0], {"q_hinge": [0, 1, 2]}), btr.BtrError, "is its time in milliseconds"),
         (lambda c: "nowhere.csv", btr.BtrError, "nowhere.csv"),
@@ -241,7 +241,7 @@ def test_a_run_can_be_resumed_after_any_failure_of_the_robot(
     with pytest.raises(error, match=message):
         btr.coevolve(experiment, broken_at(3, Twin(experiment), how), out=tmp_path)
     assert len(list(tmp_path.glob("transfers/*/log.*"))) == 3
-    with pytest.raises(btr.BtrError, match="holds a run already\nhelp: go on with resume=True"):
+    with pytest.raises(btr.BtrError, match="already contains a run\nhelp: go on with resume=True"):
         btr.coevolve(experiment, Twin(experiment), out=tmp_path)
     with pytest.raises(btr.BtrError, match="is not the one that"):
         btr.coevolve(experiment, out=tmp_path, resume=True)

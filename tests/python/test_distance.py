@@ -187,15 +187,15 @@ T, X, _ = waves()
     [
         (
             lambda: distance.rmse(X, X[1:]),
-            "^1000 real samples beside 999 simulated ones\nhelp: give both sides as many",
+            "^1000 real samples, but 999 simulated ones\nhelp: give both sides as many",
         ),
         (
             lambda: distance.rmse(np.c_[X, X], np.c_[X, X][1:]),
-            "1000 real samples beside 999 simulated ones of channel 0",
+            "1000 real samples, but 999 simulated ones of channel 0",
         ),
-        (lambda: distance.dtw({"a": X[1:]}, {"a": X}), "999 real samples beside 1000 simulated ones of channel a"),
+        (lambda: distance.dtw({"a": X[1:]}, {"a": X}), "999 real samples, but 1000 simulated ones of channel a"),
         (lambda: distance.rmse({"a": X, "b": X[1:]}, {"a": X, "b": X[1:]}), "^a has 1000 samples, b has 999"),
-        (lambda: distance.rmse(np.c_[X, X], X), "2 real channels beside 1"),
+        (lambda: distance.rmse(np.c_[X, X], X), "2 real channels, but 1"),
         (lambda: distance.rmse(np.ones((2, 2, 2)), X), r"series of shape \(2, 2, 2\)"),
         (lambda: distance.rmse(3.0, 4.0), r"series of shape \(\)"),
         (lambda: distance.rmse({"a": X[:, None]}, {"a": X}), r"channel a has shape \(1000, 1\)"),

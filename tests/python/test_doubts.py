@@ -100,7 +100,7 @@ def test_a_test_with_another_initial_pose_is_reported(pendulum: btr.Model, tmp_p
     with pytest.warns(UserWarning) as heard:
         btr.coevolve(pendulum, robot, out=tmp_path)
     assert [str(warning.message) for warning in heard] == [
-        "real test 0: q_hinge begins at 0.900 rad, where the test begins at 0.000 rad and simulations do"
+        "real test 0: q_hinge begins at 0.900 rad, but the test and its simulations begin at 0.000 rad"
     ]
 
 
@@ -110,11 +110,11 @@ def test_missing_data_of_a_log_is_reported(pendulum: btr.Model, tmp_path: Path) 
         return log
 
     for name, change, what in [
-        ("half", lambda log: rows(log, slice(0, 150)), "its log ends at 1.49 s, where the test lasts 3 s"),
+        ("half", lambda log: rows(log, slice(0, 150)), "its log ends at 1.49 s, but the test lasts 3 s"),
         (
             "few",
             lambda log: rows(log, slice(0, None, 8)),
-            "its log has 38 samples, where the robot was given 300 commands",
+            "its log has 38 samples, but the robot received 300 commands",
         ),
         ("none", lambda log: rows(log, slice(0, None, 20)), "16 samples in 3.00 s"),
         ("late", lambda log: rows(log, slice(20, None)), "its log begins 0.200 s into the test by its own clock"),

@@ -267,7 +267,7 @@ def test_missing_episodes_are_named(tmp_path: Path) -> None:
             btr.load_log(folder, episode=episode)
     with pytest.raises(btr.BtrError, match="which episode of this data set of 3"):
         btr.load_log(folder)
-    with pytest.raises(btr.BtrError, match="not a log btr knows"):
+    with pytest.raises(btr.BtrError, match="not a log format that btr reads"):
         btr.load_log(tmp_path, episode=0)
     with pytest.raises(TypeError, match="an episode is one of a data set's folder"):
         btr.load_log(btr.load_log(folder, episode=0).to_dict(), episode=0)

@@ -186,7 +186,7 @@ def test_exceptions_of_a_function_are_raised_and_leave_no_state(swing: btr.Model
 @pytest.mark.parametrize(
     ("answer", "kind", "message"),
     [
-        (math.nan, btr.BtrError, "gave NaN at q=.*\nhelp: a law gives a finite number"),
+        (math.nan, btr.BtrError, "gave NaN at q=.*\nhelp: a law must give a finite number"),
         (math.inf, btr.BtrError, "gave inf at q="),
         (None, TypeError, "gave None, not a number"),
     ],
@@ -211,7 +211,7 @@ def test_an_expression_that_gives_no_number_is_named(
 ) -> None:
     model = swing.add_law(law, site="hinge", on=on, a=(1.0, 4.0))
     gives = rf"the law `{re.escape(law)}` on the {on} of `hinge` gave {gave} at q=.*, t=.* with a=2"
-    message = rf"{gives}\nhelp: a law gives a finite"
+    message = rf"{gives}\nhelp: a law must give a finite"
     for verb in (model.simulate, lambda: btr.compare(model, logs), lambda: btr.fit(model, logs[0])):
         with pytest.raises(btr.BtrError, match=message):
             verb()
@@ -331,12 +331,12 @@ def without_a(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float)
     ("law", "asked", "kind", "message"),
     [
         ("-a*(q", {"a": 0.1}, btr.BtrError, "model.toml:.*the law cannot be read"),
-        ("-a*q", {}, btr.BtrError, "the law's `a` is not known; there are q, dq"),
+        ("-a*q", {}, btr.BtrError, "the law contains the unknown name `a`; known names: q, dq"),
         ("-a*q", {"a": 0.1, "b": 0.1}, btr.BtrError, "`b` does not occur in the law"),
-        ("-dq*q", {"dq": 0.1}, btr.BtrError, "`dq` means something else"),
+        ("-dq*q", {"dq": 0.1}, btr.BtrError, "`dq` is a reserved name"),
         ("-law*q", {"law": 0.1}, btr.BtrError, "a law's parameter cannot be called `law`"),
         ("-a*q", {"a": (2.0, 0.0)}, btr.BtrError, "formula.a@hinge"),
-        ("-a*q", {"a": (0.0, math.nan)}, btr.BtrError, "a = NaN is no number"),
+        ("-a*q", {"a": (0.0, math.nan)}, btr.BtrError, "a = NaN is not a number"),
         ("-a*q", {"a": 0.1, "site": "knee"}, btr.BtrError, "knee"),
         ("-a*q", {"a": 0.1, "on": "speed"}, btr.BtrError, "speed"),
         ("-a*q", {"a": "much"}, TypeError, r"a is a number or \(least, most\), not 'much'"),

@@ -74,7 +74,7 @@ def test_answers_keep_their_reports_in_pickles(verb: str, answers: dict, tmp_pat
 def test_a_report_does_not_overwrite_other_files(answers: dict, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("t,q_yaw\n0,1\n")
-    with pytest.raises(btr.BtrError, match=r"ends in \.html\nhelp: "):
+    with pytest.raises(btr.BtrError, match=r"must end in \.html\nhelp: "):
         answers["compare"].report(log)
     with pytest.raises(btr.BtrError, match="nowhere"):
         answers["compare"].report(tmp_path / "nowhere" / "report.html")

@@ -135,7 +135,7 @@ def test_names_may_be_patterns(arm: btr.Model, tmp_path: Path) -> None:
     (deeper / "deep.csv").write_bytes(odd.read_bytes())
     once = btr.check(arm, [odd, f"{tmp_path}/**/deep.csv", f"{tmp_path}/a/*/d*.csv"])
     assert [Path(log["log"]).name for log in once.logs] == ["[1].csv", "deep.csv"]
-    with pytest.raises(btr.BtrError, match=r"monday_\*.csv: no file is called like that"):
+    with pytest.raises(btr.BtrError, match=r"monday_\*.csv: no file matches"):
         btr.compare(arm, "monday_*.csv")
 
 
@@ -204,7 +204,7 @@ def test_effects_are_listed() -> None:
     [
         (lambda arm: arm.at({"mass@uper": 1.0}), btr.BtrError, "did you mean `mass@upper`"),
         (lambda arm: arm.at({"mass@upper": -1.0}), btr.BtrError, "lies outside its bounds"),
-        (lambda arm: arm.at([1.0]), ValueError, r"shape \(1,\) where \(9,\)"),
+        (lambda arm: arm.at([1.0]), ValueError, r"shape \(1,\), but \(9,\)"),
         (
             lambda arm: arm.simulate_all({"kp@yaww": [20.0]}),
             btr.BtrError,
@@ -215,7 +215,7 @@ def test_effects_are_listed() -> None:
         (lambda arm: arm.simulate_all(controllers=[[]], log=LEARN[0]), ValueError, "controllers would have no effect"),
         (lambda arm: arm.simulate_all({"mass@upper": [0.5], "mass@turret": [1.0, 2.0]}), ValueError, r"shape \(1,\)"),
         (lambda arm: arm.simulate_all(), ValueError, "needs parameters, controllers, or both"),
-        (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\) where \(1, 9\)"),
+        (lambda arm: arm.simulate_all([[1.0, 2.0]]), ValueError, r"shape \(1, 2\), but \(1, 9\)"),
         (lambda arm: arm.simulate_all([1.0] * 9), ValueError, "shape"),
         (lambda arm: arm.simulate_all([[np.nan] * 9]), btr.BtrError, "mass@turret. = NaN lies outside"),
         (lambda arm: arm.simulate_all([[1e9] * 9]), btr.BtrError, "lies outside its bounds"),
@@ -247,7 +247,7 @@ def without_positions() -> btr.Log:
         (lambda arm: arm.add("coulomb_frictoin@yaw"), "coulomb_friction"),
         (lambda arm: arm.add("coulomb_friction@elbows"), "it can act on"),
         (lambda arm: btr.Log([0.0, 0.0], {}), "does not increase"),
-        (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": [1.0]}), "1 values where the clock has 2"),
+        (lambda arm: btr.Log([0.0, 1.0], {"q_yaw": [1.0]}), "1 values, but the clock has 2"),
         (lambda arm: btr.diagnose(arm, "nowhere.csv"), "nowhere.csv"),
         (lambda arm: btr.compare(arm, without_positions()), "has no channel `q_yaw`"),
         (lambda arm: btr.diagnose(arm, btr.Log([0.0, 0.01], {"a": [0, 1]})), "cmd_"),
@@ -264,7 +264,7 @@ def test_invalid_values_are_reported_with_help(arm: btr.Model, mistake, message:
         (lambda arm: btr.compare(arm, [3]), "a log is a path"),
         (lambda arm: btr.compare(arm, 3), "a log is a path, .*, not 3"),
         (lambda arm: btr.compare(3, LEARN), "a model is a Model or the path of its file, not 3"),
-        (lambda arm: btr.diagnose(arm, LEARN, tell=3), "tell is a function that hears every step, not 3"),
+        (lambda arm: btr.diagnose(arm, LEARN, tell=3), "tell is a function that is called with every step, not 3"),
         (lambda arm: btr.diagnose(arm, LEARN, max_effects=1.5), "max_effects is a whole number, not 1.5"),
         (lambda arm: arm.simulate(seed="a"), "seed is a whole number, not 'a'"),
         (lambda arm: arm.at({"mass@upper": "heavy"}), "mass@upper is a number, not str"),

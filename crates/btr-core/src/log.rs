@@ -50,7 +50,7 @@ pub enum LogError {
         after: f64,
     },
     /// A channel with more or fewer values than the clock.
-    #[error("channel `{channel}` has {got} values where the clock has {expected}")]
+    #[error("channel `{channel}` has {got} values, but the clock has {expected}")]
     Length {
         /// The channel.
         channel: String,

@@ -79,7 +79,7 @@ pub enum SpaceError {
         max: f64,
     },
     /// A point of another dimension than the space.
-    #[error("a point of {got} values where the space has {expected} dimensions")]
+    #[error("the point has {got} values, but the space has {expected} dimensions")]
     Length {
         /// Dimensions of the space.
         expected: usize,

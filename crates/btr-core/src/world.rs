@@ -19,8 +19,8 @@ pub struct Behaviour {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldError {
     /// The simulation diverged: its state stopped being finite or left every sensible range.
-    #[error("the simulation blew up at t = {} s: {what}", rounded(*time_s))]
-    BlewUp {
+    #[error("the simulation diverged at t = {} s: {what}", rounded(*time_s))]
+    Diverged {
         /// Simulated time at which it was noticed.
         time_s: f64,
         /// Which quantity, on which body.

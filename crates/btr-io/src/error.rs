@@ -16,7 +16,7 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// An unknown file extension.
-    #[error("{}: not a log btr knows", path.display())]
+    #[error("{}: not a log format that btr reads", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -70,7 +70,7 @@ pub enum IoError {
         path: PathBuf,
     },
     /// A header without rows.
-    #[error("{}: a header and no samples", path.display())]
+    #[error("{}: a header without samples", path.display())]
     NoSamples {
         /// The file.
         path: PathBuf,
@@ -86,7 +86,7 @@ pub enum IoError {
         columns: Vec<String>,
     },
     /// Cells that are not separated by commas.
-    #[error("{}:1: {what} between the cells, not commas", path.display())]
+    #[error("{}:1: the cells are separated by {what}, not commas", path.display())]
     Separator {
         /// The file.
         path: PathBuf,
@@ -118,7 +118,7 @@ pub enum IoError {
         text: String,
     },
     /// A row with more or fewer cells than the header.
-    #[error("{}:{line}: {got} cells where the header has {expected}", path.display())]
+    #[error("{}:{line}: {got} cells, but the header has {expected}", path.display())]
     Cells {
         /// The file.
         path: PathBuf,
@@ -290,13 +290,13 @@ pub enum Warning {
         theirs: String,
     },
     /// An incomplete last line.
-    #[error("line {line} is cut short and left out")]
+    #[error("line {line} is truncated and left out")]
     LastLineCut {
         /// The line.
         line: u64,
     },
     /// A truncated file.
-    #[error("the file breaks off ({why}); {messages} messages before that are kept")]
+    #[error("the file is truncated ({why}); the {messages} messages before that are kept")]
     Truncated {
         /// Messages that could be read.
         messages: usize,
@@ -322,7 +322,7 @@ pub enum Warning {
         why: String,
     },
     /// Samples with a duplicate time stamp in their channel.
-    #[error("`{channel}`: {count} samples with a time that was there already are left out")]
+    #[error("`{channel}`: {count} samples with a repeated time are left out")]
     Repeated {
         /// The channel.
         channel: String,

@@ -48,15 +48,17 @@ impl Failure {
     pub fn simulation(error: &WorldError, doubts: &[Doubt]) -> Self {
         let unit = doubts.iter().find(|doubt| doubt.finding.topic == Topic::Unit);
         let help = match (error, unit) {
-            (WorldError::BlewUp { time_s, .. }, Some(doubt)) if *time_s < AT_ONCE_S => {
+            (WorldError::Diverged { time_s, .. }, Some(doubt)) if *time_s < AT_ONCE_S => {
                 let (channel, sentence) = (&doubt.finding.channel, &doubt.finding.sentence);
                 let ending = if channel.starts_with("dq_") { "_deg_s" } else { "_deg" };
                 Some(format!("{sentence} A column called {channel}{ending} is read in degrees"))
             }
-            (WorldError::BlewUp { .. }, _) => {
+            (WorldError::Diverged { .. }, _) => {
                 Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
             }
-            (WorldError::Law { .. }, _) => Some("a law gives a finite number wherever a search may look".to_owned()),
+            (WorldError::Law { .. }, _) => {
+                Some("a law must give a finite number at every point that a search can try".to_owned())
+            }
             _ => None,
         };
         Failure::new("simulation", error.to_string(), help)

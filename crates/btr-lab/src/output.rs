@@ -67,7 +67,7 @@ impl OutputFile<'_> {
     fn check(&self, inputs: &[PathBuf]) -> Result<(), Failure> {
         let name = self.path.display();
         if self.path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
-            return Err(refused(format!("{name} is read here and would be written over")));
+            return Err(refused(format!("{name} is an input and would be overwritten")));
         }
         match self.kind {
             OutputKind::Model => self.ends_in("toml", "a model"),
@@ -75,7 +75,7 @@ impl OutputFile<'_> {
             OutputKind::Log { over_measurements } => {
                 btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
                 if !over_measurements && self.path.exists() && !holds_commands_alone(self.path) {
-                    return Err(refused(format!("{name} is there and holds more than commands: it would be lost")));
+                    return Err(refused(format!("{name} exists and contains more than commands, which would be lost")));
                 }
                 Ok(())
             }
@@ -84,7 +84,7 @@ impl OutputFile<'_> {
 
     fn ends_in(&self, ending: &str, what: &str) -> Result<(), Failure> {
         if self.path.extension().is_none_or(|extension| extension != ending) {
-            return Err(refused(format!("{}: the name of {what} ends in .{ending}", self.path.display())));
+            return Err(refused(format!("{}: the name of {what} must end in .{ending}", self.path.display())));
         }
         let written = btr_io::can_write(self.path);
         written.map_err(|source| unwritable(&IoError::File { path: self.path.to_owned(), source }))

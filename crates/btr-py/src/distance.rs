@@ -67,7 +67,7 @@ pub(crate) fn measured(name: PathBuf, clock_s: Floats<'_>, series: Vec<(String, 
 fn comparable(channels: &Channels, real: &log::Log, simulated: &log::Log) -> PyResult<()> {
     let names = |log: &log::Log| log.channels().map(|(name, _)| name.to_owned()).collect::<Vec<_>>().join(", ");
     if let Some(pattern) = channels.unmatched(real).first() {
-        let help = format!("there are {}; `*` stands for any characters, once per pattern", names(real));
+        let help = format!("known channels: {}; `*` stands for any characters, once per pattern", names(real));
         return Err(raised(&format!("no channel is called `{pattern}`"), Some(help)));
     }
     let compared = |(name, channel): (&str, &log::Channel)| {

@@ -80,7 +80,10 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
             let message = format!(
                 "the law {function} gave {value} at q={q}, dq={dq}, ddq={ddq}, cmd={cmd}, tau={tau}, t={t} with {own}"
             );
-            Err(raised(&message, Some("a law gives a finite number wherever a search may look".to_owned())))
+            Err(raised(
+                &message,
+                Some("a law must give a finite number at every point that a search can try".to_owned()),
+            ))
         }
         Err(_) => Err(PyTypeError::new_err(format!("the law {function} gave {}, not a number", answer.repr()?))),
     }

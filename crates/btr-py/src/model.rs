@@ -142,7 +142,7 @@ impl Model {
     }
 
     /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing
-    /// where a simulation blew up.
+    /// where a simulation diverged.
     #[pyo3(signature = (parameters, controllers, log = None, begins = None))]
     fn simulate_all(
         &self,

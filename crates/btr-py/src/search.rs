@@ -80,7 +80,7 @@ impl Search {
     fn tell(&mut self, costs: Vec<f64>) -> PyResult<()> {
         let awaited = self.asked.as_ref().map_or(0, Vec::len);
         if costs.len() != awaited {
-            let what = format!("{} costs where {awaited} solutions were asked", costs.len());
+            let what = format!("{} costs, but {awaited} solutions were asked", costs.len());
             return Err(raised(&what, Some("give one cost for each solution, in the order of ask()".to_owned())));
         }
         let Some(asked) = self.asked.take() else { return Ok(()) };
@@ -141,7 +141,7 @@ impl Search {
         let AnySearch::CmaEs(search) = &self.search else { return None };
         search.ended().map(|ended| match ended {
             CmaStop::SmallSteps => ("tolx", "the steps are too small to matter"),
-            CmaStop::UnlikeAxes => ("tolconditioncov", "the axes of the distribution are too unlike to compute with"),
+            CmaStop::UnlikeAxes => ("tolconditioncov", "the axes of the distribution differ too much in length"),
             CmaStop::FlatCosts => ("tolfunhist", "the latest best costs are equal to 12 digits"),
             CmaStop::Stagnation => ("tolstagnation", "the latest best costs are no better than much older ones"),
             CmaStop::Failures => ("failures", "nothing succeeds"),
@@ -157,7 +157,7 @@ impl Search {
     #[staticmethod]
     fn restored(state: &str) -> PyResult<Self> {
         serde_json::from_str(state)
-            .map_err(|error| raised(&format!("this is no search of this version: {error}"), None))
+            .map_err(|error| raised(&format!("this is not a search of this version: {error}"), None))
     }
 }
 

@@ -119,7 +119,7 @@ fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
 }
 
 fn own_pool(fork: usize) -> Result<&'static ThreadPool, String> {
-    let own = OWN.get(fork).ok_or("there are too many forks within each other")?;
+    let own = OWN.get(fork).ok_or("forks are nested too deeply")?;
     if own.get().is_none() {
         // Where two threads race, the first pool is kept.
         _ = own.set(ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?);

@@ -49,9 +49,9 @@ fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
     let rivals: Vec<&str> = report.effects.iter().flat_map(|found| &found.alike).map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
         Some(commands) => btr_io::write_log(path, commands, &Meta::default())?,
-        None if rivals.is_empty() => eprintln!("{} is not written: there is nothing to tell apart", path.display()),
+        None if rivals.is_empty() => eprintln!("{} was not written: there are no effects to separate", path.display()),
         None => eprintln!(
-            "{} is not written: no motion in the range of these logs tells what was found from {}",
+            "{} was not written: no motion in the range of these logs separates what was found from {}",
             path.display(),
             rivals.join(", ")
         ),
@@ -94,7 +94,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     println!("\n{}", btr_report::text::floors(&report.noise_floor));
     println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     if !report.at_bound.is_empty() {
-        println!("at their bounds: {}: widen them before you believe this", report.at_bound.join(", "));
+        println!("at their bounds: {}; widen the bounds before relying on this result", report.at_bound.join(", "));
     }
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
     if let Some(command) = fit_command(report, subject) {
@@ -110,7 +110,7 @@ fn sentence(report: &DiagnoseReport) -> String {
         (Verdict::NothingMissing, _) => format!("nothing is missing{}: what remains is noise", judged(report)),
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
-            format!("unexplained: {} helps and does not explain; {share}", named.join("; "))
+            format!("unexplained: {} helps but does not explain the error; {share}", named.join("; "))
         }
     }
 }

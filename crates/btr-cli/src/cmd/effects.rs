@@ -45,7 +45,7 @@ fn tell(spec: &EffectSpec) {
     println!("{}\n\n  law     {}\n  sits    {}", spec.name, spec.law, on(spec));
     println!("  shows   {}\n  source  {}", spec.symptom, spec.cite);
     if !spec.similar.is_empty() {
-        println!("  alike   {}: hard to tell from these", spec.similar.join(", "));
+        println!("  alike   {}: hard to distinguish from these", spec.similar.join(", "));
     }
     if spec.params.is_empty() {
         return;

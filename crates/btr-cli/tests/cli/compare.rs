@@ -149,13 +149,13 @@ fn an_output_takes_the_place_of_nothing_but_its_own_kind_and_is_refused_before_a
     );
     let before: Vec<String> = ["other.csv", "foreign.csv", "told.csv", "arm.html"].map(|name| lab.read(name)).into();
     for (arguments, why) in [
-        ("fit swing.toml log.csv -o other.csv", "the name of a model ends in .toml"),
-        ("add swing.toml coulomb_friction -o other.csv", "the name of a model ends in .toml"),
-        ("compare swing.toml log.csv --report other.csv", "the name of a report ends in .html"),
-        ("diagnose swing.toml log.csv --report robot.toml", "the name of a report ends in .html"),
+        ("fit swing.toml log.csv -o other.csv", "the name of a model must end in .toml"),
+        ("add swing.toml coulomb_friction -o other.csv", "the name of a model must end in .toml"),
+        ("compare swing.toml log.csv --report other.csv", "the name of a report must end in .html"),
+        ("diagnose swing.toml log.csv --report robot.toml", "the name of a report must end in .html"),
         ("diagnose swing.toml log.csv --next other.csv", "holds more than commands"),
         ("diagnose swing.toml log.csv --next foreign.csv", "holds more than commands"),
-        ("diagnose swing.toml log.csv --next drive.txt", "not a log btr knows"),
+        ("diagnose swing.toml log.csv --next drive.txt", "not a log format that btr reads"),
         ("convert log.csv other.csv", "holds more than commands"),
         ("simulate swing.toml -o other.csv", "holds more than commands"),
         ("compare named.toml log.csv --report arm.html", "is read here"),

@@ -158,7 +158,7 @@ fn units_and_signs_that_do_not_fit_are_told_and_end_with_1() {
     let complaint = lab.complaint("compare leg.toml late.csv");
     let help = complaint.split("help: ").nth(1).unwrap_or_default();
     assert!(help.contains("in degrees? A column called q_hip_deg is read in degrees"), "{complaint}");
-    assert!(complaint.contains("blew up at t = 0.001 s"), "{complaint}");
+    assert!(complaint.contains("diverged at t = 0.001 s"), "{complaint}");
     scaled(&lab, "reversed.csv", &[Q_KNEE], -1.0);
     says(&lab, "reversed.csv", 1, "bad: knee moves opposite to its command");
     scaled(&lab, "speed.csv", &[DQ_KNEE], 1f64.to_degrees());

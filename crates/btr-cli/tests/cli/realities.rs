@@ -168,7 +168,7 @@ fn without_a_tick_of_its_own_the_model_takes_that_of_the_logs() {
 fn a_program_that_is_not_there_ends_the_run_without_data() {
     let lab = lab("kind = \"command\"\nrun = [\"no-such-robot\"]\ntimeout_s = 1.0");
     let told = lab.exits("coevolve small.toml --out run", 1);
-    assert!(told.contains("stopped: no real test gave anything"), "{told}");
+    assert!(told.contains("stopped: no real test gave data"), "{told}");
     assert!(lab.read("run/transfers/0000/failed.txt").contains("`no-such-robot` does not start"));
 }
 

@@ -90,7 +90,7 @@ fn a_goal_that_is_missed_is_exit_code_1_and_one_that_is_reached_0() {
 fn a_folder_in_use_and_another_experiment_are_refused() {
     let lab = Lab::new();
     lab.ok("coevolve small.toml --out run -q");
-    let refused = "error: run holds a run already\nhelp: go on with --resume, or choose another --out\n";
+    let refused = "error: run already contains a run\nhelp: go on with --resume, or choose another --out\n";
     assert_eq!(lab.complaint("coevolve small.toml --out run"), refused);
     for change in ["--seed 2", "--set simulation.duration_s=0.6"] {
         let told = lab.complaint(&format!("coevolve small.toml --out run --resume {change}"));
@@ -98,7 +98,7 @@ fn a_folder_in_use_and_another_experiment_are_refused() {
         assert!(told.contains("help: resume with the file"), "{told}");
     }
     let told = lab.complaint("coevolve small.toml --out nowhere --resume");
-    assert_eq!(told, "error: nowhere holds no run to resume\nhelp: start it without --resume\n");
+    assert_eq!(told, "error: nowhere contains no run to resume\nhelp: start it without --resume\n");
     let bytes = std::fs::read(lab.path("run/checkpoint.bin")).unwrap();
     std::fs::write(lab.path("run/checkpoint.bin"), &bytes[..bytes.len() / 2]).unwrap();
     let told = lab.complaint("coevolve small.toml --out run --resume");

@@ -236,7 +236,7 @@ impl DiagnosisState {
         }
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.solve(objective, SearchBudget::FULL);
-        self.record(objective, "starts as it sees them".to_owned(), on_step);
+        self.record(objective, "starts re-estimated".to_owned(), on_step);
     }
 
     /// Whether any effect could be accepted on top of a fit: below the noise and the integrator's error there is

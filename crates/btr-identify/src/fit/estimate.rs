@@ -251,7 +251,7 @@ fn in_words(parts: &[DirectionPart]) -> String {
     }
     match named.as_slice() {
         [] => String::new(),
-        [one] => format!("{} is dead: these logs say next to nothing about it", one.parameter.name),
+        [one] => format!("{} is dead: these logs contain almost no information about it", one.parameter.name),
         several => {
             let remedy = if has_mass { "add a payload of known mass" } else { "fix one of them" };
             format!("only {} together can be determined; {remedy} or add a log that separates them", list(several))

@@ -119,7 +119,7 @@ fn refine_starts(
             return Ok(conclude(objective, done, ladder));
         }
     }
-    let done = finish(&mut again, fit, &mut ladder, "starts as it sees them");
+    let done = finish(&mut again, fit, &mut ladder, "starts re-estimated");
     refine_starts(&again, done, ladder, restarts_left - 1)
 }
 

@@ -153,7 +153,7 @@ fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, strai
 fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Option<Lag>) -> Finding {
     let say = |topic, severity, sentence| Finding::new(topic, severity, joint, sentence);
     if !is_moved(command, position) {
-        let sentence = format!("{joint} hardly moves: the log says next to nothing about it");
+        let sentence = format!("{joint} hardly moves: the log contains almost no information about it");
         return say(Topic::Excitation, Severity::Doubtful, sentence);
     }
     // A torque or a voltage is followed by the acceleration, not by the position.
@@ -254,7 +254,7 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
     let degrees = 1f64.to_degrees();
     let [q, dq] = ["q", "dq"].map(|kind| format!("{kind}_{joint}"));
     let (topic, severity, suspect, what) = match () {
-        () if correlation.abs() < 0.5 => (Topic::Sign, Severity::Doubtful, &dq, "has little to do with".to_owned()),
+        () if correlation.abs() < 0.5 => (Topic::Sign, Severity::Doubtful, &dq, "does not correlate with".to_owned()),
         () if near(degrees) => (Topic::Unit, Severity::Bad, &dq, "is 57 times".to_owned()),
         () if near(degrees.recip()) => (Topic::Unit, Severity::Bad, &q, "is a 57th of".to_owned()),
         () if near(-1.0) => (Topic::Sign, Severity::Bad, &dq, "has the opposite sign of".to_owned()),

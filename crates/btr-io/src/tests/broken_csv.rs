@@ -13,15 +13,15 @@ fn complaint(text: &str) -> String {
 #[test]
 fn complaints_name_file_line_and_column() {
     assert_eq!(complaint(""), "walk.csv: the file is empty");
-    assert_eq!(complaint("t,q_hip\n"), "walk.csv: a header and no samples");
+    assert_eq!(complaint("t,q_hip\n"), "walk.csv: a header without samples");
     assert_eq!(complaint("clock,q_hip\n0,1\n"), "walk.csv:1: no time column `t` among `clock`, `q_hip`");
     assert_eq!(complaint("t,q_hip\n0,1\n1,abc\n"), "walk.csv:3: column `q_hip`: `abc` is not a number");
     assert_eq!(complaint("t,q_hip\n0,1\n1,inf\n"), "walk.csv:3: column `q_hip`: `inf` is not a number");
     assert_eq!(complaint("t,q_hip\n0,1\n,2\n"), "walk.csv:3: column `t`: `` is not a number");
     assert_eq!(complaint("t,q_hip\n0,1\n0.5,1\n0.5,2\n"), "walk.csv:4: time does not increase: 0.5 s, then 0.5 s");
     assert_eq!(complaint("t,q_hip\n0,1\n\n-1,2\n"), "walk.csv:4: time does not increase: 0 s, then -1 s");
-    assert_eq!(complaint("t,q_hip\n0,1\n1\n2,3\n"), "walk.csv:3: 1 cells where the header has 2");
-    assert_eq!(complaint("t,q_hip\n0,1\n1,2,3\n"), "walk.csv:3: 3 cells where the header has 2");
+    assert_eq!(complaint("t,q_hip\n0,1\n1\n2,3\n"), "walk.csv:3: 1 cells, but the header has 2");
+    assert_eq!(complaint("t,q_hip\n0,1\n1,2,3\n"), "walk.csv:3: 3 cells, but the header has 2");
     assert_eq!(
         complaint("t,q_hip,q_hip_rad\n0,1,2\n"),
         "walk.csv: `q_hip` and `q_hip_rad` both mean the channel `q_hip`"

@@ -124,7 +124,7 @@ fn what_cannot_be_read_is_skipped_and_told() {
     let expected = [
         "topic `/imu` is left out: messages encoded as `protobuf` are not read",
         "topic `/joint_states`: 2 messages could not be decoded (1 numbers for 2 names)",
-        "`q_hip`: 1 samples with a time that was there already are left out",
+        "`q_hip`: 1 samples with a repeated time are left out",
     ];
     assert_eq!(told, expected);
 }

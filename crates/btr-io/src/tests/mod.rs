@@ -101,7 +101,7 @@ proptest! {
 #[test]
 fn unknown_extensions_and_bags_are_named_with_a_remedy() {
     let error = read_log(Path::new("walk.bin"), &Mapping::default()).unwrap_err();
-    assert_eq!(error.to_string(), "walk.bin: not a log btr knows");
+    assert_eq!(error.to_string(), "walk.bin: not a log format that btr reads");
     assert!(error.help().starts_with("logs end in .csv, .csv.gz or .mcap;"));
     let error = read_log(Path::new("runs/bag/walk.db3"), &Mapping::default()).unwrap_err();
     assert_eq!(error.to_string(), "runs/bag/walk.db3: a SQLite bag; btr reads bags in MCAP");

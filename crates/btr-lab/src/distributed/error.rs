@@ -70,7 +70,7 @@ impl DistributedError {
 /// A [`WorldError`] in a worker's answer.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum SimulationError {
-    BlewUp { time_s: f64, what: String },
+    Diverged { time_s: f64, what: String },
     Law { what: String },
     Setup { what: String },
 }
@@ -78,7 +78,7 @@ pub(super) enum SimulationError {
 impl From<WorldError> for SimulationError {
     fn from(error: WorldError) -> Self {
         match error {
-            WorldError::BlewUp { time_s, what } => SimulationError::BlewUp { time_s, what },
+            WorldError::Diverged { time_s, what } => SimulationError::Diverged { time_s, what },
             WorldError::Law { what } => SimulationError::Law { what },
             WorldError::Setup { what } => SimulationError::Setup { what },
             other => SimulationError::Setup { what: other.to_string() },
@@ -89,7 +89,7 @@ impl From<WorldError> for SimulationError {
 impl From<SimulationError> for WorldError {
     fn from(error: SimulationError) -> Self {
         match error {
-            SimulationError::BlewUp { time_s, what } => WorldError::BlewUp { time_s, what },
+            SimulationError::Diverged { time_s, what } => WorldError::Diverged { time_s, what },
             SimulationError::Law { what } => WorldError::Law { what },
             SimulationError::Setup { what } => WorldError::Setup { what },
         }

@@ -83,7 +83,7 @@ impl IdentificationProblem {
         }
         if channels.is_empty() {
             let what =
-                format!("the log `{}` measures nothing that the model has", self.model.scenarios[part.scenario].name);
+                format!("the log `{}` contains no channel of the model", self.model.scenarios[part.scenario].name);
             return Err(WorldError::Setup { what });
         }
         let name = self.model.scenarios[part.scenario].name.clone();

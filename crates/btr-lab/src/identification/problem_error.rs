@@ -18,7 +18,7 @@ pub enum ProblemError {
     #[error(transparent)]
     Add(#[from] AddError),
     /// Logs in which nothing moves.
-    #[error("nothing moves in the training logs: they say nothing about the model")]
+    #[error("nothing moves in the training logs, so they contain no information about the model")]
     Still,
     /// Logs that are too short.
     #[error("the longest training log has {0} samples: too few for an estimate")]

@@ -119,7 +119,7 @@ fn noiseless(log: &Log, joint: &Joint, noise: &SensorNoise) -> Option<Finding> {
     let floor = noise.floor(&name, &channel.values)?;
     (least < most && noise.is_assumed(&name, &channel.values)).then(|| {
         let sentence = format!(
-            "{name} shows no noise, as if simulated: errors are measured in {floor:.1e} {}; [noise] says what the sensor does",
+            "{name} shows no noise, as if simulated: errors are measured in {floor:.1e} {}; [noise] sets the sensor's noise",
             channel.unit
         );
         Finding::new(Topic::Noise, Severity::Fine, &name, sentence)

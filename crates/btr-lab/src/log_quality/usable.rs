@@ -50,11 +50,9 @@ pub(crate) fn check_measures_robot(log: &Log, robot: &Robot) -> Result<(), Unusa
         return Ok(());
     }
     let available = log.channels().map(|(channel, _)| channel).collect::<Vec<_>>().join(", ");
-    let help = format!(
-        "give back {}, ..., or say in the experiment's [channels.channels] what it calls them",
-        of_joints.join(", ")
-    );
-    Err(UnusableLog { message: format!("measures nothing of this robot: it has {available}"), help: Some(help) })
+    let help =
+        format!("return {}, ..., or map its names in the experiment's [channels.channels]", of_joints.join(", "));
+    Err(UnusableLog { message: format!("contains no channel of this robot: it has {available}"), help: Some(help) })
 }
 
 /// Rejects a log without a position of any joint, or without one that the mapping names.
@@ -72,7 +70,7 @@ pub(crate) fn check_positions(log: &Log, robot: &Robot, mapping: &Mapping) -> Re
 pub(crate) fn warnings(log: &Log, dt_s: Option<f64>) -> Vec<String> {
     let mut warnings = Vec::new();
     let empty = log.channels().filter(|(_, channel)| channel.values.iter().all(|x| x.is_nan()));
-    warnings.extend(empty.map(|(name, _)| format!("`{name}` has no value at all")));
+    warnings.extend(empty.map(|(name, _)| format!("`{name}` has no values")));
     if let Some((step_s, dt_s)) = log.usual_step_s().zip(dt_s).filter(|(step_s, dt_s)| is_coarser(*dt_s, *step_s)) {
         warnings.push(format!(
             "a command every {step_s:.4} s, but the model takes one step in {dt_s:.4} s (simulation.control_s / steps_per_control)"

@@ -118,7 +118,7 @@ impl Store {
             return Err(StoreError::Half { path: path.to_owned(), why: why.to_string() });
         }
         if is_open_ended(path) {
-            return Err(StoreError::Half { path: path.to_owned(), why: "the last line is cut short".to_owned() });
+            return Err(StoreError::Half { path: path.to_owned(), why: "the last line is truncated".to_owned() });
         }
         Ok(match self.fitness.of(&log) {
             Ok(fitness) => Outcome::Done(Behaviour { log, fitness }),

@@ -130,7 +130,7 @@ fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
     let step_s = log.usual_step_s()?;
     let say = |severity, sentence| Some(Finding::new(Topic::Clock, severity, "", sentence));
     if last_s < MIN_SHARE * test_s {
-        return say(Severity::Bad, format!("its log ends at {last_s:.2} s, where the test lasts {test_s} s"));
+        return say(Severity::Bad, format!("its log ends at {last_s:.2} s, but the test lasts {test_s} s"));
     }
     if first_s > LATE_ROWS * step_s {
         let sentence = format!(
@@ -142,7 +142,7 @@ fn partial(test_s: f64, control_s: f64, log: &Log) -> Option<Finding> {
     let ticks = test_s / control_s;
     ((log.len() as f64) < FEW * ticks && log.len() >= FEWEST_SAMPLES).then(|| {
         let samples = log.len();
-        let sentence = format!("its log has {samples} samples, where the robot was given {ticks:.0} commands");
+        let sentence = format!("its log has {samples} samples, but the robot received {ticks:.0} commands");
         Finding::new(Topic::Clock, Severity::Bad, "", sentence)
     })
 }
@@ -160,7 +160,7 @@ fn displaced(robot: &Robot, noise: &SensorNoise, log: &Log) -> Vec<Finding> {
         let (begins, unit) = (values[first], joint.position_unit());
         ((begins - joint.start).abs() > (START_SHARE * range).max(START_FLOORS * floor)).then(|| {
             let sentence = format!(
-                "{name} begins at {begins:.3} {unit}, where the test begins at {:.3} {unit} and simulations do",
+                "{name} begins at {begins:.3} {unit}, but the test and its simulations begin at {:.3} {unit}",
                 joint.start
             );
             Finding::new(Topic::Start, Severity::Bad, &name, sentence)

@@ -18,13 +18,13 @@ pub enum RunError {
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// The folder already holds a run.
-    #[error("{} holds a run already", .0.display())]
+    #[error("{} already contains a run", .0.display())]
     Exists(PathBuf),
-    /// The folder holds no run to resume.
-    #[error("{} holds no run to resume", .0.display())]
+    /// The folder contains no run to resume.
+    #[error("{} contains no run to resume", .0.display())]
     NoRun(PathBuf),
     /// The experiment is not the one the run began with.
-    #[error("the experiment is not the one that {} was begun with", .0.display())]
+    #[error("the experiment differs from the one that {} was started with", .0.display())]
     OtherExperiment(PathBuf),
     /// A checkpoint of another version, or a damaged one.
     #[error("{} is not a checkpoint of this version: {why}", path.display())]

@@ -104,7 +104,7 @@ fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, 
         names(&distinguished),
     );
     if !alike.is_empty() {
-        sentence += &format!("; this does not tell it from {}", names(&alike));
+        sentence += &format!("; this does not distinguish it from {}", names(&alike));
     }
     sentence.push('.');
     NextExperiment {

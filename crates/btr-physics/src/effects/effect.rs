@@ -253,7 +253,7 @@ impl PlacedEffect {
     fn non_empty(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
         if sites.is_empty() {
             let name = self.effect.spec().name;
-            return Err(setup_error(format!("effect `{name}`: the robot has nothing called `{}`", self.site)));
+            return Err(setup_error(format!("effect `{name}`: the robot has no site `{}`", self.site)));
         }
         Ok(sites)
     }

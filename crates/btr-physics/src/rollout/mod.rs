@@ -30,7 +30,7 @@ use prepared::PreparedRollout;
 /// those of the first step. The same request gives the same bits, on any thread.
 ///
 /// # Errors
-/// [`WorldError::Setup`] for sites that match nothing and inconsistent times; [`WorldError::BlewUp`] when the state
+/// [`WorldError::Setup`] for sites that match nothing and inconsistent times; [`WorldError::Diverged`] when the state
 /// stops being finite or a velocity exceeds any plausible value.
 pub fn simulate(request: RolloutRequest) -> Result<Log, WorldError> {
     let mut logs = simulate_all(vec![request]);

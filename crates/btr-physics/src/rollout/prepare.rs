@@ -29,7 +29,7 @@ pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
         let Some(mimic) = &link.joint.mimic else { continue };
         let (name, leader) = (&link.joint.name, &mimic.leader);
         if followers.iter().all(|follower| follower.joint != i) {
-            return Err(setup_error(format!("`{name}` mimics `{leader}`, which is no joint that moves")));
+            return Err(setup_error(format!("`{name}` mimics `{leader}`, which is not a movable joint")));
         }
         if setup.engine == EngineName::Rapier {
             let what = format!("`{name}` mimics `{leader}`, which the reference engine cannot simulate");
@@ -85,5 +85,5 @@ pub(super) fn apply_static_effects<'a>(
 }
 
 pub(super) fn check(engine: &dyn Dynamics, time_s: f64) -> Result<(), WorldError> {
-    engine.trouble().map_or(Ok(()), |what| Err(WorldError::BlewUp { time_s, what }))
+    engine.trouble().map_or(Ok(()), |what| Err(WorldError::Diverged { time_s, what }))
 }

@@ -29,7 +29,7 @@ def by_text(laws: Mapping[str, Law]) -> list[tuple[str, Law]]:
         raise TypeError(f"laws are functions by name, {{'slip': slip}}, not {type(laws).__name__}")
     for name, law in laws.items():
         if not callable(law):
-            raise TypeError(f"the law {name} is to be a function, not {type(law).__name__}")
+            raise TypeError(f"the law {name} must be a function, not {type(law).__name__}")
     return [(in_text(name), law) for name, law in laws.items()]
 
 

@@ -44,7 +44,7 @@ def rows_of(table: Table, model: _btr.Model, what: str, rollouts: int) -> list[l
     if rows.shape != (rollouts, len(nominal)):
         names = ", ".join(dim["name"] for dim in json.loads(model.spaces[of_controllers]))
         needed = f"({rollouts}, {len(nominal)}) is needed: a row of {names or 'nothing'}"
-        raise ValueError(f"{what} has shape {rows.shape} where {needed}")
+        raise ValueError(f"{what} has shape {rows.shape}, but {needed}")
     listed: list[list[float]] = rows.tolist()
     return listed
 
@@ -57,6 +57,6 @@ def _filled(
     rows = np.tile(np.array(nominal), (rollouts, 1))
     for place, (name, column) in zip(places, columns.items()):
         if column.shape not in ((), (rollouts,)):
-            raise ValueError(f"{what}[{name!r}] has shape {column.shape} where ({rollouts},) is needed")
+            raise ValueError(f"{what}[{name!r}] has shape {column.shape}, but ({rollouts},) is needed")
         rows[:, place] = column
     return rows

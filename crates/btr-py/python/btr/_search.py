@@ -130,7 +130,7 @@ class Search:
         if pending is None:
             raise wrong("nothing was asked: no solutions are pending", "call ask() before each tell()")
         if len(solutions) != len(pending):
-            what = f"{len(solutions)} solutions where {len(pending)} are pending"
+            what = f"{len(solutions)} solutions, but {len(pending)} are pending"
             raise wrong(what, "pass all solutions of ask(), in its order")
         for i, (solution, expected) in enumerate(zip(solutions, pending)):
             if not np.array_equal(floats(solution, "a solution is an array of numbers"), expected):

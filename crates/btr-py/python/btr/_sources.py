@@ -134,5 +134,5 @@ def _files(log: object) -> list[Path]:
         return [Path(pattern)]
     found = sorted(glob.glob(pattern, recursive=True))
     if not found:
-        raise wrong(f"{pattern}: no file is called like that", f"paths are relative to {os.getcwd()}")
+        raise wrong(f"{pattern}: no file matches", f"paths are relative to {os.getcwd()}")
     return [Path(path) for path in found]

@@ -60,7 +60,7 @@ def coevolve(
     model = loaded(experiment)
     execute = _no_reality if reality is None else reality
     must_be_called(execute, "reality is a function of a Controller that gives back a log")
-    must_be_called(_no_reality if tell is None else tell, "tell is a function that hears every iteration")
+    must_be_called(_no_reality if tell is None else tell, "tell is a function that is called with every iteration")
     folder = Path("runs") / model.name if out is None else Path(out)
 
     def robot(

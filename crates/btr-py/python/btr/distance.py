@@ -169,10 +169,10 @@ def _logs(real: Series, simulated: Series, dt_s: float | None, clock_s: ArrayLik
     if isinstance(one, Log) or isinstance(other, Log):
         raise TypeError("both sides are logs or neither is: a log has a clock of its own")
     if not (isinstance(real, Mapping) or isinstance(simulated, Mapping)) and len(one) != len(other):
-        raise wrong(f"{len(one)} real channels beside {len(other)} simulated ones", "compare arrays of the same shape")
+        raise wrong(f"{len(one)} real channels, but {len(other)} simulated ones", "compare arrays of the same shape")
     for name in one:
         if name in other and len(one[name]) != len(other[name]):
-            what = f"{len(one[name])} real samples beside {len(other[name])} simulated ones"
+            what = f"{len(one[name])} real samples, but {len(other[name])} simulated ones"
             how = "give both sides as many samples, or pass logs, which have clocks of their own"
             raise wrong(f"{what}{_of(name, real)}", how)
     unmatched = sorted(one.keys() ^ other.keys())

@@ -95,7 +95,7 @@ class Model:
             return self._with_text(self._model.at(list(zip(places, numbers))))
         point = floats(values, "values are numbers by name, or an array of them")
         if point.shape != (len(self.parameters),):
-            raise ValueError(f"a point has shape {point.shape} where ({len(self.parameters)},) is needed")
+            raise ValueError(f"a point has shape {point.shape}, but ({len(self.parameters)},) is needed")
         return self._with_text(self._model.at(list(enumerate(point.tolist()))))
 
     @property
@@ -175,7 +175,7 @@ class Model:
         """Writes the model file atomically, with the paths in it adapted to its folder. Raises `BtrError` if the name
         does not end in `.toml` (so that no log is overwritten) or the file cannot be written."""
         if Path(path).suffix != ".toml":
-            raise _btr.BtrError(f"{path}: the name of a model ends in .toml")
+            raise _btr.BtrError(f"{path}: the name of a model must end in .toml")
         self._model.save(Path(path))
 
     def __eq__(self, other: object) -> bool:

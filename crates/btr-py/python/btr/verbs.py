@@ -33,7 +33,7 @@ def _silent(step: str, train: float, held_out: float | None) -> None:
 
 def _heard(tell: Tell | None) -> Tell:
     listener = _silent if tell is None else tell
-    must_be_called(listener, "tell is a function that hears every step")
+    must_be_called(listener, "tell is a function that is called with every step")
     return listener
 
 

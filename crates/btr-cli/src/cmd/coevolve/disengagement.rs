@@ -18,8 +18,8 @@ pub(super) fn show_disengagement(report: &RunReport) {
         }
         return;
     }
-    println!("  phi stands at {} of where it began and no longer falls", maybe(e.phi_share));
-    println!("  fresh transfers are mispredicted by {} of where it began", maybe(e.predicted_share));
+    println!("  phi is {} of its initial value and no longer decreases", maybe(e.phi_share));
+    println!("  on fresh transfers, phi is {} of its initial value", maybe(e.predicted_share));
     println!("  rank agreement of controllers, promised against real: {}", maybe(e.rank_agreement));
     println!("  pressure of controllers on simulations: {}", maybe(e.pressure_on_simulations));
     println!("  pressure of simulations on controllers: {}", maybe(e.pressure_on_controllers));
@@ -27,7 +27,7 @@ pub(super) fn show_disengagement(report: &RunReport) {
         show_cause(cause);
     }
     if !e.at_bound.is_empty() {
-        println!("  at a bound of S, the truth may lie beyond: {}", e.at_bound.join(", "));
+        println!("  at a bound of S (the true value may lie beyond it): {}", e.at_bound.join(", "));
     }
 }
 

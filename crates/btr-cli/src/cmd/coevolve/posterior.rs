@@ -16,16 +16,16 @@ pub(super) fn show_posterior(report: &RunReport) {
         println!("\n{}", table.render());
     }
     if estimate.parameters.values().all(|belief| belief.ci95.is_none()) {
-        println!("the estimates do not explain the tests and are not to be used");
+        println!("the estimates do not explain the tests: do not use them");
     }
     if estimate.not_told.is_empty() {
-        println!("told: all {} parameters, by {}", estimate.parameters.len(), tests(told_by(report)));
+        println!("determined: all {} parameters, by {}", estimate.parameters.len(), tests(told_by(report)));
     } else {
-        println!("not told by these tests: {}", estimate.not_told.join(", "));
+        println!("not determined by these tests: {}", estimate.not_told.join(", "));
     }
     for open in &estimate.open_directions {
         let parts = open.parameters.iter().map(|(name, share)| format!("{share:+.2} {name}"));
-        println!("hardly told at all: {}", parts.collect::<Vec<_>>().join(" "));
+        println!("hardly determined: {}", parts.collect::<Vec<_>>().join(" "));
     }
 }
 
@@ -44,15 +44,15 @@ pub(super) fn show_drift(report: &RunReport) {
         let changed: Vec<String> = drift.changed.iter().map(change).collect();
         let what = match (drift.explained, changed.is_empty()) {
             (true, false) => changed.join(", "),
-            (true, true) => "what has changed is not told yet".to_owned(),
-            (false, _) => "S does not hold what has changed".to_owned(),
+            (true, true) => "what has changed is not determined yet".to_owned(),
+            (false, _) => "S does not contain what has changed".to_owned(),
         };
-        println!("the robot has changed before test {}: {what}", drift.before_test);
+        println!("the robot changed before test {}: {what}", drift.before_test);
     }
     if let Some(test) = report.suspicion {
         println!(
-            "nothing explains test {test} beside those before it: the robot has changed, or S lacks something; one more \
-             iteration repeats test {} to tell",
+            "nothing explains test {test} together with those before it: the robot has changed, or S lacks something; one \
+             more iteration repeats test {} to decide",
             test.saturating_sub(1)
         );
     }

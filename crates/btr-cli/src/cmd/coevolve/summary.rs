@@ -28,7 +28,7 @@ pub(super) fn show(report: &RunReport) {
     if report.disengaged {
         show_disengagement(report);
     } else if !at_bound.is_empty() {
-        println!("at a bound of S, the truth may lie beyond: {}", at_bound.join(", "));
+        println!("at a bound of S (the true value may lie beyond it): {}", at_bound.join(", "));
     }
     if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
         println!("best in reality: fitness {}, in transfers/{:04}", number(best.fitness_real), best.test);
@@ -50,7 +50,7 @@ fn reason_text(reason: &StopReason) -> &'static str {
         StopReason::IterationsDone => "all iterations are done",
         StopReason::RealTestsSpent => "the real tests are spent",
         StopReason::Disengaged => "disengaged",
-        StopReason::NoRealData => "no real test gave anything",
+        StopReason::NoRealData => "no real test gave data",
     }
 }
 

@@ -53,7 +53,7 @@ pub(super) fn show_logs(report: &RunReport) {
             let (before, after) = (mean(&|s| s.before.mean_abs), mean(&|s| s.after.mean_abs));
             println!("{title}: mean |error| {} before, {} after", number(before), number(after));
             if after > before {
-                println!("  the adapted model is worse than the one it began with: do not use it");
+                println!("  the adapted model is worse than the initial one: do not use it");
             }
         }
     }
@@ -91,7 +91,7 @@ pub(super) fn show_by_distance(report: &RunReport) {
     let fooled = |by: &&ByDistance| by.phi_of_truth.is_some_and(|truth| truth > by.telling);
     for by in report.by_distance.iter().filter(fooled) {
         println!(
-            "{} prefers its own estimate to the truth: on this recording what it says is not to be relied on",
+            "{} prefers its own estimate to the truth: do not rely on its estimate from this recording",
             by.distance
         );
     }

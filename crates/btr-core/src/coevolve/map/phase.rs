@@ -71,7 +71,7 @@ pub enum MapError {
     #[error("the method `quality_diversity` needs [coevolve.map]")]
     Missing,
     /// A map without axes.
-    #[error("[coevolve.map] has no descriptors: nothing tells one kind of controller from another")]
+    #[error("[coevolve.map] needs at least one descriptor")]
     NoDescriptors,
     /// An unknown axis.
     #[error("there is no descriptor `{name}`")]
@@ -90,7 +90,7 @@ pub enum MapError {
         most: f64,
     },
     /// Too many cells.
-    #[error("{cells} cells along each of {axes} axes are more than can be counted")]
+    #[error("{cells} cells along each of {axes} axes are too many")]
     TooManyCells {
         /// Cells along each axis.
         cells: usize,
@@ -98,7 +98,7 @@ pub enum MapError {
         axes: usize,
     },
     /// A posterior with a method whose simulation does not change.
-    #[error("the method `quality_diversity` keeps its simulation and has no use for [coevolve.posterior]")]
+    #[error("the method `quality_diversity` keeps its simulation and does not use [coevolve.posterior]")]
     Posterior,
 }
 

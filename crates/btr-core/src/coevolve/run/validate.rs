@@ -17,7 +17,7 @@ pub enum PlanError {
     #[error("this method searches controllers, but the experiment's drive has no parameters")]
     NothingToControl,
     /// A posterior without a likelihood.
-    #[error("[coevolve.posterior] needs a distance that knows the noise")]
+    #[error("[coevolve.posterior] needs a distance that uses the sensors' noise")]
     NoLikelihood,
     /// A rule of transfer that needs a posterior, without one.
     #[error("the rule `informative` needs [coevolve.posterior]")]

@@ -40,7 +40,7 @@ impl Builder<'_> {
         let values = params.iter().map(|p| section.values.get(p.name).copied().unwrap_or(p.off)).collect();
         let law = [("law", section.law.is_some()), ("on", section.on.is_some())];
         if let Some((key, _)) = law.iter().find(|(_, given)| *given) {
-            let message = format!("{} has a law of its own; only a formula takes `{key}`", section.effect);
+            let message = format!("{} has its own law; only a formula takes `{key}`", section.effect);
             return Err(self.error(&[&keys[..], &[key]].concat(), message, None));
         }
         self.placed(effect, section, values, &keys, robot)
@@ -69,7 +69,11 @@ impl Builder<'_> {
             self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
         })?;
         if let Some((name, value)) = section.values.iter().find(|(_, value)| !value.is_finite()) {
-            return Err(self.error(&[keys, &[name.as_str()]].concat(), format!("{name} = {value} is no number"), None));
+            return Err(self.error(
+                &[keys, &[name.as_str()]].concat(),
+                format!("{name} = {value} is not a number"),
+                None,
+            ));
         }
         self.placed(effect, section, section.values.values().copied().collect(), keys, robot)
     }

@@ -72,7 +72,9 @@ fn dim(section: &ParameterSection, target: &Target, model_value: Option<f64>) ->
         (None, Some(_), Some(0.0)) => return Err(nothing_to_be_relative_to(name)),
         (None, Some([a, b]), Some(model_value)) => [a * model_value, b * model_value],
         (None, Some(_), None) => {
-            return Err(format!("parameter `{name}`: the robot has no single value to be relative to; give bounds"));
+            return Err(format!(
+                "parameter `{name}`: the model has no single finite value, so relative bounds have no reference; give bounds"
+            ));
         }
         _ => return Err(format!("parameter `{name}`: give either bounds = [min, max] or relative = [factor, factor]")),
     };
@@ -85,8 +87,8 @@ fn dim(section: &ParameterSection, target: &Target, model_value: Option<f64>) ->
 
 fn nothing_to_be_relative_to(name: &str) -> String {
     let why = match name.split_once('@') {
-        Some(("mass", link)) => format!("`{link}` has no mass, as a URDF's link without <inertial>"),
+        Some(("mass", link)) => format!("`{link}` has no mass (its URDF link has no <inertial>)"),
         _ => "the model's own value is 0".to_owned(),
     };
-    format!("parameter `{name}`: {why}, and nothing is relative to that; give bounds = [min, max]")
+    format!("parameter `{name}`: {why}, so relative bounds are empty; give bounds = [min, max]")
 }

@@ -20,12 +20,16 @@ impl Builder<'_> {
         recorded: &[Log],
     ) -> Result<(), FileError> {
         if matches!(reality, RealitySection::Logs(_)) && !model.drive.space().is_empty() {
-            let help = "take search out of [drive]; whatever it says, the logs' own commands are replayed".to_owned();
-            return Err(self.error(&["drive", "search"], "recorded logs leave no controllers to search", Some(help)));
+            let help = "remove search from [drive]; the commands of the logs are replayed in any case".to_owned();
+            return Err(self.error(
+                &["drive", "search"],
+                "controllers cannot be searched with recorded logs",
+                Some(help),
+            ));
         }
         if !self.file.distances.is_empty() && !model.drive.space().is_empty() {
-            let help = "take search out of [drive], or distances out of the file".to_owned();
-            let message = "other distances need a fixed drive: with each of them other controllers would be tried";
+            let help = "remove search from [drive], or remove distances".to_owned();
+            let message = "other distances need a fixed drive: otherwise each of them would select other controllers";
             return Err(self.error(&["distances"], message, Some(help)));
         }
         Coevolution::new(plan.clone(), 0, model).map_err(|e| self.refused(&e, model))?;
@@ -33,7 +37,7 @@ impl Builder<'_> {
         let mut distances = std::iter::once(&plan.distance).chain(&self.file.distances);
         let refine = plan.simulators.as_ref().is_some_and(|phase| phase.refine > 0);
         if refine && distances.all(|distance| distance.build().as_squares().is_none()) {
-            let help = "take distance = \"rmse\", or refine out of the file".to_owned();
+            let help = "use distance = \"rmse\", or remove refine".to_owned();
             let message = "only a sum of squares can be refined by least squares";
             return Err(self.error(&["coevolve", "simulators", "refine"], message, Some(help)));
         }
@@ -105,13 +109,13 @@ fn remedy(error: &PlanError) -> String {
             "simulators = { generations = 20, search = { algorithm = \"cma_es\", population = 12 } }, or posterior = {}; or empty \
              [parameters]"
         }
-        PlanError::NothingToControl => "give [drive] a search, or take method = \"back_to_reality\"",
+        PlanError::NothingToControl => "add a search to [drive], or use method = \"back_to_reality\"",
         PlanError::NoLikelihood => "distance = \"whitened\", and the sensors' noise under [noise]",
-        PlanError::NoPosterior => "add [coevolve.posterior], or take rule = \"disagreement\"",
+        PlanError::NoPosterior => "add [coevolve.posterior], or use rule = \"disagreement\"",
         PlanError::NoIterations => "iterations = 10",
-        PlanError::Map(MapError::Posterior) => "take it out of the file, or take method = \"back_to_reality\"",
-        PlanError::Map(MapError::TooManyCells { .. }) => "take fewer cells, or fewer descriptors",
-        PlanError::Map(MapError::Bounds { .. }) => "NAME = [LEAST, MOST]: what lies outside counts as on the edge",
+        PlanError::Map(MapError::Posterior) => "remove it, or use method = \"back_to_reality\"",
+        PlanError::Map(MapError::TooManyCells { .. }) => "use fewer cells, or fewer descriptors",
+        PlanError::Map(MapError::Bounds { .. }) => "NAME = [LEAST, MOST]: values outside count as the nearest bound",
         PlanError::Map(_) => "map = { descriptors = { energy = [0.0, 50.0] } }; `btr info` lists the terms",
     }
     .to_owned()

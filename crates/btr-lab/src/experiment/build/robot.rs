@@ -74,8 +74,8 @@ impl Builder<'_> {
                 site::matches(pattern, &joint.name) && (joint.mimic.is_none() || *pattern == joint.name)
             };
             if !robot.movable().any(|(_, link)| matches(&link.joint)) {
-                let message = format!("every joint that `{pattern}` matches follows another one, which drives it");
-                let help = "call a joint by its whole name to give it an actuator of its own".to_owned();
+                let message = format!("all joints that match `{pattern}` mimic another joint, which drives them");
+                let help = "use a joint's full name to give it its own actuator".to_owned();
                 return Err(self.error(&["actuators", pattern], message, Some(help)));
             }
             for link in robot.links.iter_mut().skip(1).filter(|link| matches(&link.joint)) {

@@ -45,7 +45,7 @@ impl<'a> IndexEntries<'a> {
 
     pub(crate) fn misses(&self, log: &Path) -> Option<String> {
         let unknown = self.columns.is_some() && self.row(log).is_none();
-        unknown.then(|| "the index does not know it; what its columns set keeps the model's own value".to_owned())
+        unknown.then(|| "it is not in the index; the parameters that the index sets keep the model's values".to_owned())
     }
 
     /// The parameters that the log's row sets; none if the index has no row for it.

@@ -40,7 +40,7 @@ pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<Strin
         pieces.push(LogPiece { path: path.to_owned(), name, log: part.from_zero(), begins_s });
     }
     if pieces.is_empty() {
-        let message = format!("nothing but gaps: no {} s without one", SHORTEST.0);
+        let message = format!("no {} s without a gap", SHORTEST.0);
         let help = "record again, without losing samples".to_owned();
         return Err(about(path, &message, Some(help)));
     }

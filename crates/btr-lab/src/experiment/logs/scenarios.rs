@@ -137,7 +137,7 @@ impl ScenarioReader<'_> {
         let has = format!("it has: {}", available.join(", "));
         match self.file.channels.theirs(channel) {
             Some((key, theirs)) => {
-                let message = format!("{} has no column `{theirs}`, which is to be `{channel}`", path.display());
+                let message = format!("{} has no column `{theirs}`, which is mapped to `{channel}`", path.display());
                 self.source.error(&["channels", "channels", key], &message, Some(has))
             }
             None => {

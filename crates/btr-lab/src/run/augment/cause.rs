@@ -62,13 +62,13 @@ impl Cause {
             self.effects.iter().map(|found| format!("{} on {}", found.effect, found.site)).collect();
         let named = named.join("; ");
         match (&self.not_diagnosed, self.verdict) {
-            (Some(why), _) => format!("the cause was not looked for: {why}"),
+            (Some(why), _) => format!("the cause was not diagnosed: {why}"),
             (None, Some(Verdict::EffectMissing)) => format!("the cause: S lacks {named}"),
             (None, Some(Verdict::NothingMissing)) => {
-                "no effect is missing, S contains the robot: the search stopped short of it (more generations, turns or restarts)".to_owned()
+                "no effect is missing: S contains the robot, but the search did not find it (use more generations, turns or restarts)".to_owned()
             }
             (None, _) if named.is_empty() => "the cause is unexplained: no effect of the library helps".to_owned(),
-            (None, _) => format!("the cause is unexplained: {named} helps and does not explain"),
+            (None, _) => format!("the cause is unexplained: {named} helps but does not explain the error"),
         }
     }
 

@@ -128,10 +128,10 @@ fn check_link(robot: &Robot, index: usize, above: Option<usize>, axis: &Vector3<
         return error("its joint must be a hinge about x (rolls) or y (pitches)");
     }
     if above.is_some() && link.parent != above {
-        return error("it does not hang on the link above it");
+        return error("it is not a child of the link above it");
     }
     if above.is_some() && link.joint.origin.translation.vector.y.abs() > 1e-9 {
-        return error("its joint stands sideways of the one above");
+        return error("its joint is offset sideways from the one above");
     }
     if link.joint.origin.rotation.angle() > 1e-9 {
         return error("its frame is rotated against the one above");

@@ -117,5 +117,5 @@ fn sole(robot: &Robot, leg: &Leg) -> Result<Vector3<f64>, LegError> {
         Geometry::Box { half_m } => Some(shape.pose.translation.vector - Vector3::z() * half_m.z),
         _ => None,
     });
-    boxed.ok_or_else(|| LegError::Shape { link: foot.name.clone(), why: "it has no box to stand on" })
+    boxed.ok_or_else(|| LegError::Shape { link: foot.name.clone(), why: "it has no collision box as a sole" })
 }

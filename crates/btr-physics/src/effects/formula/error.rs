@@ -7,7 +7,7 @@ pub enum FormulaError {
     #[error("the law cannot be read: {0}")]
     Syntax(String),
     /// A name that is neither a variable nor a parameter.
-    #[error("the law's `{name}` is not known; there are {}", known.join(", "))]
+    #[error("the law contains the unknown name `{name}`; known names: {}", known.join(", "))]
     Unknown {
         /// The name.
         name: String,
@@ -18,9 +18,9 @@ pub enum FormulaError {
     #[error("`{0}` does not occur in the law")]
     Unused(String),
     /// A parameter whose name is reserved.
-    #[error("`{0}` means something else in every law")]
+    #[error("`{0}` is a reserved name in laws")]
     Taken(String),
     /// A function that was not supplied with the model.
-    #[error("the law `{0}` is a function, and there is none of that name here")]
+    #[error("the law `{0}` is a function, but no function of that name was given")]
     Absent(String),
 }

@@ -45,7 +45,7 @@ pub enum UrdfError {
         name: String,
     },
     /// A link that is the child of two joints.
-    #[error("link `{link}` hangs on the joints `{first}` and `{second}`; a robot is a tree")]
+    #[error("link `{link}` is the child of the joints `{first}` and `{second}`; a robot is a tree")]
     TwoParents {
         /// The link.
         link: String,
@@ -61,13 +61,13 @@ pub enum UrdfError {
         roots: Vec<String>,
     },
     /// Links that form a loop.
-    #[error("the links {} hang on each other in a loop", links.join(", "))]
+    #[error("the links {} form a loop", links.join(", "))]
     Loop {
         /// The links that the root does not reach.
         links: Vec<String>,
     },
     /// An invalid value of a physical quantity.
-    #[error("{what} of `{name}` is {value}, which is no {what}")]
+    #[error("{what} of `{name}` is {value}, which is not a valid {what}")]
     Value {
         /// The link or joint.
         name: String,
@@ -87,7 +87,7 @@ pub enum UrdfError {
         why: &'static str,
     },
     /// A joint that carries no mass.
-    #[error("joint `{joint}` moves `{link}`, which has no mass and carries none; give it an <inertial>")]
+    #[error("joint `{joint}` moves `{link}`, which has no mass and carries no link with mass; give it an <inertial>")]
     Massless {
         /// The joint.
         joint: String,
@@ -101,7 +101,7 @@ pub enum UrdfError {
 #[non_exhaustive]
 pub enum UrdfWarning {
     /// A mesh.
-    #[error("link `{link}`: the mesh `{file}` is left out; only primitives touch things")]
+    #[error("link `{link}`: the mesh `{file}` is ignored; only primitives have contacts")]
     Mesh {
         /// The link.
         link: String,
@@ -109,7 +109,7 @@ pub enum UrdfWarning {
         file: String,
     },
     /// A hinge or slide without a range.
-    #[error("joint `{joint}` has no limits; it moves without end")]
+    #[error("joint `{joint}` has no limits; its range is unlimited")]
     NoLimits {
         /// The joint.
         joint: String,

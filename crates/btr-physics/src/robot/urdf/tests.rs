@@ -79,7 +79,7 @@ fn missing_limits_and_meshes_are_warned_about() {
     let mesh = "<link name=\"a\"><collision><geometry><mesh filename=\"a.stl\"/></geometry></collision></link>";
     let (robot, warnings) = parse_urdf(&robot_text(&[mesh.into()]), Base::Fixed).unwrap();
     assert!(robot.links[0].shapes.is_empty());
-    assert_eq!(warnings[0].to_string(), "link `a`: the mesh `a.stl` is left out; only primitives touch things");
+    assert_eq!(warnings[0].to_string(), "link `a`: the mesh `a.stl` is ignored; only primitives have contacts");
 }
 
 #[test]
@@ -119,13 +119,16 @@ fn invalid_robots_are_described_by_name() {
     assert_eq!(error_of(&[]), "0 links have no parent (); a robot has one root");
     assert_eq!(
         error_of(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
-        "link `b` hangs on the joints `ab` and `ba`; a robot is a tree"
+        "link `b` is the child of the joints `ab` and `ba`; a robot is a tree"
     );
     let ring = [link_text("root"), a.clone(), b, ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
-    assert_eq!(error_of(&ring), "the links a, b hang on each other in a loop");
+    assert_eq!(error_of(&ring), "the links a, b form a loop");
     let hollow = [a.clone(), "<link name=\"b\"/>".into(), ab("continuous")];
-    assert_eq!(error_of(&hollow), "joint `ab` moves `b`, which has no mass and carries none; give it an <inertial>");
-    assert_eq!(error_of(&[a.replace("\"2\"", "\"-1\"")]), "mass of `a` is -1, which is no mass");
+    assert_eq!(
+        error_of(&hollow),
+        "joint `ab` moves `b`, which has no mass and carries no link with mass; give it an <inertial>"
+    );
+    assert_eq!(error_of(&[a.replace("\"2\"", "\"-1\"")]), "mass of `a` is -1, which is not a valid mass");
     assert!(error_of(&["<link".into()]).starts_with("not a URDF: "));
 }
 

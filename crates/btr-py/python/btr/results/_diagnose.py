@@ -71,7 +71,7 @@ class DiagnoseResult(Reported):
         if self.verdict == "nothing_missing":
             return "nothing is missing: what remains is noise"
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
-        helps = f"{found} helps and does not explain" if found else "no effect of the library helps"
+        helps = f"{found} helps but does not explain the error" if found else "no effect of the library helps"
         return f"unexplained: {helps}; {share}{self._further()}"
 
     def _further(self) -> str:

@@ -33,7 +33,7 @@ impl Expression {
         let mut depth = 0usize;
         for op in &ops {
             if matches!(op, Op::Number(x) if !x.is_finite()) {
-                return syntax("a part of it is no number, whatever the joint does");
+                return syntax("a constant part of it is not a finite number");
             }
             depth = match op {
                 Op::Number(_) | Op::Name(_) => depth + 1,

@@ -17,8 +17,8 @@ pub(super) fn parsed(text: &str, names: &[&str]) -> Result<Vec<Op>, FormulaError
     parser.sum()?;
     match parser.tokens.first() {
         None => Ok(parser.ops),
-        Some(Token::Symbol(")")) => syntax("a `)` closes nothing"),
-        Some(Token::Symbol(",")) => syntax("a `,` stands outside of a function's parentheses"),
+        Some(Token::Symbol(")")) => syntax("a `)` has no `(`"),
+        Some(Token::Symbol(",")) => syntax("a `,` is outside of a function's parentheses"),
         Some(other) => syntax(format!("an operator is missing before `{}`", other.text())),
     }
 }
@@ -28,7 +28,7 @@ pub(super) fn syntax<T>(what: impl Into<String>) -> Result<T, FormulaError> {
 }
 
 pub(super) fn too_deep<T>() -> Result<T, FormulaError> {
-    syntax("too much of it is within each other")
+    syntax("it is nested too deeply")
 }
 
 enum Token<'a> {
@@ -55,13 +55,13 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, FormulaError> {
             _ if first.is_alphabetic() || first == '_' => {
                 rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len())
             }
-            _ => return syntax(format!("`{first}` means nothing in a law")),
+            _ => return syntax(format!("`{first}` is not allowed in a law")),
         };
         let (token, after) = rest.split_at(length);
         tokens.push(match first {
             '0'..='9' | '.' => match token.parse() {
                 Ok(number) => Token::Number(token, number),
-                Err(_) => return syntax(format!("`{token}` is no number")),
+                Err(_) => return syntax(format!("`{token}` is not a number")),
             },
             _ if first.is_alphabetic() || first == '_' => Token::Name(token),
             _ => Token::Symbol(token),
@@ -192,7 +192,7 @@ impl<'a> Parser<'a> {
         match (self.takes(&[")"]), self.tokens.first()) {
             (Some(_), _) => Ok(()),
             (None, None) => syntax("a `(` is not closed"),
-            (None, Some(Token::Symbol(","))) => syntax("there is a `,` too many"),
+            (None, Some(Token::Symbol(","))) => syntax("a `,` is superfluous"),
             (None, Some(other)) => syntax(format!("an operator is missing before `{}`", other.text())),
         }
     }
@@ -219,7 +219,7 @@ impl<'a> Parser<'a> {
             (Some(BuiltinFunction::Two(_)), false) => syntax(format!("{name} takes two values: {name}(x, y)")),
             (None, true) => {
                 let known: Vec<&str> = ONES.iter().map(|(name, _)| *name).chain(TWOS.map(|(name, _)| name)).collect();
-                syntax(format!("`{name}` is no function; there are {}", known.join(" ")))
+                syntax(format!("`{name}` is not a function; known functions: {}", known.join(" ")))
             }
             (None, false) => {
                 self.ops.push(match self.names.iter().position(|known| *known == name) {

@@ -49,18 +49,18 @@ fn syntax_errors_are_described() {
         ("2(dq)", "an operator is missing before `(`"),
         ("sin(q dq)", "an operator is missing before `dq`"),
         ("(q", "a `(` is not closed"),
-        ("q)", "a `)` closes nothing"),
-        ("q, dq", "a `,` stands outside of a function's parentheses"),
+        ("q)", "a `)` has no `(`"),
+        ("q, dq", "a `,` is outside of a function's parentheses"),
         ("max(q)", "max takes two values: max(x, y)"),
-        ("max(q, dq, 1)", "there is a `,` too many"),
+        ("max(q, dq, 1)", "a `,` is superfluous"),
         ("sin", "sin takes a value: sin(x)"),
         ("sin q", "sin takes a value: sin(x)"),
-        ("sing(q)", "`sing` is no function; there are abs sign sqrt"),
-        ("1..2", "`1..2` is no number"),
-        ("q*1e400", "a part of it is no number"),
-        ("q + sqrt(-1)", "a part of it is no number"),
-        ("q $ 2", "`$` means nothing in a law"),
-        ("a*q", "`a` is not known; there are q, dq"),
+        ("sing(q)", "`sing` is not a function; known functions: abs sign sqrt"),
+        ("1..2", "`1..2` is not a number"),
+        ("q*1e400", "a constant part of it is not a finite number"),
+        ("q + sqrt(-1)", "a constant part of it is not a finite number"),
+        ("q $ 2", "`$` is not allowed in a law"),
+        ("a*q", "the unknown name `a`; known names: q, dq"),
     ];
     for (text, why) in errors {
         assert!(refused(text).contains(why), "{text}: {}", refused(text));
@@ -132,7 +132,7 @@ proptest! {
     fn an_expression_evaluates_to_its_value(written in expressions()) {
         let (text, is) = (&written.text, written.is);
         if written.spoils() {
-            prop_assert!(refused(text).contains("a part of it is no number"), "{text}: {}", refused(text));
+            prop_assert!(refused(text).contains("a constant part of it is not a finite number"), "{text}: {}", refused(text));
         } else {
             let evaluated = value(text);
             let same = evaluated.to_bits() == is.to_bits() || (evaluated.is_nan() && is.is_nan());
