@@ -219,7 +219,7 @@ pub(crate) struct LogArgs {
     /// Training logs (MCAP or CSV)
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
-    /// Held-out logs, which nothing is fitted to; give it after MODEL and LOG, as it takes all arguments that follow
+    /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
     /// Write the result and its plots into one HTML file

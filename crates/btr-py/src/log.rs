@@ -11,13 +11,12 @@ use pyo3::types::{PyBytes, PyDict, PyIterator, PyList, PyTuple};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// What a robot was told and what its sensors said, on one clock. As a mapping has, it has its channels by name, but
-/// its length is the number of samples.
+/// The commands and sensor readings of a robot, on one clock. A mapping from channel names to arrays, except that its
+/// length is the number of samples.
 #[pyclass(frozen, mapping, module = "btr", name = "Log")]
 pub(crate) struct Log {
     name: PathBuf,
-    /// Whether somebody gave it this name. Else it only says what kind of log it is, and verbs number what they are
-    /// given.
+    /// Whether the user gave the name. Otherwise it is only a kind of log, and verbs number such logs.
     is_named: bool,
     pub(crate) log: log::Log,
 }
@@ -71,17 +70,17 @@ fn numbers(values: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
 
 #[pymethods]
 impl Log {
-    /// A log of columns: `clock_s` in s, increasing, and one array of its length per channel. Names mean what a CSV's
-    /// headers mean: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN where
-    /// nothing is known. Raises `BtrError` for a clock that does not increase, and arrays of another length.
+    /// A log of columns: `clock_s` in s, increasing, and one array of the same length per channel. Names are those of a
+    /// CSV's headers: `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`; `q_knee_deg` is in degrees. NaN is a
+    /// missing sample. Raises `BtrError` for a clock that does not increase and for arrays of another length.
     #[new]
     #[pyo3(signature = (clock_s, channels, name = None))]
     fn made(clock_s: &Bound<'_, PyAny>, channels: &Bound<'_, PyDict>, name: Option<PathBuf>) -> PyResult<Self> {
         Ok(of_columns(clock_s, channels, name, &Mapping::default())?.0)
     }
 
-    /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` say what foreign names mean. Raises
-    /// `BtrError` for what is no log.
+    /// Reads a `.csv`, `.csv.gz`, `.mcap`, bag or episode; a model's `[channels]` map foreign names. Raises `BtrError`
+    /// for a file that is not a log.
     #[staticmethod]
     #[pyo3(signature = (path, model = None))]
     fn read(py: Python<'_>, path: PathBuf, model: Option<ChannelNames>) -> PyResult<Self> {
@@ -91,22 +90,22 @@ impl Log {
         Ok(Log::new(path, log))
     }
 
-    /// Writes a `.csv`, `.csv.gz` or `.mcap`, whole or not at all. Raises `BtrError` where it cannot be written, and
-    /// where a log with more than commands in it would be lost, unless that is to be: `overwrite`.
+    /// Writes a `.csv`, `.csv.gz` or `.mcap`, completely or not at all. Raises `BtrError` if it cannot be written, and
+    /// if it would replace a log that contains more than commands, unless `overwrite` is set.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
         py.detach(|| btr_lab::output::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
         py.detach(|| btr_io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 
-    /// What it is called in reports: the file's path where it was read. Without a name of its own it is a `log` (or
-    /// `simulated`), and verbs count what they are given: `log 1`.
+    /// The name in reports; for a log that was read, the file's path. A log without its own name is called `log` (or
+    /// `simulated`), and verbs number such logs: `log 1`.
     #[getter]
     fn name(&self) -> &PathBuf {
         &self.name
     }
 
-    /// Whether it has a name of its own.
+    /// Whether it has its own name.
     #[getter]
     fn is_named(&self) -> bool {
         self.is_named
@@ -133,7 +132,7 @@ impl Log {
         self.log.channels().map(|(name, channel)| (name, PyArray1::from_slice(py, &channel.values))).collect()
     }
 
-    /// The channel of that name, an array of `len(log)`; `default` where there is none.
+    /// The channel of that name, an array of `len(log)`; `default` if there is no such channel.
     #[pyo3(signature = (channel, default = None, /))]
     fn get<'py>(
         &self,
@@ -149,7 +148,7 @@ impl Log {
         PyList::new(py, self.keys())?.try_iter()
     }
 
-    /// The unit of a channel (SI), as text. Raises `KeyError` for one that is not there.
+    /// The unit of a channel (SI), as text. Raises `KeyError` for an unknown channel.
     fn unit(&self, channel: &str) -> PyResult<&str> {
         let found = self.log.channel(channel).map(|channel| channel.unit.as_str());
         found.ok_or_else(|| self.missing(channel))
@@ -160,8 +159,8 @@ impl Log {
         Ok(PyArray1::from_slice(py, &found.values))
     }
 
-    /// The channels by name, each an array of `len(log)` in its unit. Where a joint's name ends like a unit (`arm_m`),
-    /// `Log` would read that as one.
+    /// The channels by name, each an array of `len(log)` in its unit. If a joint's name ends like a unit (`arm_m`),
+    /// `Log` would interpret the ending as a unit.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let channels = PyDict::new(py);
         for (name, channel) in self.log.channels() {
@@ -171,15 +170,14 @@ impl Log {
     }
 
     /// A pandas frame: the clock in s as column `t`, then every channel in its unit, so that `load_log` reads it back.
-    /// Raises
-    /// `ImportError` without pandas.
+    /// Raises `ImportError` without pandas.
     fn to_dataframe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("btr.logs")?.call_method1("frame", (self.clock_s(py), self.columns(py)?))
     }
 
-    /// Draws channels in their units against the clock in s; without any, what joints were told and what they read.
-    /// What belongs to one joint and has one unit shares an axes; `ax`, one Matplotlib `Axes`, takes everything.
-    /// Returns the list of axes. Raises `KeyError` for a channel that is not there, `ImportError` without Matplotlib.
+    /// Draws channels in their units over time in s; by default the commands and positions of the joints. Channels of
+    /// one joint and one unit share axes; a given Matplotlib `ax` receives all channels. Returns the list of axes.
+    /// Raises `KeyError` for an unknown channel, `ImportError` without Matplotlib.
     #[pyo3(signature = (*channels, ax = None))]
     fn plot<'py>(
         slf: &Bound<'py, Self>,
