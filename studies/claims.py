@@ -124,7 +124,7 @@ CLAIMS = [
           lambda study: study.run("ant-series")["real_tests"], 0),
     Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml", 156,
           lambda study: study.run("ant")["real_tests"], 0),
-    Claim("README.md", "real tests tell eight masses to 1 or 2 %", "btr coevolve robots/nao.toml", 1.0,
+    Claim("README.md", "real tests determine eight masses to 1 or 2 %", "btr coevolve robots/nao.toml", 1.0,
           lambda study: worst_error(study.run("nao")), 1.0),
     Claim("docs/paper.md", "N = 4024", "btr simulate robots/nao-paper.toml -o WALK.csv", 4024,
           lambda study: (study.walk, study.samples)[1], 0),
