@@ -4,6 +4,7 @@
 
 use crate::log::{Log, LogError};
 use crate::space::{Space, SpaceError};
+use crate::text::Text;
 use serde::{Deserialize, Serialize};
 
 /// A behaviour B(E, c): the recorded log and its fitness.
@@ -186,8 +187,8 @@ pub enum Outcome {
     },
     /// The test is still to be carried out by hand; the run stops here and goes on when it is resumed.
     Pending {
-        /// What is awaited and where.
-        what: String,
+        /// What is awaited and where, and what to do then.
+        what: Text,
     },
 }
 

@@ -5,6 +5,7 @@ use crate::experiment::Source;
 use crate::failure::Failure;
 use crate::model_text::named_files;
 use btr_core::log::Role;
+use btr_core::text::Mention;
 use btr_io::{IoError, Mapping};
 use std::path::{Path, PathBuf};
 
@@ -99,7 +100,7 @@ fn holds_commands_alone(path: &Path) -> bool {
 }
 
 fn refused(message: String) -> Failure {
-    Failure::new("output", message, Some("give the output another name".to_owned()))
+    Failure::new("output", message, Some(Mention::OtherName.into()))
 }
 
 /// Why a file cannot be written.

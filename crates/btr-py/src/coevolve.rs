@@ -50,9 +50,9 @@ pub(crate) fn coevolve(
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
         }
         let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
-        let waiting = ended.and_then(|ended| ended.waiting).map(|what| in_python(&what));
+        let waiting = ended.and_then(|ended| ended.waiting);
         let said = document.map(|mut document| {
-            document["waiting_for"] = waiting.clone().into();
+            document["waiting_for"] = waiting.as_ref().map(in_python).into();
             document.to_string()
         });
         Ok((said, waiting))
@@ -60,7 +60,7 @@ pub(crate) fn coevolve(
     match (raised_there.lock().unwrap_or_else(PoisonError::into_inner).take(), waiting) {
         (Some(error), _) => Err(error),
         // Nobody but the function could have done what is awaited.
-        (None, Some(what)) if asked => Err(raised(&what, None)),
+        (None, Some(what)) if asked => Err(raised(what, None)),
         (None, _) => Ok(document),
     }
 }
@@ -136,11 +136,5 @@ impl RunObserver for Watcher {
 
     fn stops(&mut self) -> bool {
         self.context.is_cancelled()
-    }
-}
-
-impl Raise for btr_lab::failure::Failure {
-    fn raise(self) -> PyErr {
-        raised(&self.message, self.help)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::error::raised;
 use btr_lab::execution::{Cancelled, ExecutionContext};
+use btr_lab::failure::FINITE_LAW;
 use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -74,7 +75,7 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
             let message = format!(
                 "the law {function} gave {value} at q={q}, dq={dq}, ddq={ddq}, cmd={cmd}, tau={tau}, t={t} with {own}"
             );
-            Err(raised(&message, Some("a law gives a finite number wherever a search may look".to_owned())))
+            Err(raised(&message, Some(FINITE_LAW.into())))
         }
         Err(_) => Err(PyTypeError::new_err(format!("the law {function} gave {}, not a number", answer.repr()?))),
     }

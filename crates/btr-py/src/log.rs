@@ -233,7 +233,7 @@ impl Log {
         let columns = PyDict::new(py);
         for (name, channel) in self.log.channels() {
             let column =
-                btr_io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+                btr_io::column_of(name).ok_or_else(|| raised(format!("no column can be called {name}"), None))?;
             columns.set_item(column, PyArray1::from_slice(py, &channel.values))?;
         }
         Ok(columns)

@@ -1,6 +1,6 @@
 //! Long work: without Python's GIL, interruptible by Ctrl-C, and optionally on remote workers.
 
-use crate::error::raised;
+use crate::error::{Raise, raised};
 use crate::laws;
 use crate::laws::LawGiven;
 use btr_lab::distributed;
@@ -110,7 +110,7 @@ pub(crate) fn forked() {
 /// Runs work on the global thread pool, or in a fork on a pool of its own.
 fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let Some(fork) = FORKS.load(Ordering::Relaxed).checked_sub(1) else { return Ok(work()) };
-    let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
+    let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".into())))?;
     // Python knows the pool's thread from the first call of a law to the last, as in `laws::with_cancellation`.
     let in_pool = || pool.install(|| Python::attach(|py| py.detach(work)));
     // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would
@@ -140,7 +140,7 @@ pub(crate) fn serve<'py>(
     let batch = batch.as_bytes();
     let serve = || catch_unwind(AssertUnwindSafe(|| distributed::serve(&payloads, batch, &laws::unpacked)));
     match py.detach(|| threaded(serve))? {
-        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why.to_string(), why.help()))?)),
+        Ok(answer) => Ok(PyBytes::new(py, &answer.map_err(Raise::raise)?)),
         Err(cause) => Err(cause_of(cause)),
     }
 }
@@ -174,7 +174,7 @@ pub(crate) fn working<T: Send>(
     });
     match (interrupted, ended) {
         (Some(signal), _) => Err(signal),
-        (None, Ok(ended)) => ended?.map_err(|why| raised(&why.to_string(), None))?,
+        (None, Ok(ended)) => ended?.map_err(|why| raised(why.to_string(), None))?,
         (None, Err(cause)) => Err(cause_of(cause)),
     }
 }
@@ -195,7 +195,7 @@ fn cause_of(cause: Box<dyn Any + Send>) -> PyErr {
         Err(other) => other,
     };
     match cause.downcast::<ExchangeError>() {
-        Ok(why) => raised(&why.to_string(), None),
+        Ok(why) => raised(why.to_string(), None),
         Err(other) if other.is::<Cancelled>() => raised("the work was cancelled", None),
         Err(other) => resume_unwind(other),
     }

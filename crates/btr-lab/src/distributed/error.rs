@@ -2,6 +2,7 @@
 
 use crate::experiment::FileError;
 use crate::identification::ProblemError;
+use btr_core::text::Text;
 use btr_core::world::WorldError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -54,7 +55,7 @@ pub enum DistributedError {
 
 impl DistributedError {
     /// How to resolve it.
-    pub fn help(&self) -> Option<String> {
+    pub fn help(&self) -> Option<Text> {
         match self {
             DistributedError::Experiment(error) => error.help.clone(),
             DistributedError::Problem(error) => error.help(),

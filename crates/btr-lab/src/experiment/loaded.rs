@@ -131,13 +131,12 @@ impl Experiment {
 }
 
 fn missing(source: &Source, section: &str) -> FileError {
-    source.error(&[], &format!("there is no [{section}]"), Some(needs(section)))
+    source.error(&[], &format!("there is no [{section}]"), Some(needs(section).into()))
 }
 
-fn needs(section: &str) -> String {
+fn needs(section: &str) -> &'static str {
     match section {
         "coevolve" => "add [coevolve] with iterations and distance; robots/pendulum.toml is a short example",
         _ => "add [reality] with kind = \"twin\", \"logs\", \"command\" or \"manual\"",
     }
-    .to_owned()
 }

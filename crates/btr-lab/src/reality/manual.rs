@@ -2,6 +2,7 @@
 
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
+use btr_core::text::{Mention, Text};
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
 use std::sync::Arc;
@@ -23,13 +24,12 @@ impl ManualReality {
             return Ok(before);
         }
         let folder = self.store.folder_of(trial);
-        Ok(Outcome::Pending {
-            what: format!(
-                "{0}: play references.csv on the robot, save what it did as {0}/log.csv or log.mcap (or why it could not be \
-                 done as failed.txt), then run again with --resume",
-                folder.display()
-            ),
-        })
+        let play = format!(
+            "{0}: play references.csv on the robot, save what it did as {0}/log.csv or log.mcap (or why it could not be \
+             done as failed.txt), then ",
+            folder.display()
+        );
+        Ok(Outcome::Pending { what: Text::from(play) + Mention::RunAgain })
     }
 }
 

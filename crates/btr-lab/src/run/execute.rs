@@ -10,6 +10,7 @@ use crate::experiment::Experiment;
 use crate::failure::Failure;
 use crate::model_text;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
+use btr_core::text::Text;
 use btr_core::world::Simulator;
 use btr_identify::LadderStep;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ pub struct FinishedRun {
     /// The result files that were written.
     pub files: Vec<PathBuf>,
     /// The real test that the run waits for, if it stopped for one that a person has to carry out.
-    pub waiting: Option<String>,
+    pub waiting: Option<Text>,
 }
 
 impl FinishedRun {
@@ -51,7 +52,7 @@ impl FinishedRun {
         let mut document =
             serde_json::to_value(&self.report).map_err(|e| Failure::new("output", e.to_string(), None))?;
         document["files"] = self.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
-        document["waiting_for"] = self.waiting.clone().into();
+        document["waiting_for"] = self.waiting.as_ref().map(Text::to_string).into();
         Ok(document)
     }
 }
@@ -59,7 +60,7 @@ impl FinishedRun {
 /// How a run left the loop.
 enum LoopExit {
     Stopped(StopReason),
-    Waiting(String),
+    Waiting(Text),
     Interrupted,
 }
 
@@ -170,7 +171,7 @@ fn by_distance(
 fn finish(
     experiment: &Experiment,
     run: Run,
-    (reason, waiting): (Option<StopReason>, Option<String>),
+    (reason, waiting): (Option<StopReason>, Option<Text>),
     others: Vec<ByDistance>,
 ) -> Result<FinishedRun, Failure> {
     let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;

@@ -4,7 +4,8 @@ use crate::experiment::file::{File, RealitySection};
 use crate::experiment::logs::listed::from_logs;
 use crate::experiment::logs::scenarios::ScenarioSet;
 use crate::experiment::source::{FileError, Source};
-use crate::suggest::suggestion;
+use crate::suggest;
+use btr_core::text::Text;
 use btr_physics::model::Model;
 use std::sync::atomic::AtomicU64;
 
@@ -43,7 +44,7 @@ impl Builder<'_> {
         })
     }
 
-    pub(crate) fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<String>) -> FileError {
+    pub(crate) fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<Text>) -> FileError {
         self.source.error(keys, &message.to_string(), help)
     }
 
@@ -54,9 +55,6 @@ impl Builder<'_> {
         wrong: &str,
         known: impl IntoIterator<Item = &'b str>,
     ) -> FileError {
-        let known: Vec<&str> = known.into_iter().collect();
-        let near = suggestion(wrong, known.iter().copied());
-        let help = near.unwrap_or_else(|| format!("known: {}", known.join(", ")));
-        self.error(keys, format!("there is no {what} `{wrong}`"), Some(help))
+        self.error(keys, format!("there is no {what} `{wrong}`"), Some(suggest::remedy(wrong, known)))
     }
 }

@@ -6,6 +6,7 @@ use crate::experiment::source::FileError;
 use btr_core::coevolve::{Coevolution, MapError, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
+use btr_core::text::{Text, Verb};
 use btr_core::world::Simulator;
 use btr_physics::model::Model;
 use btr_physics::model::task::TERMS;
@@ -20,11 +21,11 @@ impl Builder<'_> {
         recorded: &[Log],
     ) -> Result<(), FileError> {
         if matches!(reality, RealitySection::Logs(_)) && !model.drive.space().is_empty() {
-            let help = "take search out of [drive]; whatever it says, the logs' own commands are replayed".to_owned();
+            let help = "take search out of [drive]; whatever it says, the logs' own commands are replayed".into();
             return Err(self.error(&["drive", "search"], "recorded logs leave no controllers to search", Some(help)));
         }
         if !self.file.distances.is_empty() && !model.drive.space().is_empty() {
-            let help = "take search out of [drive], or distances out of the file".to_owned();
+            let help = "take search out of [drive], or distances out of the file".into();
             let message = "other distances need a fixed drive: with each of them other controllers would be tried";
             return Err(self.error(&["distances"], message, Some(help)));
         }
@@ -33,7 +34,7 @@ impl Builder<'_> {
         let mut distances = std::iter::once(&plan.distance).chain(&self.file.distances);
         let refine = plan.simulators.as_ref().is_some_and(|phase| phase.refine > 0);
         if refine && distances.all(|distance| distance.build().as_squares().is_none()) {
-            let help = "take distance = \"rmse\", or refine out of the file".to_owned();
+            let help = "take distance = \"rmse\", or refine out of the file".into();
             let message = "only a sum of squares can be refined by least squares";
             return Err(self.error(&["coevolve", "simulators", "refine"], message, Some(help)));
         }
@@ -96,8 +97,8 @@ impl Builder<'_> {
     }
 }
 
-fn remedy(error: &PlanError) -> String {
-    match error {
+fn remedy(error: &PlanError) -> Text {
+    let words = match error {
         PlanError::NoControllerSearch(_) => {
             "controllers = { generations = 10, search = { algorithm = \"ga\", population = 20 } }; or set them in [drive]"
         }
@@ -112,7 +113,9 @@ fn remedy(error: &PlanError) -> String {
         PlanError::Map(MapError::Posterior) => "take it out of the file, or take method = \"back_to_reality\"",
         PlanError::Map(MapError::TooManyCells { .. }) => "take fewer cells, or fewer descriptors",
         PlanError::Map(MapError::Bounds { .. }) => "NAME = [LEAST, MOST]: what lies outside counts as on the edge",
-        PlanError::Map(_) => "map = { descriptors = { energy = [0.0, 50.0] } }; `btr info` lists the terms",
-    }
-    .to_owned()
+        PlanError::Map(_) => {
+            return Text::from("map = { descriptors = { energy = [0.0, 50.0] } }; ") + Verb::Info + " lists the terms";
+        }
+    };
+    words.into()
 }

@@ -3,6 +3,7 @@
 use crate::experiment::file::{ColumnSection, File, RealitySection};
 use crate::experiment::source::{FileError, Source};
 use crate::suggest::nearest;
+use btr_core::text::{Mention, Text};
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
 use indexmap::IndexMap;
@@ -58,7 +59,7 @@ impl<'a> IndexEntries<'a> {
 }
 
 pub(super) fn at_line(index: &Path, line: usize, message: &str) -> FileError {
-    FileError { path: index.to_owned(), line, column: 0, message: message.to_owned(), help: None }
+    FileError { path: index.to_owned(), line, column: 0, message: message.into(), help: None }
 }
 
 pub(super) fn no_file_column(index: &Path, line: usize) -> FileError {
@@ -72,10 +73,9 @@ pub(super) type IndexRow = IndexMap<String, String>;
 pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, IndexRow)>, FileError> {
     let unreadable = |e: csv::Error| {
         let message = format!("{}: {e}", index.display());
-        let help = format!(
-            "{section}.index is taken from the experiment file's folder; point it to where the data is, or use --set \
-             {section}.index=PATH"
-        );
+        let key = format!("{section}.index");
+        let from = format!("{key} is taken from the experiment file's folder; point it to where the data is, or ");
+        let help = Text::from(from) + Mention::Set { key, value: "PATH" };
         source.error(&[section, "index"], &message, Some(help))
     };
     let mut reader = csv::Reader::from_path(index).map_err(unreadable)?;
@@ -94,7 +94,7 @@ pub(super) fn no_column(source: &Source, (section, key): (&str, &str), column: &
         Some(name) => format!("did you mean `{name}`?"),
         None => format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", ")),
     };
-    source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
+    source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help.into()))
 }
 
 /// The parameters that the columns of a row set.

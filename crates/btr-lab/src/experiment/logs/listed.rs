@@ -34,7 +34,7 @@ pub(crate) fn from_logs(
         return Err(source.error(&["reality"], &message, None));
     }
     if requests.iter().all(|w| w.held_out) {
-        let help = "name files, or an index with learn = { column = value }".to_owned();
+        let help = "name files, or an index with learn = { column = value }".into();
         return Err(source.error(&["reality"], "no training log", Some(help)));
     }
     let mut all = ScenarioSet::none();
