@@ -18,6 +18,7 @@ pub struct Behaviour {
 
 /// Why a simulation gave no behaviour.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum WorldError {
     /// The simulation diverged: its state stopped being finite or left every sensible range.
     #[error("the simulation blew up at t = {} s: {what}", rounded(*time_s))]

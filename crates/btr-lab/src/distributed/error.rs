@@ -12,6 +12,7 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Why a payload cannot be packed, or why a worker cannot answer a batch.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DistributedError {
     /// The payload comes from another version of btr.
     #[error("btr {} cannot work for btr {theirs}: install the same version everywhere", VERSION)]

@@ -8,6 +8,7 @@ use btr_identify::quality::FEWEST_SAMPLES;
 
 /// Why a model cannot be identified from logs.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProblemError {
     /// The model file or a log is invalid.
     #[error(transparent)]

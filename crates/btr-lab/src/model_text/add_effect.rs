@@ -18,6 +18,7 @@ pub struct Addition {
 
 /// Why an effect or a law cannot be added.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AddError {
     /// No effect of that name.
     #[error("there is no effect `{name}`")]

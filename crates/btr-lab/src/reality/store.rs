@@ -19,6 +19,7 @@ const LOG_ENDINGS: [&str; 2] = ["mcap", "csv"];
 
 /// Why a real test could not be saved or read back.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]

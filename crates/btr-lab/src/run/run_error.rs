@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 /// Why a run cannot begin or continue.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The experiment file is invalid.
     #[error(transparent)]

@@ -120,6 +120,7 @@ pub struct DrivePlan {
 
 /// Why a drive cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DriveError {
     /// A parameter that the drive does not have.
     #[error("the drive has no parameter `{name}`")]

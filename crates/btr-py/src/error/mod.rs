@@ -96,6 +96,7 @@ impl Raise for SpaceError {
             SpaceError::Outside { .. } => "move it between its bounds, or the bounds around it",
             SpaceError::Length { .. } => "give one value per dimension",
             SpaceError::Twice { .. } => "give every parameter a name of its own",
+            _ => return raised(self.to_string(), None),
         };
         raised(self.to_string(), Some(help.into()))
     }

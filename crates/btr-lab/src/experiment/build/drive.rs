@@ -34,6 +34,7 @@ impl Builder<'_> {
             }
             DriveError::Space(e) => self.error(&["drive", "search"], e, None),
             DriveError::World(e) => self.error(&["drive", "kind"], e, None),
+            other => self.error(&["drive"], other, None),
         })
     }
 
