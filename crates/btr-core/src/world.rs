@@ -193,6 +193,28 @@ pub enum Outcome {
     },
 }
 
+/// Why trials cannot be announced.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnnounceError {
+    /// The commands of a controller cannot be computed.
+    #[error(transparent)]
+    Commands(#[from] WorldError),
+    /// The trials cannot be kept where they are prepared, for instance on a full disk.
+    #[error("{0}")]
+    Storage(Text),
+}
+
+impl AnnounceError {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
+        match self {
+            AnnounceError::Commands(error) => error.to_string().into(),
+            AnnounceError::Storage(text) => text.clone(),
+        }
+    }
+}
+
 /// Source of real tests: a hidden twin, recorded logs, a command, a person at the robot.
 ///
 /// An implementation must have the log on disk before it returns it, so that no real test is ever lost.
@@ -200,8 +222,8 @@ pub trait Reality {
     /// Announces the trials that come next, so that they can be prepared together. The default does nothing.
     ///
     /// # Errors
-    /// Whatever keeps the trials from being prepared, for instance a full disk.
-    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+    /// Whatever keeps the trials from being prepared.
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), AnnounceError> {
         let _ = trials;
         Ok(())
     }

@@ -4,7 +4,7 @@ use btr_core::distance::{DistanceSpec, Rmse};
 use btr_core::log::Log;
 use btr_core::world::{Job, Output, OutputRequest, Simulator};
 use btr_identify::residual_model::{Derivation, MovedStart, ResidualModel, ResidualRequest, TimeStep};
-use btr_lab::distributed::{RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
+use btr_lab::distributed::{DistributedError, RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
 use btr_lab::execution::{Cancelled, ExecutionContext, Executor, Payload};
 use btr_lab::experiment::{LogSource, RealitySource, Source, model};
 use btr_lab::verbs::VerbInput;
@@ -26,7 +26,7 @@ impl Executor for Worker {
 
     fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Box<dyn Any + Send>> {
         let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
-        serve(&payloads, batch, &|_| Err("no functions here".to_owned()))
+        serve(&payloads, batch, &|_| Err(DistributedError::Functions("no functions here".to_owned())))
             .map_err(|why| Box::new(why) as Box<dyn Any + Send>)
     }
 }

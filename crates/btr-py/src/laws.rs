@@ -1,6 +1,7 @@
 //! Laws as Python functions: how they are called, and how their exceptions end the work.
 
 use crate::error::raised;
+use btr_lab::distributed::DistributedError;
 use btr_lab::execution::{Cancelled, ExecutionContext};
 use btr_lab::failure::FINITE_LAW;
 use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
@@ -45,11 +46,12 @@ pub(crate) fn packed(py: Python<'_>, given: &LawGiven) -> PyResult<Vec<u8>> {
 }
 
 /// The functions that another process packed.
-pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
+pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, DistributedError> {
     Python::attach(|py| {
         let given = py.import("btr._laws").and_then(|laws| laws.call_method1("unpacked", (PyBytes::new(py, bytes),)));
         let given: PyResult<LawGiven> = given.and_then(|given| given.extract());
-        given.map(|given| laws(py, &given)).map_err(|why| format!("the law's function cannot be read here: {why}"))
+        let unreadable = |why| DistributedError::Functions(format!("the law's function cannot be read here: {why}"));
+        given.map(|given| laws(py, &given)).map_err(unreadable)
     })
 }
 

@@ -3,7 +3,7 @@
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
 use btr_core::text::{Mention, Text};
-use btr_core::world::{Outcome, Reality, Trial};
+use btr_core::world::{AnnounceError, Outcome, Reality, Trial};
 use btr_physics::model::Model;
 use std::sync::Arc;
 
@@ -34,10 +34,10 @@ impl ManualReality {
 }
 
 impl Reality for ManualReality {
-    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), AnnounceError> {
         trials.iter().try_for_each(|trial| {
-            let references = self.model.references(&trial.controller, trial.scenario).map_err(|e| e.to_string())?;
-            self.store.ask(trial, &references).map(|_| ()).map_err(|e| e.to_string())
+            let references = self.model.references(&trial.controller, trial.scenario)?;
+            self.store.ask(trial, &references).map(|_| ()).map_err(|error| AnnounceError::Storage(error.text()))
         })
     }
 

@@ -10,7 +10,6 @@ use crate::coevolve::plan::Method;
 use crate::coevolve::promise;
 use crate::coevolve::transfer::ScoredController;
 use crate::search::{AnySearch, UnitPoint};
-use crate::text::Text;
 use crate::world::Trial;
 
 /// A run stops after this many tests if none returned usable data: tests wear a robot out.
@@ -31,7 +30,7 @@ impl Coevolution {
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
         let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()]);
-        let announced = on.reality.announce(&trials).map_err(Text::from);
+        let announced = on.reality.announce(&trials).map_err(|error| error.text());
         let result = announced.and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
