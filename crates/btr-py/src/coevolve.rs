@@ -10,7 +10,7 @@ use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment::Experiment;
 use btr_lab::reality::{RobotFunction, TestFailure, TestRequest};
 use btr_lab::run::execute;
-use btr_lab::run::execute::RunObserver;
+use btr_lab::run::execute::{RunObserver, RunStart};
 use btr_report::figures;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -45,7 +45,8 @@ pub(crate) fn coevolve(
     warn(py, &experiment.warnings)?;
     let (document, waiting) = working(py, &context, || {
         let mut watcher = Watcher { context: context.clone(), tell, warned, told: 0 };
-        let mut ended = execute::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        let start = if resume { RunStart::Resume } else { RunStart::Begin };
+        let mut ended = execute::coevolve(&mut experiment, &folder, start, &mut watcher).map_err(Raise::raise)?;
         if let Some(ended) = &mut ended {
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
         }

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 
 fn spec(name: &str, settings: &Settings<'_>) -> PyResult<DistanceSpec> {
-    settings::read(("name", name), settings, str::to_owned)
+    settings::read("name", name, settings, str::to_owned)
 }
 
 /// A distance by its name in experiment files, between logs.

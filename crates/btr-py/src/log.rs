@@ -4,6 +4,7 @@ use crate::error::{Raise, raised};
 use btr_core::log;
 use btr_io::{Mapping, Meta, Recording, Warning};
 use btr_lab::experiment::LogSource;
+use btr_lab::output::{Overwrite, may_write_log};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
@@ -95,7 +96,8 @@ impl Log {
     /// where a log with more than commands in it would be lost, unless that is to be: `overwrite`.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        py.detach(|| btr_lab::output::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
+        let overwrite = if overwrite { Overwrite::Measurements } else { Overwrite::Commands };
+        py.detach(|| may_write_log(&path, overwrite)).map_err(Raise::raise)?;
         py.detach(|| btr_io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 

@@ -44,7 +44,7 @@ impl Search {
         x0: Option<Vec<f64>>,
         seed: u64,
     ) -> PyResult<Self> {
-        let spec: SearchSpec = settings::read(("algorithm", algorithm), &settings, |key| said(algorithm, key))?;
+        let spec: SearchSpec = settings::read("algorithm", algorithm, &settings, |key| said(algorithm, key))?;
         let space = space(&bounds, &log)?;
         let popsize = spec.population(space.len());
         if space.len().saturating_mul(popsize.max(space.len())) > MOST_NUMBERS {
@@ -170,7 +170,7 @@ impl Search {
 #[pyfunction]
 pub(crate) fn searches() -> PyResult<Vec<(&'static str, &'static str, String)>> {
     let row = |&(name, what): &(&'static str, &'static str)| {
-        let spec: SearchSpec = settings::read(("algorithm", name), &vec![], str::to_owned)?;
+        let spec: SearchSpec = settings::read("algorithm", name, &vec![], str::to_owned)?;
         Ok((name, what, serde_json::json!(spec).to_string()))
     };
     SEARCHES.iter().map(row).collect()

@@ -20,7 +20,8 @@ enum Setting {
 
 /// A spec: `tag` says what it is called there (`algorithm`, `name`). `said` is how the caller calls a setting.
 pub(crate) fn read<T: DeserializeOwned>(
-    (tag, name): (&str, &str),
+    tag: &str,
+    name: &str,
     settings: &Settings<'_>,
     said: impl Fn(&str) -> String,
 ) -> PyResult<T> {
