@@ -60,7 +60,7 @@ where
     let given = |logs: &[L]| logs.iter().cloned().map(Into::into).collect::<Vec<LogSource>>();
     let (learn, held_out) = (given(learn), given(held_out));
     let file = source.parse()?;
-    let builder = Builder { file: &file, source };
+    let builder = Builder::new(&file, source);
     let robot = builder.robot()?;
     if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
         let message = format!("{} is both a training log and held out", both.path().display());

@@ -6,13 +6,28 @@ use crate::experiment::logs::scenarios::ScenarioSet;
 use crate::experiment::source::{FileError, Source};
 use crate::suggest;
 use btr_core::text::Text;
+use btr_physics::drive::DrivePlan;
 use btr_physics::model::Model;
+use std::cell::OnceCell;
 use std::sync::atomic::AtomicU64;
 
 /// Builds a model from a file.
 pub(crate) struct Builder<'a> {
     pub(crate) file: &'a File,
     pub(crate) source: &'a Source,
+    /// The file's drive, once it is known: a log that it replays is read once.
+    pub(super) drive: OnceCell<DrivePlan>,
+}
+
+impl<'a> Builder<'a> {
+    pub(crate) fn new(file: &'a File, source: &'a Source) -> Self {
+        Builder { file, source, drive: OnceCell::new() }
+    }
+
+    /// The same for a file with the drive of a model that was built before.
+    pub(crate) fn driven_like(model: &Model, file: &'a File, source: &'a Source) -> Self {
+        Builder { file, source, drive: OnceCell::from(model.drive.clone()) }
+    }
 }
 
 impl Builder<'_> {

@@ -11,6 +11,14 @@ use std::sync::Arc;
 
 impl Builder<'_> {
     pub(super) fn drive(&self, robot: &Robot) -> Result<DrivePlan, FileError> {
+        if let Some(known) = self.drive.get() {
+            return Ok(known.clone());
+        }
+        let plan = self.read_drive(robot)?;
+        Ok(self.drive.get_or_init(|| plan).clone())
+    }
+
+    fn read_drive(&self, robot: &Robot) -> Result<DrivePlan, FileError> {
         let Some(section) = &self.file.drive else {
             let none = IndexMap::new();
             return DrivePlan::new(DriveKind::Hold, robot, &none, &IndexMap::new(), SearchStart::Random)
