@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Checks the shape of the source: no import circles, small folders, lines of at most 120 columns, no retired words.
+"""Checks the shape of the source: no import circles, small folders, lines of at most 120 columns, no retired words, no
+commands in the texts of the libraries.
 
     python3 tests/structure.py
 
@@ -47,6 +48,11 @@ RETIRED = {
     r"\b[Ww]hoever\b": "who, or the passive",
     r"\bwho simulates\b": "executor",
 }
+# What only the command line calls so: a text of a library mentions it by `btr_core::text`.
+LIBRARIES = ("btr-core", "btr-identify", "btr-io", "btr-lab", "btr-physics")
+OF_COMMAND_LINE = re.compile(r"`btr |--(add|drive|held-out|json|log|next|out|report|resume|seed|set|threads)\b")
+# The command line's own wording, the stamp of a run, and a sentence of `--json`, which is the same everywhere.
+WORDS_OF_COMMAND_LINE = {"btr-core/src/text.rs", "btr-lab/src/experiment/loaded.rs", "btr-lab/src/run/augment/ask.rs"}
 # A key of `btr check --json` that must hold.
 KEPT = re.compile(r"\"likeness\"|likeness: float")
 PYTHON = {".py", ".pyi"}
@@ -81,6 +87,17 @@ def retired_words(line: str) -> Iterator[str]:
         found = re.search(word, KEPT.sub("", line))
         if found:
             yield f"`{found.group()}` is retired; say: {instead}"
+
+
+def commands_in_texts() -> Iterator[str]:
+    """Literals of the libraries that name commands or options; front ends word a mention themselves."""
+    for path in sorted(path for library in LIBRARIES for path in (ROOT / "crates" / library / "src").rglob("*.rs")):
+        if str(path.relative_to(ROOT / "crates")) in WORDS_OF_COMMAND_LINE:
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            found = OF_COMMAND_LINE.search(line)
+            if found and not line.lstrip().startswith("//"):
+                yield f"{path.relative_to(ROOT)}:{number}: `{found.group()}` in a text; mention it by btr_core::text"
 
 
 def large_folders() -> Iterator[str]:
@@ -267,8 +284,8 @@ def import_circles() -> Iterator[str]:
 
 
 def main() -> int:
-    problems = [*import_circles(), *large_folders(), *words_and_lines()]
-    print("\n".join(problems) or "no circles, no large folders, no long lines, no retired words")
+    problems = [*import_circles(), *large_folders(), *words_and_lines(), *commands_in_texts()]
+    print("\n".join(problems) or "no circles, no large folders, no long lines, no retired words, no commands in texts")
     return 1 if problems else 0
 
 

@@ -14,7 +14,8 @@ pub(crate) const REFUSED: u8 = 2;
 /// Prints a failure on stderr, or as a JSON document on stdout.
 pub(crate) fn report(failure: &Failure, json: bool) -> u8 {
     if json {
-        let error = serde_json::json!({ "code": failure.code, "message": failure.message, "help": failure.help });
+        let help = failure.help.as_ref().map(ToString::to_string);
+        let error = serde_json::json!({ "code": failure.code, "message": failure.message.to_string(), "help": help });
         println!("{}", serde_json::json!({ "ok": false, "error": error }));
     } else {
         eprintln!("error: {}", failure.message);

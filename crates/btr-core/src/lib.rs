@@ -13,6 +13,7 @@
 //! - [`distance`]: how far two behaviours are apart, one file per distance
 //! - [`search`]: ask-and-tell searches on the unit cube, one file per search; [`optimize`]: bounded least squares
 //! - [`coevolve`]: the loop that puts them together
+//! - [`text`]: messages in which every front end names its own commands
 //! - [`random`], [`parallel`]: reproducible random streams, and batches of parallel work
 //!
 //! # Quick start
@@ -74,4 +75,5 @@ pub mod search;
 mod settings;
 pub mod signal;
 pub mod space;
+pub mod text;
 pub mod world;

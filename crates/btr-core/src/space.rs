@@ -39,6 +39,7 @@ pub struct Dim {
 
 /// Error of a dimension or a point.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SpaceError {
     /// Bounds that are not finite, or not in increasing order.
     #[error("parameter `{name}`: bounds [{min}, {max}] must be finite and min < max")]

@@ -4,6 +4,7 @@
 
 use crate::log::{Log, LogError};
 use crate::space::{Space, SpaceError};
+use crate::text::Text;
 use serde::{Deserialize, Serialize};
 
 /// A behaviour B(E, c): the recorded log and its fitness.
@@ -17,6 +18,7 @@ pub struct Behaviour {
 
 /// Why a simulation gave no behaviour.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum WorldError {
     /// The simulation diverged: its state stopped being finite or left every sensible range.
     #[error("the simulation diverged at t = {} s: {what}", rounded(*time_s))]
@@ -194,9 +196,31 @@ pub enum Outcome {
     },
     /// The test is still to be carried out by hand; the run stops here and goes on when it is resumed.
     Pending {
-        /// What is awaited and where.
-        what: String,
+        /// What is awaited and where, and what to do then.
+        what: Text,
     },
+}
+
+/// Why trials cannot be announced.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnnounceError {
+    /// The commands of a controller cannot be computed.
+    #[error(transparent)]
+    Commands(#[from] WorldError),
+    /// The trials cannot be kept where they are prepared, for instance on a full disk.
+    #[error("{0}")]
+    Storage(Text),
+}
+
+impl AnnounceError {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
+        match self {
+            AnnounceError::Commands(error) => error.to_string().into(),
+            AnnounceError::Storage(text) => text.clone(),
+        }
+    }
 }
 
 /// Source of real tests: a hidden twin, recorded logs, a command, a person at the robot.
@@ -206,8 +230,8 @@ pub trait Reality {
     /// Announces the trials that come next, so that they can be prepared together. The default does nothing.
     ///
     /// # Errors
-    /// Whatever keeps the trials from being prepared, for instance a full disk.
-    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+    /// Whatever keeps the trials from being prepared.
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), AnnounceError> {
         let _ = trials;
         Ok(())
     }

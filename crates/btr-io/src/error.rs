@@ -1,7 +1,8 @@
 //! Errors and warnings of reading and writing logs, each with its place in the file and a remedy.
 
 use btr_core::log::LogError;
-use std::path::PathBuf;
+use btr_core::text::{Mention, Text};
+use std::path::{Path, PathBuf};
 
 /// Why a log could not be read or written. `Display` gives the place and the cause, [`IoError::help`] the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -185,28 +186,23 @@ pub enum IoError {
 
 impl IoError {
     /// What the user can do about the error.
-    pub fn help(&self) -> String {
+    pub fn help(&self) -> Text {
         match self {
             IoError::File { .. } => "check the path and the permissions".into(),
             IoError::Format { .. } => {
-                "logs end in .csv, .csv.gz or .mcap; a folder is a LeRobot data set (with #3 behind it: episode 3) or a ROS 2 bag; \
-                 a .toml is run by `btr coevolve` or `btr simulate`"
-                    .into()
+                let formats = "logs end in .csv, .csv.gz or .mcap; a folder is a LeRobot data set (with #3 behind it: episode 3) or a \
+                               ROS 2 bag; a .toml is ";
+                Text::from(formats) + Mention::ModelUse
             }
             IoError::Disabled { feature, .. } => {
-                format!("build btr-io with its feature `{feature}`, which is on by default")
+                format!("build btr-io with its feature `{feature}`, which is on by default").into()
             }
-            IoError::Db3 { path } => {
-                let bag = bag_of(path).display();
-                format!("convert it: rosbags-convert --src {bag} --dst out --dst-storage mcap; or read it in Python: btr.load_log")
-            }
-            IoError::SplitBag { path, .. } => {
-                let bag = path.display();
-                format!("make it one: rosbags-convert --src {bag} --dst out --dst-storage mcap; or read it in Python: btr.load_log")
-            }
+            IoError::Db3 { path } => Text::from("convert it: ") + converted(bag_of(path)),
+            IoError::SplitBag { path, .. } => Text::from("make it one: ") + converted(path),
             IoError::Episode { path, episodes, .. } => {
                 let path = path.display();
-                format!("name an episode behind the folder: `{path}#0` to `{path}#{}`", episodes.saturating_sub(1))
+                let last = episodes.saturating_sub(1);
+                format!("name an episode behind the folder: `{path}#0` to `{path}#{last}`").into()
             }
             IoError::DataSet { .. } => {
                 "LeRobot data sets are read in their formats v2.0, v2.1 and v3.0; check that this one was downloaded as a whole"
@@ -237,8 +233,14 @@ impl IoError {
     }
 }
 
+/// How to read a bag that btr does not read itself.
+fn converted(bag: &Path) -> Text {
+    let convert = format!("rosbags-convert --src {} --dst out --dst-storage mcap; or ", bag.display());
+    Text::from(convert) + Mention::LoadLog
+}
+
 /// The bag's folder, which `rosbags-convert` expects: the parent of the database file.
-fn bag_of(path: &std::path::Path) -> &std::path::Path {
+fn bag_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => path,

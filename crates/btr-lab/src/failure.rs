@@ -3,11 +3,15 @@
 use crate::experiment::FileError;
 use crate::identification::{Doubt, ProblemError, VerbInput};
 use crate::model_text::AddError;
+use btr_core::text::{Mention, Text};
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
 
 /// A simulation that diverges sooner than this, in s, was wrong from the beginning.
 const AT_ONCE_S: f64 = 0.2;
+
+/// What to do about a law that gave no finite number.
+pub const FINITE_LAW: &str = "a law must give a finite number at every point that a search can try";
 
 /// Why a verb failed.
 #[derive(Debug)]
@@ -15,19 +19,19 @@ pub struct Failure {
     /// Machine-readable code.
     pub code: &'static str,
     /// What went wrong.
-    pub message: String,
+    pub message: Text,
     /// The remedy.
-    pub help: Option<String>,
+    pub help: Option<Text>,
 }
 
 impl Failure {
     /// A failure with a code, a message and a remedy.
-    pub fn new(code: &'static str, message: impl Into<String>, help: Option<String>) -> Self {
+    pub fn new(code: &'static str, message: impl Into<Text>, help: Option<Text>) -> Self {
         Failure { code, message: message.into(), help }
     }
 
     /// An invalid command line.
-    pub fn usage(message: impl Into<String>) -> Self {
+    pub fn usage(message: impl Into<Text>) -> Self {
         Failure::new("usage", message, None)
     }
 
@@ -51,29 +55,34 @@ impl Failure {
             (WorldError::Diverged { time_s, .. }, Some(doubt)) if *time_s < AT_ONCE_S => {
                 let (channel, sentence) = (&doubt.finding.channel, &doubt.finding.sentence);
                 let ending = if channel.starts_with("dq_") { "_deg_s" } else { "_deg" };
-                Some(format!("{sentence} A column called {channel}{ending} is read in degrees"))
+                Some(format!("{sentence} A column called {channel}{ending} is read in degrees").into())
             }
             (WorldError::Diverged { .. }, _) => {
-                Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".to_owned())
+                Some("take smaller steps (simulation.steps_per_control), softer gains or heavier links".into())
             }
-            (WorldError::Law { .. }, _) => {
-                Some("a law must give a finite number at every point that a search can try".to_owned())
-            }
+            (WorldError::Law { .. }, _) => Some(FINITE_LAW.into()),
             _ => None,
         };
         Failure::new("simulation", error.to_string(), help)
     }
 
+    /// A fit of a model without a free parameter.
+    pub fn nothing_to_fit() -> Self {
+        let help = Text::from("free some parameters ([parameters] in the model file), or ") + Mention::AddEffect;
+        Failure::new("nothing_to_fit", "this model has no free parameter", Some(help))
+    }
+
     /// A model that cannot be simulated at its current values on the logs of the input.
     pub fn simulation_failure(input: &VerbInput, error: &WorldError) -> Self {
         let why = Failure::simulation(error, &input.doubts);
-        Failure { message: format!("the model diverges on these logs at its current values: {}", why.message), ..why }
+        let message = Text::from("the model diverges on these logs at its current values: ") + why.message;
+        Failure { message, ..why }
     }
 }
 
 impl From<FileError> for Failure {
     fn from(error: FileError) -> Self {
-        Failure::new("file", error.to_string(), error.help)
+        Failure::new("file", error.text(), error.help)
     }
 }
 

@@ -5,6 +5,7 @@ use crate::experiment::Source;
 use crate::failure::Failure;
 use crate::model_text::named_files;
 use btr_core::log::Role;
+use btr_core::text::Mention;
 use btr_io::{IoError, Mapping};
 use std::path::{Path, PathBuf};
 
@@ -16,10 +17,16 @@ pub enum OutputKind {
     /// An HTML report.
     Report,
     /// A log.
-    Log {
-        /// Whether it may overwrite a log that holds more than commands.
-        over_measurements: bool,
-    },
+    Log(Overwrite),
+}
+
+/// Which logs another one may overwrite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Overwrite {
+    /// Those that hold nothing but commands.
+    Commands,
+    /// All, measurements included.
+    Measurements,
 }
 
 /// A file that a verb is to write.
@@ -42,12 +49,12 @@ pub fn inputs(source: &Source, further: impl IntoIterator<Item = PathBuf>) -> Ve
     std::iter::once(source.path.clone()).chain(named_files(source)).chain(further).collect()
 }
 
-/// Rejects a log that cannot be written, or that would overwrite a log with more than commands.
+/// Rejects a log that cannot be written, or that would overwrite a log that it may not.
 ///
 /// # Errors
 /// See [`guard`].
-pub fn may_write_log(path: &Path, over_measurements: bool) -> Result<(), Failure> {
-    guard(OutputKind::Log { over_measurements }.at(Some(path)), [])
+pub fn may_write_log(path: &Path, overwrite: Overwrite) -> Result<(), Failure> {
+    guard(OutputKind::Log(overwrite).at(Some(path)), [])
 }
 
 /// Rejects outputs that cannot be written or would overwrite other files.
@@ -72,9 +79,9 @@ impl OutputFile<'_> {
         match self.kind {
             OutputKind::Model => self.ends_in("toml", "a model"),
             OutputKind::Report => self.ends_in("html", "a report"),
-            OutputKind::Log { over_measurements } => {
+            OutputKind::Log(overwrite) => {
                 btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
-                if !over_measurements && self.path.exists() && !holds_commands_alone(self.path) {
+                if overwrite == Overwrite::Commands && self.path.exists() && !holds_commands_alone(self.path) {
                     return Err(refused(format!("{name} exists and contains more than commands, which would be lost")));
                 }
                 Ok(())
@@ -99,7 +106,7 @@ fn holds_commands_alone(path: &Path) -> bool {
 }
 
 fn refused(message: String) -> Failure {
-    Failure::new("output", message, Some("give the output another name".to_owned()))
+    Failure::new("output", message, Some(Mention::OtherName.into()))
 }
 
 /// Why a file cannot be written.

@@ -5,7 +5,7 @@ use btr_core::log::Log;
 use btr_core::world::{Cancelled, Job, Output, OutputRequest, Simulator, WorldError};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::{Derivation, MovedStart, ResidualModel, ResidualRequest, TimeStep};
-use btr_lab::distributed::{RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
+use btr_lab::distributed::{DistributedError, RemoteModel, RemoteSimulator, RunPayloads, TestComparison, serve};
 use btr_lab::execution::{Cause, ExecutionContext, Executor, Payload};
 use btr_lab::experiment::{LogSource, RealitySource, Source, model};
 use btr_lab::verbs::VerbInput;
@@ -26,7 +26,7 @@ impl Executor for Worker {
     fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {
         let payloads: Vec<(u64, &[u8])> = payloads.iter().map(|p| (p.key, p.bytes.as_slice())).collect();
         let context = ExecutionContext::default();
-        Ok(serve(&payloads, batch, &|_| Err("no functions here".to_owned()), &context)?)
+        Ok(serve(&payloads, batch, &|_| Err(DistributedError::Functions("no functions here".to_owned())), &context)?)
     }
 }
 

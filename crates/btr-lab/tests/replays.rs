@@ -84,7 +84,7 @@ fn the_index_sets_what_it_knows_of_a_log() {
     assert_eq!(lone.scenarios[0].settings.first().map(|(_, mass)| *mass), Some(0.5));
     let wrong = text.replace("\"grams\"", "\"gram\"");
     let error = experiment::replays(&source(folder.path(), &wrong), &logs, &[]).err().unwrap();
-    assert!(error.line > 0 && error.help.as_deref() == Some("did you mean `grams`?"), "{error} {:?}", error.help);
+    assert!(error.line > 0 && error.help == Some("did you mean `grams`?".into()), "{error} {:?}", error.help);
     let twice = experiment::replays(&source(folder.path(), MODEL), &logs, &logs[..1]).err().unwrap();
     assert!(twice.to_string().contains("held out"), "{twice}");
 }

@@ -10,7 +10,7 @@ use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment::Experiment;
 use btr_lab::reality::{RobotFunction, TestFailure, TestRequest};
 use btr_lab::run::execute;
-use btr_lab::run::execute::RunObserver;
+use btr_lab::run::execute::{RunObserver, RunStart};
 use btr_report::figures;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -45,14 +45,15 @@ pub(crate) fn coevolve(
     warn(py, &experiment.warnings)?;
     let (document, waiting) = working(py, &context, || {
         let mut watcher = Watcher { context: context.clone(), tell, warned, told: 0 };
-        let mut ended = execute::coevolve(&mut experiment, &folder, resume, &mut watcher).map_err(Raise::raise)?;
+        let start = if resume { RunStart::Resume } else { RunStart::Begin };
+        let mut ended = execute::coevolve(&mut experiment, &folder, start, &mut watcher).map_err(Raise::raise)?;
         if let Some(ended) = &mut ended {
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report).map_err(Raise::raise)?);
         }
         let document = ended.as_ref().map(|ended| ended.document()).transpose().map_err(Raise::raise)?;
-        let waiting = ended.and_then(|ended| ended.waiting).map(|what| in_python(&what));
+        let waiting = ended.and_then(|ended| ended.waiting);
         let said = document.map(|mut document| {
-            document["waiting_for"] = waiting.clone().into();
+            document["waiting_for"] = waiting.as_ref().map(in_python).into();
             document.to_string()
         });
         Ok((said, waiting))
@@ -60,7 +61,7 @@ pub(crate) fn coevolve(
     match (raised_there.lock().unwrap_or_else(PoisonError::into_inner).take(), waiting) {
         (Some(error), _) => Err(error),
         // Nobody but the function could have done what is awaited.
-        (None, Some(what)) if asked => Err(raised(&what, None)),
+        (None, Some(what)) if asked => Err(raised(what, None)),
         (None, _) => Ok(document),
     }
 }
@@ -136,11 +137,5 @@ impl RunObserver for Watcher {
 
     fn stops(&mut self) -> bool {
         self.context.is_cancelled()
-    }
-}
-
-impl Raise for btr_lab::failure::Failure {
-    fn raise(self) -> PyErr {
-        raised(&self.message, self.help)
     }
 }

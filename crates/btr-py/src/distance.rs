@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 
 fn spec(name: &str, settings: &Settings<'_>) -> PyResult<DistanceSpec> {
-    settings::read(("name", name), settings, str::to_owned)
+    settings::read("name", name, settings, str::to_owned)
 }
 
 /// A distance by its name in experiment files, between logs.
@@ -68,7 +68,7 @@ fn comparable(channels: &Channels, real: &log::Log, simulated: &log::Log) -> PyR
     let names = |log: &log::Log| log.channels().map(|(name, _)| name.to_owned()).collect::<Vec<_>>().join(", ");
     if let Some(pattern) = channels.unmatched(real).first() {
         let help = format!("known channels: {}; `*` stands for any characters, once per pattern", names(real));
-        return Err(raised(&format!("no channel is called `{pattern}`"), Some(help)));
+        return Err(raised(format!("no channel is called `{pattern}`"), Some(help.into())));
     }
     let compared = |(name, channel): (&str, &log::Channel)| {
         channel.role != Role::Truth && channels.contains(name) && simulated.channel(name).is_some()
@@ -80,5 +80,5 @@ fn comparable(channels: &Channels, real: &log::Log, simulated: &log::Log) -> PyR
         format!("no channel to compare: the real ones are {}; the simulated ones {}", names(real), names(simulated));
     let help =
         "of logs commands and sensors are compared (`cmd_`, `q_`, `dq_`, `tau_`, `imu_`, `foot_`), of dicts everything";
-    Err(raised(&what, Some(help.to_owned())))
+    Err(raised(&what, Some(help.into())))
 }

@@ -1,7 +1,9 @@
 //! Laws as Python functions: how they are called, and how their exceptions end the work.
 
 use crate::error::raised;
+use btr_lab::distributed::DistributedError;
 use btr_lab::execution::ExecutionContext;
+use btr_lab::failure::FINITE_LAW;
 use btr_physics::effects::{LawFunction, LawInputs, Laws, Param};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -43,11 +45,12 @@ pub(crate) fn packed(py: Python<'_>, given: &LawGiven) -> PyResult<Vec<u8>> {
 }
 
 /// The functions that another process packed.
-pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, String> {
+pub(crate) fn unpacked(bytes: &[u8]) -> Result<Laws, DistributedError> {
     Python::attach(|py| {
         let given = py.import("btr._laws").and_then(|laws| laws.call_method1("unpacked", (PyBytes::new(py, bytes),)));
         let given: PyResult<LawGiven> = given.and_then(|given| given.extract());
-        given.map(|given| laws(py, &given)).map_err(|why| format!("the law's function cannot be read here: {why}"))
+        let unreadable = |why| DistributedError::Functions(format!("the law's function cannot be read here: {why}"));
+        given.map(|given| laws(py, &given)).map_err(unreadable)
     })
 }
 
@@ -80,10 +83,7 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
             let message = format!(
                 "the law {function} gave {value} at q={q}, dq={dq}, ddq={ddq}, cmd={cmd}, tau={tau}, t={t} with {own}"
             );
-            Err(raised(
-                &message,
-                Some("a law must give a finite number at every point that a search can try".to_owned()),
-            ))
+            Err(raised(&message, Some(FINITE_LAW.into())))
         }
         Err(_) => Err(PyTypeError::new_err(format!("the law {function} gave {}, not a number", answer.repr()?))),
     }

@@ -4,6 +4,7 @@ use crate::error::{Raise, raised};
 use btr_core::log;
 use btr_io::{Mapping, Meta, Recording, Warning};
 use btr_lab::experiment::LogSource;
+use btr_lab::output::{Overwrite, may_write_log};
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
@@ -94,7 +95,8 @@ impl Log {
     /// if it would replace a log that contains more than commands, unless `overwrite` is set.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        py.detach(|| btr_lab::output::may_write_log(&path, overwrite)).map_err(Raise::raise)?;
+        let overwrite = if overwrite { Overwrite::Measurements } else { Overwrite::Commands };
+        py.detach(|| may_write_log(&path, overwrite)).map_err(Raise::raise)?;
         py.detach(|| btr_io::write_log(&path, &self.log, &Meta::default())).map_err(Raise::raise)
     }
 
@@ -231,7 +233,7 @@ impl Log {
         let columns = PyDict::new(py);
         for (name, channel) in self.log.channels() {
             let column =
-                btr_io::column_of(name).ok_or_else(|| raised(&format!("no column can be called {name}"), None))?;
+                btr_io::column_of(name).ok_or_else(|| raised(format!("no column can be called {name}"), None))?;
             columns.set_item(column, PyArray1::from_slice(py, &channel.values))?;
         }
         Ok(columns)

@@ -99,9 +99,9 @@ impl Model {
     fn at(&self, values: Vec<(usize, f64)>) -> PyResult<String> {
         let (space, mut s) = (self.built.simulations(), self.built.simulations().nominal());
         values.iter().for_each(|&(k, value)| s[k] = value);
-        space.check(&s).map_err(|e| raised(&e.to_string(), None))?;
+        space.check(&s).map_err(|e| raised(e.to_string(), None))?;
         let values = values.iter().map(|&(k, value)| (space.dims()[k].name.as_str(), value));
-        at(&self.source.text, values).map_err(|e| raised(&e.to_string(), None))
+        at(&self.source.text, values).map_err(|e| raised(e.to_string(), None))
     }
 
     /// Where the names are among the dimensions of S, or of C, which are called `what`.
@@ -114,7 +114,7 @@ impl Model {
     /// Writes the model file, whole or not at all; the files that it names are found from there.
     fn save(&self, path: PathBuf) -> PyResult<()> {
         let into = path.parent().unwrap_or(&path);
-        let text = moved(&self.source.text, self.source.folder(), into).map_err(|e| raised(&e.to_string(), None))?;
+        let text = moved(&self.source.text, self.source.folder(), into).map_err(|e| raised(e.to_string(), None))?;
         let written = write_whole(&path, |out| out.write_all(text.as_bytes()));
         written.map_err(|source| IoError::File { path, source }.raise())
     }
@@ -163,7 +163,7 @@ impl Model {
             let (s, c) = (rows(parameters, model.simulations()), rows(controllers, model.controllers()));
             s.iter().zip(&c).try_for_each(|(s, c)| within(model, s, c))?;
             let jobs: Vec<Job> = s.iter().zip(&c).map(|(s, c)| Job { s, c, scenario: 0 }).collect();
-            model.simulate_jobs(&jobs, &|| context.check_cancelled()).map_err(|why| raised(&why.to_string(), None))
+            model.simulate_jobs(&jobs, &|| context.check_cancelled()).map_err(|why| raised(why.to_string(), None))
         })?;
         let logs = simulated.into_iter().map(|log| Some(Log::made_here("simulated", log.ok()?)));
         Ok(logs.collect())
@@ -175,7 +175,7 @@ impl Model {
         let addition = |text: &String| Addition::parse(text, robot).map_err(Raise::raise);
         let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?;
         if additions.is_empty() {
-            return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".to_owned())));
+            return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".into())));
         }
         verbs::add(&self.source, robot, &additions).map_err(Raise::raise)
     }
@@ -223,13 +223,13 @@ fn unknown(name: &str, space: &Space, what: &str) -> PyErr {
         false => format!("there are {}", known().collect::<Vec<_>>().join(", ")),
     };
     let help = btr_lab::suggest::suggestion(name, known()).unwrap_or_else(all);
-    raised(&format!("none of the model's {what} is called `{name}`"), Some(help))
+    raised(format!("none of the model's {what} is called `{name}`"), Some(help.into()))
 }
 
 /// Whether points are in their spaces: what is outside is a mistake, not a simulation that failed.
 fn within(model: &model::Model, s: &[f64], c: &[f64]) -> PyResult<()> {
     let checked = model.simulations().check(s).and_then(|()| model.controllers().check(c));
-    checked.map_err(|e| raised(&e.to_string(), None))
+    checked.map_err(|e| raised(e.to_string(), None))
 }
 
 /// A number of a law: known, or free to fit between two bounds.

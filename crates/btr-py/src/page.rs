@@ -33,8 +33,8 @@ impl Page {
 #[pyfunction]
 pub(crate) fn write_report(path: PathBuf, html: &str) -> PyResult<()> {
     if path.extension().is_none_or(|ending| ending != "html") {
-        let help = "give the report another name".to_owned();
-        return Err(raised(&format!("{}: the name of a report must end in .html", path.display()), Some(help)));
+        let help = "give the report another name".into();
+        return Err(raised(format!("{}: the name of a report must end in .html", path.display()), Some(help)));
     }
     html::write(&path, html).map_err(Raise::raise)
 }

@@ -44,12 +44,12 @@ impl Search {
         x0: Option<Vec<f64>>,
         seed: u64,
     ) -> PyResult<Self> {
-        let spec: SearchSpec = settings::read(("algorithm", algorithm), &settings, |key| said(algorithm, key))?;
+        let spec: SearchSpec = settings::read("algorithm", algorithm, &settings, |key| said(algorithm, key))?;
         let space = space(&bounds, &log)?;
         let popsize = spec.population(space.len());
         if space.len().saturating_mul(popsize.max(space.len())) > MOST_NUMBERS {
             let what = format!("{popsize} points in {} dimensions are too many to keep", space.len());
-            return Err(raised(&what, Some("search in fewer dimensions, or with a smaller popsize".to_owned())));
+            return Err(raised(&what, Some("search in fewer dimensions, or with a smaller popsize".into())));
         }
         if let Some(x0) = &x0 {
             space.check(x0).map_err(Raise::raise)?;
@@ -81,7 +81,7 @@ impl Search {
         let awaited = self.asked.as_ref().map_or(0, Vec::len);
         if costs.len() != awaited {
             let what = format!("{} costs, but {awaited} solutions were asked", costs.len());
-            return Err(raised(&what, Some("give one cost for each solution, in the order of ask()".to_owned())));
+            return Err(raised(what, Some("give one cost for each solution, in the order of ask()".into())));
         }
         let Some(asked) = self.asked.take() else { return Ok(()) };
         let costs: Vec<f64> =
@@ -150,14 +150,14 @@ impl Search {
 
     /// All of it as text, for pickles.
     fn state(&self) -> PyResult<String> {
-        serde_json::to_string(self).map_err(|error| raised(&format!("the search cannot be kept: {error}"), None))
+        serde_json::to_string(self).map_err(|error| raised(format!("the search cannot be kept: {error}"), None))
     }
 
     /// The search that `state` was written by.
     #[staticmethod]
     fn restored(state: &str) -> PyResult<Self> {
         serde_json::from_str(state)
-            .map_err(|error| raised(&format!("this is not a search of this version: {error}"), None))
+            .map_err(|error| raised(format!("this is not a search of this version: {error}"), None))
     }
 }
 
@@ -171,7 +171,7 @@ impl Search {
 #[pyfunction]
 pub(crate) fn searches() -> PyResult<Vec<(&'static str, &'static str, String)>> {
     let row = |&(name, what): &(&'static str, &'static str)| {
-        let spec: SearchSpec = settings::read(("algorithm", name), &vec![], str::to_owned)?;
+        let spec: SearchSpec = settings::read("algorithm", name, &vec![], str::to_owned)?;
         Ok((name, what, serde_json::json!(spec).to_string()))
     };
     SEARCHES.iter().map(row).collect()
@@ -192,7 +192,7 @@ fn space(bounds: &[(f64, f64)], log: &[bool]) -> PyResult<Space> {
         let what = format!("{} bounds and {} scales", bounds.len(), log.len());
         return Err(raised(
             &what,
-            Some("give bounds and a scale to every dimension, of which there is one at least".to_owned()),
+            Some("give bounds and a scale to every dimension, of which there is one at least".into()),
         ));
     }
     let dims = bounds.iter().zip(log).enumerate().map(|(i, (&(low, high), &log))| {
@@ -202,7 +202,7 @@ fn space(bounds: &[(f64, f64)], log: &[bool]) -> PyResult<Space> {
     let space = Space::new(dims.collect()).map_err(Raise::raise)?;
     let endless = |dim: &&Dim| !slope(dim, dim.max).is_finite();
     match space.dims().iter().find(endless) {
-        Some(dim) => Err(raised(&format!("the bounds of {} are too far apart to compute with", dim.name), None)),
+        Some(dim) => Err(raised(format!("the bounds of {} are too far apart to compute with", dim.name), None)),
         None => Ok(space),
     }
 }

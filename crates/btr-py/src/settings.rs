@@ -20,7 +20,8 @@ enum Setting {
 
 /// A spec: `tag` says what it is called there (`algorithm`, `name`). `said` is how the caller calls a setting.
 pub(crate) fn read<T: DeserializeOwned>(
-    (tag, name): (&str, &str),
+    tag: &str,
+    name: &str,
     settings: &Settings<'_>,
     said: impl Fn(&str) -> String,
 ) -> PyResult<T> {
@@ -32,7 +33,7 @@ pub(crate) fn read<T: DeserializeOwned>(
         alone.map_err(|error| refused(&said(key), &error.to_string()))?;
         table.insert(key.clone(), value);
     }
-    serde_json::from_value(Value::Object(table)).map_err(|error| raised(&format!("{tag}: {error}"), None))
+    serde_json::from_value(Value::Object(table)).map_err(|error| raised(format!("{tag}: {error}"), None))
 }
 
 fn value(said: &str, setting: &Bound<'_, PyAny>) -> PyResult<Value> {
@@ -56,5 +57,5 @@ fn refused(said: &str, why: &str) -> PyErr {
         .replace("expected usize", whole)
         .replace("expected u32", whole)
         .replace("expected f64", "expected a number");
-    raised(&format!("{said}: {why}"), Some("leave it out for its default".to_owned()))
+    raised(format!("{said}: {why}"), Some("leave it out for its default".into()))
 }

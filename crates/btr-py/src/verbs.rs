@@ -105,14 +105,13 @@ pub(crate) fn fit(
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
         let input = VerbInput::with(source, replays, &add).map_err(Raise::raise)?;
         if input.problem.model().simulations.is_empty() {
-            let help = "free some parameters ([parameters] in the model file), or add an effect".to_owned();
-            return Err(raised("this model has no free parameter", Some(help)));
+            return Err(Failure::nothing_to_fit().raise());
         }
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
-        let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(&e.to_string(), None))?;
+        let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(e.to_string(), None))?;
         let (document, space) = (json!(found).to_string(), json!(input.problem.model().simulations.dims()).to_string());
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
         let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
@@ -130,5 +129,5 @@ fn say(context: &ExecutionContext, tell: &Py<PyAny>, ladder_step: &LadderStep) {
 
 /// The problem's family as `context` serves it.
 fn served(input: &VerbInput, context: &Arc<ExecutionContext>) -> PyResult<RemoteModel> {
-    RemoteModel::new(input, context.clone()).map_err(|why| raised(&why.to_string(), why.help()))
+    RemoteModel::new(input, context.clone()).map_err(Raise::raise)
 }

@@ -1,6 +1,6 @@
 //! Long work: without Python's GIL, interruptible by Ctrl-C, and optionally on remote workers.
 
-use crate::error::raised;
+use crate::error::{Raise, raised};
 use crate::laws;
 use crate::laws::LawGiven;
 use btr_lab::distributed;
@@ -109,7 +109,7 @@ pub(crate) fn forked() {
 /// Runs work on the global thread pool, or in a fork on a pool of its own.
 fn threaded<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let Some(fork) = FORKS.load(Ordering::Relaxed).checked_sub(1) else { return Ok(work()) };
-    let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".to_owned())))?;
+    let pool = own_pool(fork).map_err(|why| raised(&why, Some("start processes afresh (spawn)".into())))?;
     // Python knows the pool's thread from the first call of a law to the last, as in `laws::with_cancellation`.
     let in_pool = || pool.install(|| Python::attach(|py| py.detach(work)));
     // A thread that rayon has never seen asks: where one of the parent's pool forked, this one passes for it, and would
@@ -145,8 +145,8 @@ pub(crate) fn serve<'py>(
     if let Some(cause) = context.take_cause() {
         return Err(exception(cause));
     }
-    let answer = answer.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|why| raised(&why.to_string(), None))?;
-    Ok(PyBytes::new(py, &answer.map_err(|why| raised(&why.to_string(), why.help()))?))
+    let answer = answer.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|why| raised(why.to_string(), None))?;
+    Ok(PyBytes::new(py, &answer.map_err(Raise::raise)?))
 }
 
 /// Runs work in a thread of its own while this one waits for it and for Ctrl-C. Exceptions in it (of a listener, a
@@ -176,7 +176,7 @@ pub(crate) fn working<T: Send>(
     // What the work gave after it was cancelled says less than why it was.
     match interrupted.or_else(|| context.take_cause().map(exception)) {
         Some(error) => Err(error),
-        None => ended?.map_err(|why| raised(&why.to_string(), None))?,
+        None => ended?.map_err(|why| raised(why.to_string(), None))?,
     }
 }
 
@@ -193,6 +193,6 @@ pub(crate) fn at_once<T: Send>(
 fn exception(cause: Cause) -> PyErr {
     match cause.downcast::<PyErr>() {
         Ok(error) => *error,
-        Err(other) => raised(&other.to_string(), None),
+        Err(other) => raised(other.to_string(), None),
     }
 }

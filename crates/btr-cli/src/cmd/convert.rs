@@ -4,11 +4,11 @@ use crate::args::Global;
 use crate::exit::DONE;
 use btr_io::{Mapping, Meta};
 use btr_lab::failure::Failure;
-use btr_lab::output::{OutputKind, guard};
+use btr_lab::output::{OutputKind, Overwrite, guard};
 use std::path::Path;
 
 pub(crate) fn run(from: &Path, to: &Path, global: &Global) -> Result<u8, Failure> {
-    guard(OutputKind::Log { over_measurements: false }.at(Some(to)), [from.to_owned()])?;
+    guard(OutputKind::Log(Overwrite::Commands).at(Some(to)), [from.to_owned()])?;
     let (log, warnings) = btr_io::read_log(from, &Mapping::default())?;
     btr_io::write_log(to, &log, &Meta::default())?;
     if global.json {

@@ -7,7 +7,7 @@ use crate::exit::{DONE, MISSED};
 use btr_identify::diagnose::{DiagnoseOptions, Verdict};
 use btr_io::Meta;
 use btr_lab::failure::Failure;
-use btr_lab::output::{OutputKind, guard, inputs};
+use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{DiagnoseReport, VerbInput};
 use btr_report::Subject;
@@ -18,7 +18,7 @@ use std::path::Path;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.logs_args.model, global)?;
-    let commands = OutputKind::Log { over_measurements: false }.at(args.next.as_deref());
+    let commands = OutputKind::Log(Overwrite::Commands).at(args.next.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;

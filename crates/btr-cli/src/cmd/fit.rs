@@ -20,8 +20,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
     let input = VerbInput::with(source, replays, &args.add).map_err(|e| Failure::input(e, &doubts))?;
     if input.problem.model().simulations.is_empty() {
-        let help = "free some parameters ([parameters] in the model file), or --add an effect".to_owned();
-        return Err(Failure::new("nothing_to_fit", "this model has no free parameter", Some(help)));
+        return Err(Failure::nothing_to_fit());
     }
     let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;

@@ -8,12 +8,13 @@ use btr_io::Meta;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
-use btr_lab::output::{OutputKind, guard, inputs};
+use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_report::table::number;
 
 pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.model, global)?;
-    let log = OutputKind::Log { over_measurements: args.overwrite }.at(Some(&args.output));
+    let overwrite = if args.overwrite { Overwrite::Measurements } else { Overwrite::Commands };
+    let log = OutputKind::Log(overwrite).at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {
         (Some(log), _) => experiment::model_replaying(&source, log.clone())?,

@@ -91,7 +91,8 @@ fn quantile_of(mut values: Vec<f64>, quantile: f64) -> f64 {
 pub(super) fn behaviours(
     simulator: &dyn Simulator,
     simulations: &[Vec<f64>],
-    (controller, scenario): (&UnitPoint, usize),
+    controller: &UnitPoint,
+    scenario: usize,
     cost: &mut Cost,
 ) -> Result<Vec<Option<Behaviour>>, Cancelled> {
     let c = simulator.controllers().from_unit(controller);

@@ -129,6 +129,7 @@ pub struct Iteration {
 /// Why a run ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+// Exhaustive: the command line has words for each reason.
 pub enum StopReason {
     /// A real test reached the fitness goal.
     GoalReached,

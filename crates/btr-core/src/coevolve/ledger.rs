@@ -1,5 +1,6 @@
 //! The ledger of real tests: trials, their predictions and outcomes.
 
+use crate::text::Text;
 use crate::world::{Behaviour, Outcome, Reality, Trial};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -85,12 +86,19 @@ pub(super) struct PredictedFitness {
 
 /// Error when the ledger of a checkpoint names a real test whose log is gone.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("real test {number} is in the ledger but its log is not: {why}")]
+#[error("{}", self.text())]
 pub struct RecallError {
     /// Number of the real test.
     pub number: usize,
     /// What reality reports of it.
-    pub why: String,
+    pub why: Text,
+}
+
+impl RecallError {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
+        Text::from(format!("real test {} is in the ledger but its log is not: ", self.number)) + self.why.clone()
+    }
 }
 
 /// All real tests of a run in their order.
@@ -122,7 +130,7 @@ impl Ledger {
         trial: Trial,
         predicted: PredictedFitness,
         reality: &mut dyn Reality,
-    ) -> Result<(), String> {
+    ) -> Result<(), Text> {
         let PredictedFitness { value: promised, ci95: promised_ci95 } = predicted;
         let (verdict, behaviour) = match reality.test(&trial) {
             Outcome::Done(behaviour) => (TestVerdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
@@ -144,9 +152,8 @@ impl Ledger {
             }
             entry.behaviour = match reality.recall(&entry.trial) {
                 Outcome::Done(behaviour) => Some(behaviour),
-                Outcome::Failed { why } | Outcome::Pending { what: why } => {
-                    return Err(RecallError { number: entry.trial.number, why });
-                }
+                Outcome::Failed { why } => return Err(RecallError { number: entry.trial.number, why: why.into() }),
+                Outcome::Pending { what } => return Err(RecallError { number: entry.trial.number, why: what }),
             };
         }
         Ok(())

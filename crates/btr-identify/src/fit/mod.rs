@@ -12,6 +12,7 @@ mod rollouts;
 mod settle;
 mod solve;
 mod start;
+mod time_step;
 
 pub use derivative::columns;
 pub use estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
@@ -19,8 +20,9 @@ pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use measure::{ComparisonMeasure, NOISE};
-pub use objective::{FINE_ENOUGH, FINEST, LogSet, Objective};
+pub use objective::{LogSet, Objective};
 pub use residual_vector::{ResidualVector, corrected, squares};
 pub use rollouts::{rows_near, shared};
 pub use solve::{FitPoint, FitStop, SearchBudget, cost};
 pub use start::nearest_starts;
+pub use time_step::{extrapolation, finer_step};

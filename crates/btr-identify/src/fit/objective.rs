@@ -3,20 +3,17 @@
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::each;
 use super::start::{MOVED, StartStates, nearest_starts};
+use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
     Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, ResidualModel, ResidualRequest, TimeStep,
 };
 use btr_core::world::WorldError;
+use std::iter::{once, once_with};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bound of the integrator's estimated error at a sample, in multiples of the noise.
 const WORST_STEP_ERROR: f64 = 5.0;
-
-/// Largest integrator error, root mean square in noise floors, that needs no finer step...
-pub const FINE_ENOUGH: f64 = 0.2;
-/// ... and the largest divisor of the model's time step.
-pub const FINEST: u32 = 4;
 
 /// A residual model with its logs split, the time step that it is simulated with, and a counter of rollouts.
 pub struct Objective<'a> {
@@ -106,12 +103,12 @@ impl<'a> Objective<'a> {
     /// logs, in noise floors; returns whether it did. Where motion is chaotic, the noise floors include that error.
     /// This is the only place where a fit or a diagnosis changes its time step.
     pub(super) fn refine(&mut self, learn: f64, held_out: impl FnOnce(&Objective) -> f64) -> bool {
-        let refinable = self.step().divides_by() < FINEST && !self.description.is_chaotic;
-        let refines = refinable && (learn > FINE_ENOUGH || held_out(self) > FINE_ENOUGH);
-        if refines {
-            self.step = self.step.halved();
+        if self.description.is_chaotic {
+            return false;
         }
-        refines
+        let finer = finer_step(self.step, once(learn).chain(once_with(|| held_out(self))));
+        self.step = finer.unwrap_or(self.step);
+        finer.is_some()
     }
 
     /// Everything that may be varied.
@@ -223,7 +220,7 @@ impl<'a> Objective<'a> {
 
     /// The change by halving the step, extrapolated to a step of zero (Richardson).
     pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
-        let beyond = 1.0 + 1.0 / (2.0f64.powi(self.description.order) - 1.0);
+        let beyond = extrapolation(self.description.order);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
 }

@@ -83,8 +83,27 @@ pub(crate) enum TopicKind {
     Array,
 }
 
-/// What the topic carries, or why it cannot be read; `None` for topics nobody asks for.
-pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -> Option<Result<TopicKind, String>> {
+/// How messages are encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Encoding {
+    Cdr,
+    Json,
+}
+
+/// How a topic is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TopicFormat {
+    pub(crate) kind: TopicKind,
+    encoding: Encoding,
+}
+
+/// How the topic is read, or why it cannot be; `None` for topics nobody asks for.
+pub(crate) fn format(
+    topics: &Topics,
+    topic: &str,
+    schema: &str,
+    encoding: &str,
+) -> Option<Result<TopicFormat, String>> {
     let name = schema.rsplit(['/', '.']).next().unwrap_or_default();
     let kind = match name {
         "JointState" if topic == topics.states => TopicKind::States,
@@ -98,25 +117,29 @@ pub(crate) fn kind(topics: &Topics, topic: &str, schema: &str, encoding: &str) -
             return wanted.then(|| Err(format!("`{schema}` ({encoding}) is not read there")));
         }
     };
-    match encoding {
-        "cdr" | "json" => Some(Ok(kind)),
-        other => Some(Err(format!("messages encoded as `{other}` are not read"))),
-    }
+    let encoding = match encoding {
+        "cdr" => Encoding::Cdr,
+        "json" => Encoding::Json,
+        other => return Some(Err(format!("messages encoded as `{other}` are not read"))),
+    };
+    Some(Ok(TopicFormat { kind, encoding }))
 }
 
 /// Decodes a message into samples; `elements` are those of an array of bare numbers. The text says why not.
 pub(crate) fn samples(
-    kind: TopicKind,
+    format: TopicFormat,
     elements: &[String],
-    json: bool,
     data: &[u8],
     log_ns: u64,
     names: &mut Names,
 ) -> Result<Vec<Sample>, String> {
-    let value = if json { Some(serde_json::from_slice::<Value>(data).map_err(|e| e.to_string())?) } else { None };
+    let value = match format.encoding {
+        Encoding::Cdr => None,
+        Encoding::Json => Some(serde_json::from_slice::<Value>(data).map_err(|e| e.to_string())?),
+    };
     let value = value.as_ref();
     let one = |stamp: Time, values| Ok(vec![Sample { stamp_ns: stamp.ns(), log_ns, values, after_start_ns: None }]);
-    match kind {
+    match format.kind {
         TopicKind::States => {
             let m = value.map_or_else(|| decode::<JointState>(data), |v| Ok(json_joint_state(v)))?;
             one(m.header.stamp, states(&m, names)?)

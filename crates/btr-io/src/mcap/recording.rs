@@ -1,6 +1,6 @@
 //! Collects ROS 2 messages and converts them to a log.
 
-use super::other::{Names, Sample, TopicKind, kind, samples};
+use super::other::{Names, Sample, TopicFormat, TopicKind, format, samples};
 use super::{merge, own};
 use crate::error::{IoError, Warning};
 use crate::mapping::Mapping;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// What to do with a topic's messages.
 enum TopicPlan {
     Own,
-    Read { kind: TopicKind, json: bool },
+    Read(TopicFormat),
     Skip,
 }
 
@@ -77,8 +77,8 @@ impl<'a> Recording<'a> {
             self.own = Some(own::LogRows::new(metadata)?);
             return Ok(TopicPlan::Own);
         }
-        let kind = kind(&self.mapping.topics, name, schema, encoding).transpose()?;
-        Ok(kind.map_or(TopicPlan::Skip, |kind| TopicPlan::Read { kind, json: encoding == "json" }))
+        let format = format(&self.mapping.topics, name, schema, encoding).transpose()?;
+        Ok(format.map_or(TopicPlan::Skip, TopicPlan::Read))
     }
 
     /// Adds a message of a topic, recorded at `log_ns`.
@@ -88,11 +88,11 @@ impl<'a> Recording<'a> {
         let taken = match (&topic.plan, &mut self.own) {
             (TopicPlan::Own, Some(rows)) => rows.push(data),
             // The log itself is present, so its views are not needed.
-            (TopicPlan::Read { .. }, Some(rows)) if !rows.is_empty() => Ok(()),
-            (&TopicPlan::Read { kind, json }, _) => {
+            (TopicPlan::Read(_), Some(rows)) if !rows.is_empty() => Ok(()),
+            (&TopicPlan::Read(format), _) => {
                 let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
-                samples(kind, elements, json, data, log_ns, &mut self.names).map(|samples| {
-                    self.samples.extend(samples.into_iter().map(|sample| (kind, sample)));
+                samples(format, elements, data, log_ns, &mut self.names).map(|samples| {
+                    self.samples.extend(samples.into_iter().map(|sample| (format.kind, sample)));
                 })
             }
             (TopicPlan::Skip | TopicPlan::Own, _) => Ok(()),

@@ -137,7 +137,7 @@ fn a_file_without_joint_states_lists_its_topics() {
     let expected =
         "bag.mcap: no joint states on `/joint_states`; topics: `/arm/joint_states (sensor_msgs/msg/JointState)`";
     assert_eq!(error.to_string(), expected);
-    assert!(error.help().contains("states = "), "{}", error.help());
+    assert!(error.help().to_string().contains("states = "), "{}", error.help());
 }
 
 #[test]

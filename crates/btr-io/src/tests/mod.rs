@@ -102,10 +102,15 @@ proptest! {
 fn unknown_extensions_and_bags_are_named_with_a_remedy() {
     let error = read_log(Path::new("walk.bin"), &Mapping::default()).unwrap_err();
     assert_eq!(error.to_string(), "walk.bin: not a log format that btr reads");
-    assert!(error.help().starts_with("logs end in .csv, .csv.gz or .mcap;"));
+    assert!(error.help().to_string().starts_with("logs end in .csv, .csv.gz or .mcap;"));
     let error = read_log(Path::new("runs/bag/walk.db3"), &Mapping::default()).unwrap_err();
     assert_eq!(error.to_string(), "runs/bag/walk.db3: a SQLite bag; btr reads bags in MCAP");
-    assert!(error.help().starts_with("convert it: rosbags-convert --src runs/bag --dst out --dst-storage mcap;"));
+    assert!(
+        error
+            .help()
+            .to_string()
+            .starts_with("convert it: rosbags-convert --src runs/bag --dst out --dst-storage mcap;")
+    );
     let error = read_log(Path::new("nowhere/walk.csv"), &Mapping::default()).unwrap_err();
     assert!(error.to_string().starts_with("nowhere/walk.csv: No such file"), "{error}");
 }
@@ -115,5 +120,5 @@ fn unknown_extensions_and_bags_are_named_with_a_remedy() {
 fn a_format_that_was_left_out_is_named_with_its_feature() {
     let error = read_log(Path::new("walk.mcap"), &Mapping::default()).unwrap_err();
     assert_eq!(error.to_string(), "walk.mcap: this build of btr-io does not include MCAP");
-    assert!(error.help().contains("`mcap`"));
+    assert!(error.help().to_string().contains("`mcap`"));
 }

@@ -20,7 +20,7 @@ pub(super) struct Bundle {
 }
 
 /// Unpacks the functions of laws.
-pub(super) type Functions<'a> = &'a dyn Fn(&[u8]) -> Result<Laws, String>;
+pub(super) type Functions<'a> = &'a dyn Fn(&[u8]) -> Result<Laws, DistributedError>;
 
 /// Whether the logs of `[reality]` go into the bundle.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -72,11 +72,7 @@ impl Bundle {
         functions: Functions,
         open: impl FnOnce(Source) -> Result<T, DistributedError>,
     ) -> Result<T, DistributedError> {
-        let laws = if self.functions.is_empty() {
-            Laws::default()
-        } else {
-            functions(&self.functions).map_err(DistributedError::Functions)?
-        };
+        let laws = if self.functions.is_empty() { Laws::default() } else { functions(&self.functions)? };
         // A random name: machines that share a temporary folder may use the same process numbers.
         let folder = std::env::temp_dir().join(format!("btr-{:016x}", RandomState::new().build_hasher().finish()));
         let opened =

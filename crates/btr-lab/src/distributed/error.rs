@@ -2,6 +2,7 @@
 
 use crate::experiment::FileError;
 use crate::identification::ProblemError;
+use btr_core::text::Text;
 use btr_core::world::{Cancelled, WorldError};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -11,6 +12,7 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Why a payload cannot be packed, or why a worker cannot answer a batch.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DistributedError {
     /// The payload comes from another version of btr.
     #[error("btr {} cannot work for btr {theirs}: install the same version everywhere", VERSION)]
@@ -57,7 +59,7 @@ pub enum DistributedError {
 
 impl DistributedError {
     /// How to resolve it.
-    pub fn help(&self) -> Option<String> {
+    pub fn help(&self) -> Option<Text> {
         match self {
             DistributedError::Experiment(error) => error.help.clone(),
             DistributedError::Problem(error) => error.help(),

@@ -60,7 +60,7 @@ impl Experiment {
         let file = source.parse()?;
         let seed = seed.unwrap_or(file.seed);
         let plan = file.coevolve.clone().ok_or_else(|| missing(&source, "coevolve"))?;
-        let builder = Builder { file: &file, source: &source };
+        let builder = Builder::new(&file, &source);
         let section = match robot {
             Some(_) => RealitySection::Manual {},
             None => file.reality.clone().ok_or_else(|| missing(&source, "reality"))?,
@@ -119,7 +119,8 @@ impl Experiment {
             logs: self.recorded.clone(),
             warnings: Vec::new(),
         };
-        self.model = Arc::new(Builder { file: &source.parse()?, source: &source }.model(situations)?);
+        let file = source.parse()?;
+        self.model = Arc::new(Builder::driven_like(&self.model, &file, &source).model(situations)?);
         self.source = source;
         Ok(())
     }
@@ -131,13 +132,12 @@ impl Experiment {
 }
 
 fn missing(source: &Source, section: &str) -> FileError {
-    source.error(&[], &format!("there is no [{section}]"), Some(needs(section)))
+    source.error(&[], &format!("there is no [{section}]"), Some(needs(section).into()))
 }
 
-fn needs(section: &str) -> String {
+fn needs(section: &str) -> &'static str {
     match section {
         "coevolve" => "add [coevolve] with iterations and distance; robots/pendulum.toml is a short example",
         _ => "add [reality] with kind = \"twin\", \"logs\", \"command\" or \"manual\"",
     }
-    .to_owned()
 }

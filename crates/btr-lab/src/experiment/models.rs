@@ -16,7 +16,7 @@ use btr_physics::model::{Model, Scenario};
 /// An invalid file, at its line.
 pub fn model(source: &Source) -> Result<Model, FileError> {
     let file = source.parse()?;
-    Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
+    Builder::new(&file, source).model(ScenarioSet::single(file.simulation.duration_s))
 }
 
 /// The model of a file with the `[drive]` of another file.
@@ -34,7 +34,7 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     let folder = std::path::absolute(drive.folder()).unwrap_or_else(|_| drive.folder().to_owned());
     section.log = section.log.map(|log| folder.join(log));
     file.drive = Some(section);
-    Builder { file: &file, source }.model(ScenarioSet::single(file.simulation.duration_s))
+    Builder::new(&file, source).model(ScenarioSet::single(file.simulation.duration_s))
 }
 
 /// The model of a file that replays the commands of a log from its initial state, with the settings that an index of
@@ -44,7 +44,7 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 /// An invalid file; a log that cannot be read or lacks the robot's joints.
 pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
     let (file, log) = (source.parse()?, log.into());
-    let builder = Builder { file: &file, source };
+    let builder = Builder::new(&file, source);
     let whole = LogPiece::whole(log.path(), read(&log, &file)?.log);
     let robot = builder.robot()?;
     let settings = IndexEntries::of(&file, source)?.settings(log.path(), &robot, source)?;
@@ -60,7 +60,7 @@ pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Mod
 /// An invalid file, at its line.
 pub fn simulations(source: &Source, reality: RealitySource) -> Result<Model, FileError> {
     let file = source.parse()?;
-    let builder = Builder { file: &file, source };
+    let builder = Builder::new(&file, source);
     let situations = match file.reality.as_ref().filter(|_| reality == RealitySource::File) {
         Some(section) => builder.situations(section)?,
         None => ScenarioSet::single(file.simulation.duration_s),

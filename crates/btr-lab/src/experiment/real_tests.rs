@@ -25,7 +25,7 @@ impl Experiment {
         // The setup is the run's own; it must not change with the clock of a log.
         let logs = self.recorded.clone();
         let situations = ScenarioSet { scenarios: scenarios.map_err(refused)?, learn, logs, warnings: Vec::new() };
-        let mut model = Builder { file: &file, source }.model(situations)?;
+        let mut model = Builder::driven_like(&self.model, &file, source).model(situations)?;
         if let Some((trial, _)) = tests.first() {
             // The initial pose of the base depends on the drive.
             model.robot.start = self.model.beginning(&trial.controller, trial.scenario).map_err(refused)?.start;

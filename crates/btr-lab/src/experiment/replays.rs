@@ -60,14 +60,14 @@ where
     let given = |logs: &[L]| logs.iter().cloned().map(Into::into).collect::<Vec<LogSource>>();
     let (learn, held_out) = (given(learn), given(held_out));
     let file = source.parse()?;
-    let builder = Builder { file: &file, source };
+    let builder = Builder::new(&file, source);
     let robot = builder.robot()?;
     if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
         let message = format!("{} is both a training log and held out", both.path().display());
         return Err(source.error(&[], &message, None));
     }
     if learn.is_empty() {
-        let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".to_owned();
+        let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".into();
         return Err(source.error(&[], "no training log", Some(help)));
     }
     let known = IndexEntries::of(&file, source)?;
@@ -91,7 +91,7 @@ where
         let (training, held_out) = (training.path.display(), held_out.path.display());
         let message =
             format!("{training} and {held_out} hold the same measurements, for training and held out at once");
-        let help = "hold out another recording; without any, the last part of each log is held out".to_owned();
+        let help = "hold out another recording; without any, the last part of each log is held out".into();
         return Err(source.error(&[], &message, Some(help)));
     }
     let (logs, warnings) = (all.logs.clone(), all.warnings.clone());

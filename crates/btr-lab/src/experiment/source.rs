@@ -2,12 +2,13 @@
 
 use super::file::File;
 use crate::suggest::nearest;
+use btr_core::text::{Mention, Text};
 use btr_physics::effects::Laws;
 use std::path::{Path, PathBuf};
 
 /// What is wrong with a model or experiment file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{}{message}", place(path, *line, *column))]
+#[error("{}", self.text())]
 pub struct FileError {
     /// The file; empty where the message names it.
     pub path: PathBuf,
@@ -16,9 +17,16 @@ pub struct FileError {
     /// Column from 1; 0 when the whole line is meant.
     pub column: usize,
     /// What is wrong.
-    pub message: String,
+    pub message: Text,
     /// The remedy.
-    pub help: Option<String>,
+    pub help: Option<Text>,
+}
+
+impl FileError {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
+        Text::from(place(&self.path, self.line, self.column)) + self.message.clone()
+    }
 }
 
 fn place(path: &Path, line: usize, column: usize) -> String {
@@ -57,8 +65,8 @@ impl Source {
             path: path.to_owned(),
             line: 0,
             column: 0,
-            message,
-            help: Some("give the path of a model or experiment file (TOML); robots/ has examples".to_owned()),
+            message: message.into(),
+            help: Some("give the path of a model or experiment file (TOML); robots/ has examples".into()),
         };
         if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
             return Err(refused("not a TOML file".to_owned()));
@@ -83,7 +91,10 @@ impl Source {
         let mut document =
             self.text.parse::<toml_edit::DocumentMut>().map_err(|e| self.at_span(e.span(), e.message()))?;
         for setting in settings {
-            apply_setting(&mut document, setting).map_err(|message| self.error(&[], &message, None))?;
+            apply_setting(&mut document, setting).map_err(|why| {
+                let message = Text::from(Mention::Setting(setting.clone())) + ": " + why;
+                FileError { message, ..self.at_span(None, "") }
+            })?;
         }
         self.text = document.to_string();
         Ok(())
@@ -104,14 +115,14 @@ impl Source {
     }
 
     /// An error about the value at a path of keys.
-    pub fn error(&self, keys: &[&str], message: &str, help: Option<String>) -> FileError {
+    pub fn error(&self, keys: &[&str], message: &str, help: Option<Text>) -> FileError {
         let span = toml_edit::Document::parse(self.text.as_str()).ok().and_then(|d| span_of(d.as_item(), keys));
         FileError { help, ..self.at_span(span, message) }
     }
 
     fn at_span(&self, span: Option<std::ops::Range<usize>>, message: &str) -> FileError {
         let (line, column) = span.map_or((0, 0), |s| line_and_column(&self.text, s.start));
-        FileError { path: self.path.clone(), line, column, message: message.trim_end().to_owned(), help: None }
+        FileError { path: self.path.clone(), line, column, message: message.trim_end().into(), help: None }
     }
 }
 
@@ -145,17 +156,16 @@ fn line_and_column(text: &str, at: usize) -> (usize, usize) {
 }
 
 fn apply_setting(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
-    let (key, value) = setting.split_once('=').ok_or_else(|| format!("--set {setting}: expected key=value"))?;
-    let keys = keys_of(key.trim()).ok_or_else(|| format!("--set {setting}: `{key}` is no name of a value"))?;
+    let (key, value) = setting.split_once('=').ok_or("expected key=value")?;
+    let keys = keys_of(key.trim()).ok_or_else(|| format!("`{key}` is no name of a value"))?;
     let value = value.trim().parse::<toml_edit::Value>().unwrap_or_else(|_| value.trim().into());
     let mut item = document.as_item_mut();
     for key in &keys[..keys.len().saturating_sub(1)] {
-        let table =
-            item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: `{key}` is not inside a table"))?;
+        let table = item.as_table_like_mut().ok_or_else(|| format!("`{key}` is not inside a table"))?;
         item = table.entry(key.get()).or_insert(toml_edit::table());
     }
-    let last = keys.last().ok_or_else(|| format!("--set {setting}: expected key=value"))?;
-    let table = item.as_table_like_mut().ok_or_else(|| format!("--set {setting}: the key runs into a value"))?;
+    let last = keys.last().ok_or("expected key=value")?;
+    let table = item.as_table_like_mut().ok_or("the key runs into a value")?;
     table.insert(last.get(), toml_edit::value(value));
     Ok(())
 }
@@ -185,12 +195,12 @@ fn in_plain_words(message: &str) -> String {
 }
 
 /// A suggestion from serde's message "unknown field `x`, expected one of `a`, `b`": the nearest known name.
-fn did_you_mean(message: &str) -> Option<String> {
+fn did_you_mean(message: &str) -> Option<Text> {
     let mut quoted = message.split('`').skip(1).step_by(2);
     if !(message.starts_with("unknown field") || message.starts_with("unknown variant")) {
         return None;
     }
     let wrong = quoted.next()?;
     let known: Vec<&str> = quoted.collect();
-    nearest(wrong, known.iter().copied()).map(|name| format!("did you mean `{name}`?"))
+    nearest(wrong, known.iter().copied()).map(|name| format!("did you mean `{name}`?").into())
 }

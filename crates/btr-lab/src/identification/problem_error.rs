@@ -2,11 +2,13 @@
 
 use crate::experiment::FileError;
 use crate::model_text::AddError;
+use btr_core::text::{Text, Verb};
 use btr_core::world::WorldError;
 use btr_identify::quality::FEWEST_SAMPLES;
 
 /// Why a model cannot be identified from logs.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProblemError {
     /// The model file or a log is invalid.
     #[error(transparent)]
@@ -33,22 +35,21 @@ pub enum ProblemError {
 
 impl ProblemError {
     /// The remedy, for errors that do not come from a file.
-    pub fn help(&self) -> Option<String> {
-        match self {
+    pub fn help(&self) -> Option<Text> {
+        Some(match self {
             ProblemError::Still => {
-                Some("record the joints while they are driven; `btr check` tells what is in a log".to_owned())
+                Text::from("record the joints while they are driven; ") + Verb::Check + " tells what is in a log"
             }
             ProblemError::Short(_) => {
-                Some(format!("record some seconds of motion, {FEWEST_SAMPLES} samples at the very least"))
+                format!("record some seconds of motion, {FEWEST_SAMPLES} samples at the very least").into()
             }
-            ProblemError::Nothing => Some(
-                "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names".to_owned(),
-            ),
-            ProblemError::Blind => Some(
-                "the logs need positions q_<joint>; [channels.channels] in the model file maps foreign names"
-                    .to_owned(),
-            ),
-            _ => None,
-        }
+            ProblemError::Nothing => {
+                "the log needs a position q_<joint> for the model's joints; [channels] maps foreign names".into()
+            }
+            ProblemError::Blind => {
+                "the logs need positions q_<joint>; [channels.channels] in the model file maps foreign names".into()
+            }
+            ProblemError::File(_) | ProblemError::World(_) | ProblemError::Add(_) => return None,
+        })
     }
 }

@@ -22,7 +22,7 @@ const PRECEDENCE: &str = "# As fitted: these values win over those under [robot]
 pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     TASK.iter().for_each(|section| drop(document.remove(section)));
-    Ok(model_text(document, source, (space, s), into))
+    Ok(model_text(document, source, SpacePoint { space, point: s }, into))
 }
 
 /// The same with the sections for the drive and its fitness. The drive is fixed at `controller`, a point of C with its
@@ -32,29 +32,40 @@ pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result
 /// See [`adapted`].
 pub fn adapted_with_drive(
     source: &Source,
-    simulation: (&Space, &[f64]),
-    controller: Option<(&Space, &[f64])>,
+    simulation: SpacePoint,
+    controller: Option<SpacePoint>,
     into: &Path,
 ) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
-    if let Some((space, c)) = controller {
-        fix_drive(&mut document, named(space, c));
+    if let Some(controller) = controller {
+        fix_drive(&mut document, controller.named());
     }
     Ok(model_text(document, source, simulation, into))
 }
 
 /// A document as a model file in the folder `into`, with these values of the free parameters.
-fn model_text(mut document: DocumentMut, source: &Source, (space, s): (&Space, &[f64]), into: &Path) -> String {
+fn model_text(mut document: DocumentMut, source: &Source, simulation: SpacePoint, into: &Path) -> String {
     NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
-    write_values(&mut document, named(space, s));
+    write_values(&mut document, simulation.named());
     note_precedence(&mut document);
     with_schema(&document.to_string(), source.folder(), into)
 }
 
-/// The values of a point with their names.
-fn named<'a>(space: &'a Space, point: &'a [f64]) -> impl Iterator<Item = (&'a str, f64)> {
-    space.dims().iter().map(|dim| dim.name.as_str()).zip(point.iter().copied())
+/// A point with its space.
+#[derive(Clone, Copy)]
+pub struct SpacePoint<'a> {
+    /// The space.
+    pub space: &'a Space,
+    /// A point of it, in physical units.
+    pub point: &'a [f64],
+}
+
+impl<'a> SpacePoint<'a> {
+    /// The values with their names.
+    fn named(self) -> impl Iterator<Item = (&'a str, f64)> {
+        self.space.dims().iter().map(|dim| dim.name.as_str()).zip(self.point.iter().copied())
+    }
 }
 
 /// Fixes the searched parameters of a drive in addition to those that were already fixed.

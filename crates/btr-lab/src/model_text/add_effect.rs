@@ -3,6 +3,7 @@
 use crate::experiment::Source;
 use crate::scales::RobotScales;
 use crate::suggest::suggestion;
+use btr_core::text::{Text, Verb};
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
@@ -17,6 +18,7 @@ pub struct Addition {
 
 /// Why an effect or a law cannot be added.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AddError {
     /// No effect of that name.
     #[error("there is no effect `{name}`")]
@@ -57,16 +59,15 @@ pub enum AddError {
 
 impl AddError {
     /// The remedy.
-    pub fn help(&self) -> Option<String> {
-        match self {
-            AddError::Unknown { near, .. } => {
-                Some(near.clone().unwrap_or_else(|| "`btr effects` lists them".to_owned()))
-            }
-            AddError::Site { known, .. } => Some(format!("it can act on: {}", known.join(", "))),
-            AddError::Twice { .. } => Some("fit it as it is: `btr fit`".to_owned()),
-            AddError::Name { .. } => Some("call it something else".to_owned()),
-            AddError::Toml(_) => None,
-        }
+    pub fn help(&self) -> Option<Text> {
+        Some(match self {
+            AddError::Unknown { near: Some(near), .. } => near.as_str().into(),
+            AddError::Unknown { near: None, .. } => Text::from(Verb::Effects) + " lists them",
+            AddError::Site { known, .. } => format!("it can act on: {}", known.join(", ")).into(),
+            AddError::Twice { .. } => Text::from("fit it as it is: ") + Verb::Fit,
+            AddError::Name { .. } => "call it something else".into(),
+            AddError::Toml(_) => return None,
+        })
     }
 }
 

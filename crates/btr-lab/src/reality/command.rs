@@ -55,7 +55,8 @@ impl CommandReality {
             why = match self.try_once(&folder, &name, &log) {
                 Ok(()) => match self.store.judge(&log) {
                     Ok(outcome @ Outcome::Done(_)) => return finish(&folder, &log, outcome),
-                    Ok(Outcome::Failed { why } | Outcome::Pending { what: why }) => why,
+                    Ok(Outcome::Failed { why }) => why,
+                    Ok(Outcome::Pending { what }) => what.to_string(),
                     Err(error) => error.to_string(),
                 },
                 Err(why) => why,

@@ -73,7 +73,7 @@ impl FunctionReality {
         let duration_s = self.model.scenarios[trial.scenario].duration_s;
         match (self.robot)(&TestRequest { trial, names, references: &references, start, base, duration_s }) {
             Ok(log) => match self.unusable(trial, &log) {
-                Some(what) => Ok(Outcome::Pending { what }),
+                Some(what) => Ok(Outcome::Pending { what: what.into() }),
                 // The references are known even if the log has no commands.
                 None => {
                     let log = self.store.on_the_tests_clock(log);
@@ -81,7 +81,7 @@ impl FunctionReality {
                 }
             },
             Err(TestFailure::Failed(why)) => self.store.fail(trial, &why),
-            Err(TestFailure::Broken(what)) => Ok(Outcome::Pending { what }),
+            Err(TestFailure::Broken(what)) => Ok(Outcome::Pending { what: what.into() }),
         }
     }
 }

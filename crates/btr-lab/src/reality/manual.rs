@@ -2,7 +2,8 @@
 
 use super::revealed::Revealing;
 use super::store::{Store, StoreError, or_pending};
-use btr_core::world::{Outcome, Reality, Trial};
+use btr_core::text::{Mention, Text};
+use btr_core::world::{AnnounceError, Outcome, Reality, Trial};
 use btr_physics::model::Model;
 use std::sync::Arc;
 
@@ -23,21 +24,20 @@ impl ManualReality {
             return Ok(before);
         }
         let folder = self.store.folder_of(trial);
-        Ok(Outcome::Pending {
-            what: format!(
-                "{0}: play references.csv on the robot, save what it did as {0}/log.csv or log.mcap (or why it could not be \
-                 done as failed.txt), then run again with --resume",
-                folder.display()
-            ),
-        })
+        let play = format!(
+            "{0}: play references.csv on the robot, save what it did as {0}/log.csv or log.mcap (or why it could not be \
+             done as failed.txt), then ",
+            folder.display()
+        );
+        Ok(Outcome::Pending { what: Text::from(play) + Mention::RunAgain })
     }
 }
 
 impl Reality for ManualReality {
-    fn announce(&mut self, trials: &[Trial]) -> Result<(), String> {
+    fn announce(&mut self, trials: &[Trial]) -> Result<(), AnnounceError> {
         trials.iter().try_for_each(|trial| {
-            let references = self.model.references(&trial.controller, trial.scenario).map_err(|e| e.to_string())?;
-            self.store.ask(trial, &references).map(|_| ()).map_err(|e| e.to_string())
+            let references = self.model.references(&trial.controller, trial.scenario)?;
+            self.store.ask(trial, &references).map(|_| ()).map_err(|error| AnnounceError::Storage(error.text()))
         })
     }
 

@@ -4,6 +4,7 @@
 use super::clock::of_test;
 use btr_core::log::{Log, Role};
 use btr_core::space::Space;
+use btr_core::text::{Mention, Text};
 use btr_core::world::{Behaviour, Outcome, Trial};
 use btr_io::{Mapping, Meta};
 use btr_physics::model::Model;
@@ -18,6 +19,7 @@ const LOG_ENDINGS: [&str; 2] = ["mcap", "csv"];
 
 /// Why a real test could not be saved or read back.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
@@ -39,11 +41,26 @@ pub enum StoreError {
         why: String,
     },
     /// A folder with the result of another trial.
-    #[error("{} holds the result of another trial; start with an empty --out", path.display())]
+    #[error("{}", another_trial(path))]
     OtherTrial {
         /// The folder.
         path: PathBuf,
     },
+}
+
+impl StoreError {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
+        match self {
+            StoreError::OtherTrial { path } => another_trial(path),
+            other => other.to_string().into(),
+        }
+    }
+}
+
+fn another_trial(path: &Path) -> Text {
+    let holds = format!("{} holds the result of another trial; start with an empty ", path.display());
+    Text::from(holds) + Mention::Out
 }
 
 /// Keeps real tests under one folder.
@@ -168,7 +185,7 @@ impl Store {
 
     /// The result of an earlier test; pending if it is missing.
     pub(super) fn recalled(&self, trial: &Trial) -> Outcome {
-        let lost = || Outcome::Pending { what: format!("no log in {}", self.folder_of(trial).display()) };
+        let lost = || Outcome::Pending { what: format!("no log in {}", self.folder_of(trial).display()).into() };
         or_pending(self.recall(trial).map(|found| found.unwrap_or_else(lost)))
     }
 
@@ -188,7 +205,7 @@ impl Store {
 
 /// The outcome, or pending if it could not be saved: an unsaved outcome must not be used.
 pub(super) fn or_pending(result: Result<Outcome, StoreError>) -> Outcome {
-    result.unwrap_or_else(|error| Outcome::Pending { what: error.to_string() })
+    result.unwrap_or_else(|error| Outcome::Pending { what: error.text() })
 }
 
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), StoreError> {

@@ -9,7 +9,9 @@ use super::report::{ByDistance, RunReport};
 use crate::experiment::Experiment;
 use crate::failure::Failure;
 use crate::model_text;
+use crate::model_text::SpacePoint;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
+use btr_core::text::Text;
 use btr_core::world::Simulator;
 use btr_identify::LadderStep;
 use std::path::{Path, PathBuf};
@@ -30,6 +32,15 @@ pub trait RunObserver {
     fn stops(&mut self) -> bool;
 }
 
+/// How a run in a folder starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunStart {
+    /// From its beginning.
+    Begin,
+    /// From the last checkpoint in the folder.
+    Resume,
+}
+
 /// The outcome of a run.
 pub struct FinishedRun {
     /// The run with its folder.
@@ -39,7 +50,7 @@ pub struct FinishedRun {
     /// The result files that were written.
     pub files: Vec<PathBuf>,
     /// The real test that the run waits for, if it stopped for one that a person has to carry out.
-    pub waiting: Option<String>,
+    pub waiting: Option<Text>,
 }
 
 impl FinishedRun {
@@ -51,7 +62,7 @@ impl FinishedRun {
         let mut document =
             serde_json::to_value(&self.report).map_err(|e| Failure::new("output", e.to_string(), None))?;
         document["files"] = self.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
-        document["waiting_for"] = self.waiting.clone().into();
+        document["waiting_for"] = self.waiting.as_ref().map(Text::to_string).into();
         Ok(document)
     }
 }
@@ -59,7 +70,7 @@ impl FinishedRun {
 /// How a run left the loop.
 enum LoopExit {
     Stopped(StopReason),
-    Waiting(String),
+    Waiting(Text),
     Interrupted,
 }
 
@@ -71,13 +82,13 @@ enum LoopExit {
 pub fn coevolve(
     experiment: &mut Experiment,
     folder: &Path,
-    resume: bool,
+    start: RunStart,
     watch: &mut dyn RunObserver,
 ) -> Result<Option<FinishedRun>, Failure> {
     let plan = experiment.plan.clone();
-    let mut run = match resume {
-        true => Run::resume(experiment, plan, folder)?,
-        false => Run::begin(experiment, plan, folder)?,
+    let mut run = match start {
+        RunStart::Begin => Run::begin(experiment, plan, folder)?,
+        RunStart::Resume => Run::resume(experiment, plan, folder)?,
     };
     let mut reported = ReportedDoubts::default();
     // Findings of earlier tests were reported when those tests were done.
@@ -90,9 +101,9 @@ pub fn coevolve(
         }
         return match exit {
             LoopExit::Interrupted => Ok(None),
-            LoopExit::Waiting(what) => finish(experiment, run, (None, Some(what)), Vec::new()).map(Some),
+            LoopExit::Waiting(what) => finish(experiment, run, None, Some(what), Vec::new()).map(Some),
             LoopExit::Stopped(reason) => match by_distance(experiment, &run, watch)? {
-                Some(others) => finish(experiment, run, (Some(reason), None), others).map(Some),
+                Some(others) => finish(experiment, run, Some(reason), None, others).map(Some),
                 None => Ok(None),
             },
         };
@@ -158,7 +169,7 @@ fn by_distance(
             watch.step(state, None);
             !watch.stops()
         };
-        match identify::with_distance(experiment, run, (number, &spec), goes_on)? {
+        match identify::with_distance(experiment, run, number, &spec, goes_on)? {
             Some(other) => found.push(other),
             None => return Ok(None),
         }
@@ -170,7 +181,8 @@ fn by_distance(
 fn finish(
     experiment: &Experiment,
     run: Run,
-    (reason, waiting): (Option<StopReason>, Option<String>),
+    reason: Option<StopReason>,
+    waiting: Option<Text>,
     others: Vec<ByDistance>,
 ) -> Result<FinishedRun, Failure> {
     let report = report::report(experiment, run.state(), reason, run.cause().cloned(), others)?;
@@ -184,8 +196,9 @@ fn finish(
 /// A model file that cannot be written with these values.
 pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
     let (model, state) = (&experiment.model, run.state());
-    let simulation = (model.simulations(), state.simulation());
-    let best = state.best_tested().map(|best| (model.controllers(), best.trial.controller.as_slice()));
+    let simulation = SpacePoint { space: model.simulations(), point: state.simulation() };
+    let best = state.best_tested();
+    let best = best.map(|best| SpacePoint { space: model.controllers(), point: &best.trial.controller });
     let text = model_text::adapted_with_drive(experiment.source(), simulation, best, run.folder());
     text.map_err(|e| Failure::new("output", e.to_string(), None))
 }

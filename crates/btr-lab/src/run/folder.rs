@@ -77,7 +77,7 @@ impl Run {
             postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
         let requested = in_space_of_run(experiment, larger.text.as_deref(), folder)?;
         let mut state = Coevolution::resumed(plan, state);
-        state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.to_string()))?;
+        state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.text()))?;
         let distance = state.plan().distance.build();
         let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
         if let Some(text) = requested {

@@ -30,7 +30,8 @@ const DETECTED_ROUGHNESS: f64 = 2.0;
 pub fn with_distance(
     experiment: &mut Experiment,
     run: &Run,
-    (number, spec): (usize, &DistanceSpec),
+    number: usize,
+    spec: &DistanceSpec,
     mut watch: impl FnMut(&Coevolution) -> bool,
 ) -> Result<Option<ByDistance>, RunError> {
     // A goal for phi is in the unit of the plan's distance.

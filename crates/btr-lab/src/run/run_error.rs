@@ -5,11 +5,13 @@ use crate::experiment::FileError;
 use crate::failure::Failure;
 use crate::model_text::AddError;
 use btr_core::coevolve::PlanError;
+use btr_core::text::{Mention, Text, Verb};
 use btr_core::world::Cancelled;
 use std::path::PathBuf;
 
 /// Why a run cannot begin or continue.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The experiment file is invalid.
     #[error(transparent)]
@@ -39,7 +41,7 @@ pub enum RunError {
     Augment(#[from] AddError),
     /// A completed real test whose log is missing.
     #[error("{0}")]
-    LostTest(String),
+    LostTest(Text),
     /// The experiment cannot be packed for workers.
     #[error(transparent)]
     Distributed(#[from] DistributedError),
@@ -57,30 +59,46 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// The remedy.
-    pub fn help(&self) -> Option<String> {
+    /// The error as a text.
+    pub fn text(&self) -> Text {
         match self {
-            RunError::File(error) => error.help.clone(),
-            RunError::Exists(_) => Some("go on with --resume, or choose another --out".to_owned()),
-            RunError::NoRun(_) => Some("start it without --resume".to_owned()),
-            RunError::OtherExperiment(path) => Some(format!(
-                "resume with the file, --set and --seed that {} shows, perhaps with further parameters after the existing ones (`btr add`), \
-                 or choose another --out",
-                path.join("experiment.toml").display()
-            )),
-            RunError::Checkpoint { .. } => {
-                Some("choose another --out; the real tests in transfers/ are untouched".to_owned())
-            }
-            RunError::LostTest(_) => Some("put the log back into its folder under transfers/".to_owned()),
-            RunError::Augment(error) => error.help(),
-            RunError::Distributed(error) => error.help(),
-            RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => None,
+            RunError::LostTest(text) => text.clone(),
+            RunError::File(error) => error.text(),
+            other => other.to_string().into(),
         }
+    }
+
+    /// The remedy.
+    pub fn help(&self) -> Option<Text> {
+        Some(match self {
+            RunError::Exists(_) => Text::from("go on with ") + Mention::Resume + ", or choose another " + Mention::Out,
+            RunError::NoRun(_) => Text::from("start it without ") + Mention::Resume,
+            RunError::OtherExperiment(folder) => {
+                let shows = format!(" that {} shows", folder.join("experiment.toml").display());
+                Text::from("resume with the file, ")
+                    + Mention::Settings
+                    + " and "
+                    + Mention::Seed
+                    + shows
+                    + ", perhaps with further parameters after the existing ones ("
+                    + Verb::Add
+                    + "), or choose another "
+                    + Mention::Out
+            }
+            RunError::Checkpoint { .. } => {
+                Text::from("choose another ") + Mention::Out + "; the real tests in transfers/ are untouched"
+            }
+            RunError::LostTest(_) => "put the log back into its folder under transfers/".into(),
+            RunError::File(error) => return error.help.clone(),
+            RunError::Augment(error) => return error.help(),
+            RunError::Distributed(error) => return error.help(),
+            RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => return None,
+        })
     }
 }
 
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
-        Failure::new("run", error.to_string(), error.help())
+        Failure::new("run", error.text(), error.help())
     }
 }

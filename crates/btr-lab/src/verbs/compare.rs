@@ -6,7 +6,7 @@ use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_identify::compare;
 use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
-use btr_identify::fit::{FINE_ENOUGH, FINEST};
+use btr_identify::fit::{extrapolation, finer_step};
 use btr_identify::residual_model::TimeStep;
 use indexmap::IndexMap;
 use rayon::prelude::*;
@@ -43,7 +43,7 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
         let logs = (0..replays.logs.len()).into_par_iter();
         logs.map(|k| model.simulate(model.request(&s, k).controller(&c).time_step(step))).collect()
     };
-    let beyond = 1.0 + 1.0 / (2.0f64.powi(model.order()) - 1.0);
+    let beyond = extrapolation(model.order());
     let (mut step, mut simulated) = (TimeStep::USUAL, simulate(TimeStep::USUAL)?);
     loop {
         let halved = simulate(step.halved())?;
@@ -53,9 +53,8 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
         }
         let error = |c: &ChannelError| (c.name.clone(), integrator_error(c, beyond, &simulated, &halved));
         let integrator: IndexMap<String, f64> = comparison.channels.iter().map(error).collect();
-        let coarse = integrator.values().any(|error| *error > FINE_ENOUGH);
-        if coarse && step.divides_by() < FINEST && !model.has_contact() {
-            (step, simulated) = (step.halved(), halved);
+        if let Some(finer) = finer_step(step, integrator.values().copied()).filter(|_| !model.has_contact()) {
+            (step, simulated) = (finer, halved);
             continue;
         }
         let names = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
@@ -72,9 +71,8 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
 }
 
-/// Root mean square discretisation error of a simulated channel, in noise floors, by Richardson extrapolation (L. F.
-/// Richardson 1911): the change under halving the step times `beyond`, which is 2 for a method of first order and 4/3
-/// for one of second order.
+/// Root mean square discretisation error of a simulated channel, in noise floors: the change by halving the step times
+/// `beyond`, see [`extrapolation`].
 fn integrator_error(channel: &ChannelError, beyond: f64, simulated: &[Log], halved: &[Log]) -> f64 {
     let pairs = simulated.iter().zip(halved).filter_map(|(usual, halved)| {
         Some((&usual.channel(&channel.name)?.values, &halved.channel(&channel.name)?.values))

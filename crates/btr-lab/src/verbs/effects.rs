@@ -1,7 +1,7 @@
 //! The library of effects, read from the registry.
 
 use crate::failure::Failure;
-use crate::suggest::suggestion;
+use crate::suggest;
 use btr_physics::effects::{EFFECTS, EffectSpec, FORMULA, Param};
 use serde_json::{Value, json};
 
@@ -31,9 +31,7 @@ pub fn effects(name: Option<&str>) -> Result<Value, Failure> {
 }
 
 fn unknown(name: &str) -> Failure {
-    let known = || all().map(|spec| spec.name);
-    let all = || format!("known: {}", known().collect::<Vec<_>>().join(", "));
-    let help = suggestion(name, known()).unwrap_or_else(all);
+    let help = suggest::remedy(name, all().map(|spec| spec.name));
     Failure::new("unknown_effect", format!("there is no effect `{name}`"), Some(help))
 }
 

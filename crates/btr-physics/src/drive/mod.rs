@@ -17,7 +17,7 @@ pub use nao::posture::{Posture, Stance};
 pub use nao::reference::{CONTROL_S, References, STEPS_PER_CONTROL};
 pub use nao::walk::NaoWalk;
 pub use nao::zmp_motion::MotionError;
-pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan};
+pub use plan::{DRIVES, DriveError, DriveKind, DrivePlan, SearchStart};
 pub use policy::{PolicyPlan, SENSES};
 pub use replay::Replay;
 pub use sine::Sine;

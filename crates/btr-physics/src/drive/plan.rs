@@ -107,6 +107,15 @@ fn sine_dims(robot: &Robot) -> Vec<Dim> {
         .collect()
 }
 
+/// Where the search for controllers starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SearchStart {
+    /// From random points of C.
+    Random,
+    /// From the nominal values as c_0.
+    Nominal,
+}
+
 /// A drive of which some parameters are searched and the others fixed.
 #[derive(Clone, Debug)]
 pub struct DrivePlan {
@@ -120,6 +129,7 @@ pub struct DrivePlan {
 
 /// Why a drive cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DriveError {
     /// A parameter that the drive does not have.
     #[error("the drive has no parameter `{name}`")]
@@ -138,8 +148,7 @@ pub enum DriveError {
 }
 
 impl DrivePlan {
-    /// `set` fixes parameters, `searched` lists those of C with optional bounds. With `from_nominal` the search starts
-    /// from the nominal values as c_0.
+    /// `set` fixes parameters, `searched` lists those of C with optional bounds.
     ///
     /// # Errors
     /// Unknown names, values outside their bounds, a robot that the drive does not support.
@@ -148,7 +157,7 @@ impl DrivePlan {
         robot: &Robot,
         set: &IndexMap<String, f64>,
         searched: &IndexMap<String, Option<[f64; 2]>>,
-        from_nominal: bool,
+        start: SearchStart,
     ) -> Result<Self, DriveError> {
         let all = Space::new(kind.dims(robot)?)?;
         let known = || all.dims().iter().map(|d| d.name.clone()).collect::<Vec<_>>();
@@ -167,7 +176,7 @@ impl DrivePlan {
             let k = index(name)?;
             let mut dim = all.dims()[k].clone();
             [dim.min, dim.max] = bounds.unwrap_or([dim.min, dim.max]);
-            dim.nominal = from_nominal.then_some(values[k]);
+            dim.nominal = (start == SearchStart::Nominal).then_some(values[k]);
             dims.push(dim);
         }
         let searched = searched.keys().map(index).collect::<Result<_, _>>()?;

@@ -1,6 +1,6 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{FLOORS, fall, fine_print, legend, noise_floor, pair, pair_head, training_and_held_out};
+use super::ladder::{FLOORS, ShownLogs, fall, fine_print, noise_floor, pair, training_and_held_out};
 use super::page::{Block, Report, Section};
 use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
@@ -133,7 +133,7 @@ fn candidates(found: &DiagnoseReport) -> Section {
 }
 
 fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> String {
-    let held_out = round.iter().any(|ranked| ranked.held_out.is_some());
+    let shown = ShownLogs::of(round.iter().map(|ranked| ranked.held_out));
     let before = base(&found.error_ladder, k).map(|step| step.train);
     let names: Vec<String> = found.effects.iter().flat_map(EffectReport::names).collect();
     let row = |ranked: &RankedCandidate| {
@@ -149,10 +149,10 @@ fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> Strin
     rows(&Rows {
         title: format!("Round {}: the error with each candidate", k + 1),
         label: FLOORS.to_owned(),
-        notes: format!("{}, delta BIC", pair_head(held_out)),
+        notes: format!("{}, delta BIC", shown.head()),
         scale: RowScale::Ratio,
         lines: std::iter::once(noise_floor()).chain(without).collect(),
-        legend: legend(held_out),
+        legend: shown.legend(),
         rows: round.iter().take(CANDIDATES_SHOWN).map(row).collect(),
         joined: false,
     })

@@ -89,13 +89,14 @@ pub(super) fn fall(ladder: &[LadderStep]) -> Section {
         note: pair(step.train, step.held_out),
         strong: false,
     };
+    let shown = ShownLogs::of(ladder.iter().map(|step| step.held_out));
     let plot = rows(&Rows {
         title: "The error, step by step".to_owned(),
         label: FLOORS.to_owned(),
-        notes: pair_head(ladder.iter().any(|step| step.held_out.is_some())).to_owned(),
+        notes: shown.head().to_owned(),
         scale: RowScale::Ratio,
         lines: vec![noise_floor()],
-        legend: legend(ladder.iter().any(|step| step.held_out.is_some())),
+        legend: shown.legend(),
         rows: ladder.iter().map(row).collect(),
         joined: true,
     });
@@ -112,15 +113,36 @@ pub(super) fn pair(train: f64, held_out: Option<f64>) -> String {
     held_out.map_or_else(|| number(train), |held_out| format!("{} / {}", number(train), number(held_out)))
 }
 
-/// Header of [`pair`].
-pub(super) fn pair_head(held_out: bool) -> &'static str {
-    if held_out { "training / held out" } else { "training" }
+/// Of which logs a plot shows errors.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum ShownLogs {
+    Training,
+    TrainingAndHeldOut,
 }
 
-/// Legend of [`training_and_held_out`].
-pub(super) fn legend(held_out: bool) -> Vec<(Ink, String)> {
-    let training = (Ink::Main, "training logs".to_owned());
-    std::iter::once(training).chain(held_out.then(|| (Ink::Second, "held-out logs".to_owned()))).collect()
+impl ShownLogs {
+    /// By the held-out errors of the rows.
+    pub(super) fn of(mut held_out: impl Iterator<Item = Option<f64>>) -> Self {
+        if held_out.any(|error| error.is_some()) { ShownLogs::TrainingAndHeldOut } else { ShownLogs::Training }
+    }
+
+    /// Header of [`pair`].
+    pub(super) fn head(self) -> &'static str {
+        match self {
+            ShownLogs::Training => "training",
+            ShownLogs::TrainingAndHeldOut => "training / held out",
+        }
+    }
+
+    /// Legend of [`training_and_held_out`].
+    pub(super) fn legend(self) -> Vec<(Ink, String)> {
+        let training = (Ink::Main, "training logs".to_owned());
+        let held_out = (Ink::Second, "held-out logs".to_owned());
+        match self {
+            ShownLogs::Training => vec![training],
+            ShownLogs::TrainingAndHeldOut => vec![training, held_out],
+        }
+    }
 }
 
 /// The line at the noise floor, the lower limit of any model's error.

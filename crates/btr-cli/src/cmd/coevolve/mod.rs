@@ -17,7 +17,7 @@ use btr_lab::experiment::{Experiment, Source};
 use btr_lab::failure::Failure;
 use btr_lab::run::Run;
 use btr_lab::run::execute;
-use btr_lab::run::execute::{FinishedRun, RunObserver};
+use btr_lab::run::execute::{FinishedRun, RunObserver, RunStart};
 use btr_lab::run::report::RunReport;
 use btr_report::figures;
 use disengagement::next_step;
@@ -42,7 +42,8 @@ pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
-    let ended = execute::coevolve(&mut experiment, &folder, args.resume, &mut watcher);
+    let start = if args.resume { RunStart::Resume } else { RunStart::Begin };
+    let ended = execute::coevolve(&mut experiment, &folder, start, &mut watcher);
     watcher.finish();
     match ended? {
         Some(mut ended) => {

@@ -62,7 +62,8 @@ pub(super) fn axis(name: &str, bounds: [f64; 2], simulator: &dyn Simulator) -> O
 /// place on each axis, 0 and 1 at its bounds; no place where one of them failed.
 pub(in crate::coevolve) fn judged(
     simulator: &dyn Simulator,
-    (s, axes): (&[f64], &[DescriptorAxis]),
+    s: &[f64],
+    axes: &[DescriptorAxis],
     controllers: &[UnitPoint],
     cost: &mut Cost,
 ) -> Result<(Vec<f64>, Vec<Vec<f64>>), Cancelled> {

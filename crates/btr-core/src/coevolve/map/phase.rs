@@ -66,6 +66,7 @@ impl Default for MapPhase {
 
 /// Error in the settings of a map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MapError {
     /// A method that needs a map, without one.
     #[error("the method `quality_diversity` needs [coevolve.map]")]

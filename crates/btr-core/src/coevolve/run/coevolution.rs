@@ -12,6 +12,7 @@ use crate::coevolve::plan::{Initial, Plan};
 use crate::distance::Distance;
 use crate::random::{self, Rng};
 use crate::search::uniform;
+use crate::text::Text;
 use crate::world::{Reality, Simulator};
 
 /// What a run acts on. Not part of its state: the caller builds it anew when a run is resumed.
@@ -34,7 +35,7 @@ pub enum StepOutcome {
     /// Closed an iteration; it is the last of the history.
     Iteration,
     /// The test described here has to be carried out by hand first.
-    Waiting(String),
+    Waiting(Text),
     /// The run is over.
     Stopped(StopReason),
 }

@@ -49,8 +49,7 @@ impl Coevolution {
         };
         let (axes, generations) = (phase.axes(on.simulator), phase.generations);
         let units = map.ask(&mut self.stream(Stream::Controllers, generation));
-        let request = (self.state.simulation.as_slice(), axes.as_slice());
-        let (scores, places) = map::judged(on.simulator, request, &units, &mut self.state.cost)?;
+        let (scores, places) = map::judged(on.simulator, &self.state.simulation, &axes, &units, &mut self.state.cost)?;
         let costs: Vec<f64> = scores.iter().map(|f| -f).collect();
         map.tell(&units, &costs, &places);
         self.state.map = Some(map);

@@ -30,8 +30,8 @@ impl Coevolution {
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
         let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()])?;
-        let result =
-            on.reality.announce(&trials).and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
+        let announced = on.reality.announce(&trials).map_err(|error| error.text());
+        let result = announced.and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
             Ok(()) => Ok(StepOutcome::Tested),

@@ -108,7 +108,7 @@ impl Coevolution {
         let mut total = DMatrix::zeros(draws[0].len(), draws[0].len());
         let mut unpredictable = 0.0f64;
         for scenario in 0..on.simulator.scenarios() {
-            let behaviours = evaluate::behaviours(on.simulator, &points, (unit, scenario), &mut self.state.cost)?;
+            let behaviours = evaluate::behaviours(on.simulator, &points, unit, scenario, &mut self.state.cost)?;
             match information(on, &draws, &behaviours) {
                 Some((information, left)) => (total, unpredictable) = (total + information, unpredictable.max(left)),
                 None => unpredictable = f64::INFINITY,

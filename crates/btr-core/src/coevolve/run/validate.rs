@@ -6,6 +6,7 @@ use crate::world::Simulator;
 
 /// A plan that cannot be carried out.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+// Exhaustive: btr-lab has a remedy for each.
 pub enum PlanError {
     /// Controllers to search, but no search for them.
     #[error("there are {0} controller parameters to search, but the plan has no [coevolve.controllers]")]

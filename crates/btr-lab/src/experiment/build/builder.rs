@@ -4,14 +4,30 @@ use crate::experiment::file::{File, RealitySection};
 use crate::experiment::logs::listed::from_logs;
 use crate::experiment::logs::scenarios::ScenarioSet;
 use crate::experiment::source::{FileError, Source};
-use crate::suggest::suggestion;
+use crate::suggest;
+use btr_core::text::Text;
+use btr_physics::drive::DrivePlan;
 use btr_physics::model::Model;
+use std::cell::OnceCell;
 use std::sync::atomic::AtomicU64;
 
 /// Builds a model from a file.
 pub(crate) struct Builder<'a> {
     pub(crate) file: &'a File,
     pub(crate) source: &'a Source,
+    /// The file's drive, once it is known: a log that it replays is read once.
+    pub(super) drive: OnceCell<DrivePlan>,
+}
+
+impl<'a> Builder<'a> {
+    pub(crate) fn new(file: &'a File, source: &'a Source) -> Self {
+        Builder { file, source, drive: OnceCell::new() }
+    }
+
+    /// The same for a file with the drive of a model that was built before.
+    pub(crate) fn driven_like(model: &Model, file: &'a File, source: &'a Source) -> Self {
+        Builder { file, source, drive: OnceCell::from(model.drive.clone()) }
+    }
 }
 
 impl Builder<'_> {
@@ -43,7 +59,7 @@ impl Builder<'_> {
         })
     }
 
-    pub(crate) fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<String>) -> FileError {
+    pub(crate) fn error(&self, keys: &[&str], message: impl std::fmt::Display, help: Option<Text>) -> FileError {
         self.source.error(keys, &message.to_string(), help)
     }
 
@@ -54,9 +70,6 @@ impl Builder<'_> {
         wrong: &str,
         known: impl IntoIterator<Item = &'b str>,
     ) -> FileError {
-        let known: Vec<&str> = known.into_iter().collect();
-        let near = suggestion(wrong, known.iter().copied());
-        let help = near.unwrap_or_else(|| format!("known: {}", known.join(", ")));
-        self.error(keys, format!("there is no {what} `{wrong}`"), Some(help))
+        self.error(keys, format!("there is no {what} `{wrong}`"), Some(suggest::remedy(wrong, known)))
     }
 }

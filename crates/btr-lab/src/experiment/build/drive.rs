@@ -3,7 +3,7 @@
 use super::builder::Builder;
 use crate::experiment::file::{DriveSection, SearchedSection};
 use crate::experiment::source::FileError;
-use btr_physics::drive::{DRIVES, DriveError, DriveKind, DrivePlan, PolicyPlan, Replay, SENSES};
+use btr_physics::drive::{DRIVES, DriveError, DriveKind, DrivePlan, PolicyPlan, Replay, SENSES, SearchStart};
 use btr_physics::robot::Robot;
 use btr_physics::robot::site;
 use indexmap::IndexMap;
@@ -11,9 +11,17 @@ use std::sync::Arc;
 
 impl Builder<'_> {
     pub(super) fn drive(&self, robot: &Robot) -> Result<DrivePlan, FileError> {
+        if let Some(known) = self.drive.get() {
+            return Ok(known.clone());
+        }
+        let plan = self.read_drive(robot)?;
+        Ok(self.drive.get_or_init(|| plan).clone())
+    }
+
+    fn read_drive(&self, robot: &Robot) -> Result<DrivePlan, FileError> {
         let Some(section) = &self.file.drive else {
             let none = IndexMap::new();
-            return DrivePlan::new(DriveKind::Hold, robot, &none, &IndexMap::new(), false)
+            return DrivePlan::new(DriveKind::Hold, robot, &none, &IndexMap::new(), SearchStart::Random)
                 .map_err(|e| self.error(&["drive"], e, None));
         };
         let kind = self.drive_kind(section, robot)?;
@@ -27,13 +35,15 @@ impl Builder<'_> {
             SearchedSection::Names(names) => names.iter().map(|name| (name.clone(), None)).collect(),
             SearchedSection::Bounds(bounds) => bounds.iter().map(|(name, b)| (name.clone(), Some(*b))).collect(),
         };
-        DrivePlan::new(kind, robot, &section.set, &searched, section.start_from_nominal).map_err(|e| match &e {
+        let start = if section.start_from_nominal { SearchStart::Nominal } else { SearchStart::Random };
+        DrivePlan::new(kind, robot, &section.set, &searched, start).map_err(|e| match &e {
             DriveError::Unknown { name, known } => {
                 let table = if section.set.contains_key(name) { "set" } else { "search" };
                 self.unknown(&["drive", table, name], "drive parameter", name, known.iter().map(String::as_str))
             }
             DriveError::Space(e) => self.error(&["drive", "search"], e, None),
             DriveError::World(e) => self.error(&["drive", "kind"], e, None),
+            other => self.error(&["drive"], other, None),
         })
     }
 

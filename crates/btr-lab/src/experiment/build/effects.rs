@@ -3,6 +3,7 @@
 use super::builder::Builder;
 use crate::experiment::file::EffectSection;
 use crate::experiment::source::FileError;
+use btr_core::text::{Mention, Text};
 use btr_physics::effects;
 use btr_physics::effects::{Effect, FormulaError, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
@@ -49,8 +50,7 @@ impl Builder<'_> {
     /// A user-defined law.
     fn formula(&self, section: &EffectSection, keys: &[&str], robot: &Robot) -> Result<PlacedEffect, FileError> {
         let (Some(on), Some(law)) = (section.on, &section.law) else {
-            let help =
-                "on = \"torque\" (or \"command\", \"reading\") and law = \"-a*sin(3*q)\" with a = 0.1".to_owned();
+            let help = "on = \"torque\" (or \"command\", \"reading\") and law = \"-a*sin(3*q)\" with a = 0.1".into();
             return Err(self.error(keys, "a formula needs `on` and `law`", Some(help)));
         };
         let names: Vec<&str> = section.values.keys().map(String::as_str).collect();
@@ -62,11 +62,12 @@ impl Builder<'_> {
             let help = match &e {
                 FormulaError::Absent(_) => {
                     "a function lives in the program that made the model: give it along with the file \
-                                            (in Python load_model(..., laws={...})), or write the law as an expression"
+                     (in Python load_model(..., laws={...})), or write the law as an expression"
+                        .into()
                 }
-                _ => "`btr effects formula` documents laws",
+                _ => Text::from(Mention::Effect("formula".to_owned())) + " documents laws",
             };
-            self.error(&[keys, &[key]].concat(), &e, Some(help.to_owned()))
+            self.error(&[keys, &[key]].concat(), &e, Some(help))
         })?;
         if let Some((name, value)) = section.values.iter().find(|(_, value)| !value.is_finite()) {
             return Err(self.error(
@@ -92,7 +93,7 @@ impl Builder<'_> {
             return Err(self.unknown(&[keys, &["site"]].concat(), what, &placed.site, known));
         }
         placed.check().map_err(|e| {
-            let help = format!("`btr effects {}` lists the valid values", section.effect);
+            let help = Text::from(Mention::Effect(section.effect.clone())) + " lists the valid values";
             self.error(keys, e, Some(help))
         })?;
         Ok(placed)

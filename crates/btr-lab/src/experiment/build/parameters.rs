@@ -4,6 +4,7 @@ use super::builder::Builder;
 use crate::experiment::file::ParameterSection;
 use crate::experiment::source::FileError;
 use btr_core::space::{Dim, Space, SpaceError};
+use btr_core::text::Text;
 use btr_physics::effects::PlacedEffect;
 use btr_physics::model::parameter::Target;
 use btr_physics::model::task::{Fitness, FitnessTerm, TERMS};
@@ -50,15 +51,15 @@ impl Builder<'_> {
         };
         let Some(channel) = term.needs.iter().find(lacks) else { return Ok(()) };
         let message = format!("`{}` needs the channel {channel}, which this model does not have", term.name);
-        let help = "a free base gives base_*, a [simulation.ball] gives ball_*".to_owned();
+        let help = "a free base gives base_*, a [simulation.ball] gives ball_*".into();
         Err(self.error(keys, message, Some(help)))
     }
 }
 
-fn bounds_help(error: &SpaceError) -> Option<String> {
+fn bounds_help(error: &SpaceError) -> Option<Text> {
     match error {
-        SpaceError::Outside { .. } => Some("widen the bounds, or give value = a number between them".to_owned()),
-        SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".to_owned()),
+        SpaceError::Outside { .. } => Some("widen the bounds, or give value = a number between them".into()),
+        SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".into()),
         _ => None,
     }
 }

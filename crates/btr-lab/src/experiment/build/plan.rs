@@ -6,6 +6,7 @@ use crate::experiment::source::FileError;
 use btr_core::coevolve::{Coevolution, MapError, Plan, PlanError};
 use btr_core::distance::DistanceSpec;
 use btr_core::log::{Log, Role};
+use btr_core::text::{Text, Verb};
 use btr_core::world::Simulator;
 use btr_physics::model::Model;
 use btr_physics::model::task::TERMS;
@@ -20,7 +21,7 @@ impl Builder<'_> {
         recorded: &[Log],
     ) -> Result<(), FileError> {
         if matches!(reality, RealitySection::Logs(_)) && !model.drive.space().is_empty() {
-            let help = "remove search from [drive]; the commands of the logs are replayed in any case".to_owned();
+            let help = "remove search from [drive]; the commands of the logs are replayed in any case".into();
             return Err(self.error(
                 &["drive", "search"],
                 "controllers cannot be searched with recorded logs",
@@ -28,7 +29,7 @@ impl Builder<'_> {
             ));
         }
         if !self.file.distances.is_empty() && !model.drive.space().is_empty() {
-            let help = "remove search from [drive], or remove distances".to_owned();
+            let help = "remove search from [drive], or remove distances".into();
             let message = "other distances need a fixed drive: otherwise each of them would select other controllers";
             return Err(self.error(&["distances"], message, Some(help)));
         }
@@ -37,7 +38,7 @@ impl Builder<'_> {
         let mut distances = std::iter::once(&plan.distance).chain(&self.file.distances);
         let refine = plan.simulators.as_ref().is_some_and(|phase| phase.refine > 0);
         if refine && distances.all(|distance| distance.build().as_squares().is_none()) {
-            let help = "use distance = \"rmse\", or remove refine".to_owned();
+            let help = "use distance = \"rmse\", or remove refine".into();
             let message = "only a sum of squares can be refined by least squares";
             return Err(self.error(&["coevolve", "simulators", "refine"], message, Some(help)));
         }
@@ -100,8 +101,8 @@ impl Builder<'_> {
     }
 }
 
-fn remedy(error: &PlanError) -> String {
-    match error {
+fn remedy(error: &PlanError) -> Text {
+    let words = match error {
         PlanError::NoControllerSearch(_) => {
             "controllers = { generations = 10, search = { algorithm = \"ga\", population = 20 } }; or set them in [drive]"
         }
@@ -116,7 +117,9 @@ fn remedy(error: &PlanError) -> String {
         PlanError::Map(MapError::Posterior) => "remove it, or use method = \"back_to_reality\"",
         PlanError::Map(MapError::TooManyCells { .. }) => "use fewer cells, or fewer descriptors",
         PlanError::Map(MapError::Bounds { .. }) => "NAME = [LEAST, MOST]: values outside count as the nearest bound",
-        PlanError::Map(_) => "map = { descriptors = { energy = [0.0, 50.0] } }; `btr info` lists the terms",
-    }
-    .to_owned()
+        PlanError::Map(_) => {
+            return Text::from("map = { descriptors = { energy = [0.0, 50.0] } }; ") + Verb::Info + " lists the terms";
+        }
+    };
+    words.into()
 }

@@ -54,7 +54,7 @@ impl Builder<'_> {
             RealitySection::Manual {} if model.drive.senses() => {
                 let why = "a policy cannot be played by hand: its references depend on what the robot senses";
                 let help = "kind = \"command\", with a program that runs the policy on the robot";
-                return Err(self.error(&["reality", "kind"], why, Some(help.to_owned())));
+                return Err(self.error(&["reality", "kind"], why, Some(help.into())));
             }
             RealitySection::Manual {} => Box::new(ManualReality::new(model.clone(), store)),
         })
@@ -153,7 +153,7 @@ impl Builder<'_> {
     /// Checks that a twin lies in S.
     fn inside(&self, space: &Space, point: &[f64], keys: &[&str]) -> Result<(), FileError> {
         space.check(point).map_err(|e| {
-            let help = "a twin must lie in S: widen the bounds in [parameters] or move the twin".to_owned();
+            let help = "a twin must lie in S: widen the bounds in [parameters] or move the twin".into();
             let keys = match &e {
                 SpaceError::Outside { name, .. } => [keys, &[name.as_str()]].concat(),
                 _ => keys.to_vec(),

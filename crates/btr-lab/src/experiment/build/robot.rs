@@ -23,7 +23,7 @@ impl Builder<'_> {
             }
             _ => {
                 let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";
-                return Err(self.error(&["robot"], "give either builtin or urdf", Some(help.to_owned())));
+                return Err(self.error(&["robot"], "give either builtin or urdf", Some(help.into())));
             }
         };
         if let Some(height) = section.height_m {
@@ -40,7 +40,7 @@ impl Builder<'_> {
         }
         let message = error.to_string();
         let line = std::fs::read_to_string(path).ok().and_then(|text| line_of(&text, &message)).unwrap_or(0);
-        FileError { path: path.to_owned(), line, column: 0, message, help: None }
+        FileError { path: path.to_owned(), line, column: 0, message: message.into(), help: None }
     }
 
     fn builtin(&self, name: &str) -> Result<Robot, FileError> {
@@ -75,7 +75,7 @@ impl Builder<'_> {
             };
             if !robot.movable().any(|(_, link)| matches(&link.joint)) {
                 let message = format!("all joints that match `{pattern}` mimic another joint, which drives them");
-                let help = "use a joint's full name to give it its own actuator".to_owned();
+                let help = "use a joint's full name to give it its own actuator".into();
                 return Err(self.error(&["actuators", pattern], message, Some(help)));
             }
             for link in robot.links.iter_mut().skip(1).filter(|link| matches(&link.joint)) {

@@ -3,6 +3,7 @@
 use crate::experiment::file::{ColumnSection, File, RealitySection};
 use crate::experiment::source::{FileError, Source};
 use crate::suggest::nearest;
+use btr_core::text::{Mention, Text};
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
 use indexmap::IndexMap;
@@ -51,14 +52,14 @@ impl<'a> IndexEntries<'a> {
     /// The parameters that the log's row sets; none if the index has no row for it.
     pub(crate) fn settings(&self, log: &Path, robot: &Robot, source: &Source) -> Result<Vec<(Target, f64)>, FileError> {
         match (self.row(log), self.columns) {
-            (Some(row), Some(columns)) => settings((self.section, columns), row, source, robot),
+            (Some(row), Some(columns)) => settings(self.section, columns, row, source, robot),
             _ => Ok(Vec::new()),
         }
     }
 }
 
 pub(super) fn at_line(index: &Path, line: usize, message: &str) -> FileError {
-    FileError { path: index.to_owned(), line, column: 0, message: message.to_owned(), help: None }
+    FileError { path: index.to_owned(), line, column: 0, message: message.into(), help: None }
 }
 
 pub(super) fn no_file_column(index: &Path, line: usize) -> FileError {
@@ -72,10 +73,9 @@ pub(super) type IndexRow = IndexMap<String, String>;
 pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, IndexRow)>, FileError> {
     let unreadable = |e: csv::Error| {
         let message = format!("{}: {e}", index.display());
-        let help = format!(
-            "{section}.index is taken from the experiment file's folder; point it to where the data is, or use --set \
-             {section}.index=PATH"
-        );
+        let key = format!("{section}.index");
+        let from = format!("{key} is taken from the experiment file's folder; point it to where the data is, or ");
+        let help = Text::from(from) + Mention::Set { key, value: "PATH" };
         source.error(&[section, "index"], &message, Some(help))
     };
     let mut reader = csv::Reader::from_path(index).map_err(unreadable)?;
@@ -89,26 +89,28 @@ pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result
     Ok(rows)
 }
 
-pub(super) fn no_column(source: &Source, (section, key): (&str, &str), column: &str, row: &IndexRow) -> FileError {
+pub(super) fn no_column(source: &Source, section: &str, key: &str, column: &str, row: &IndexRow) -> FileError {
     let help = match nearest(column, row.keys().map(String::as_str)) {
         Some(name) => format!("did you mean `{name}`?"),
         None => format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", ")),
     };
-    source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help))
+    source.error(&[section, key, column], &format!("the index has no column `{column}`"), Some(help.into()))
 }
 
 /// The parameters that the columns of a row set.
 pub(super) fn settings(
-    (section, columns): (&str, &IndexMap<String, ColumnSection>),
+    section: &str,
+    columns: &IndexMap<String, ColumnSection>,
     row: &IndexRow,
     source: &Source,
     robot: &Robot,
 ) -> Result<Vec<(Target, f64)>, FileError> {
-    columns.iter().map(|(target, column)| setting((section, target), column, row, source, robot)).collect()
+    columns.iter().map(|(target, column)| setting(section, target, column, row, source, robot)).collect()
 }
 
 fn setting(
-    (section, name): (&str, &str),
+    section: &str,
+    name: &str,
     column: &ColumnSection,
     row: &IndexRow,
     source: &Source,
@@ -116,7 +118,7 @@ fn setting(
 ) -> Result<(Target, f64), FileError> {
     let keys = [section, "columns", name];
     let target = Target::parse(name, robot).map_err(|e| source.error(&keys, &e.to_string(), None))?;
-    let cell = row.get(&column.column).ok_or_else(|| no_column(source, (section, "columns"), &column.column, row))?;
+    let cell = row.get(&column.column).ok_or_else(|| no_column(source, section, "columns", &column.column, row))?;
     let value: f64 = cell.trim().parse().map_err(|_| {
         source.error(&keys, &format!("column `{}` holds `{cell}`, which is not a number", column.column), None)
     })?;

@@ -34,14 +34,14 @@ pub(crate) fn from_logs(
         return Err(source.error(&["reality"], &message, None));
     }
     if requests.iter().all(|w| w.held_out) {
-        let help = "name files, or an index with learn = { column = value }".to_owned();
+        let help = "name files, or an index with learn = { column = value }".into();
         return Err(source.error(&["reality"], "no training log", Some(help)));
     }
     let mut all = ScenarioSet::none();
     for one in &requests {
         let log = read(&LogSource::File(one.path.clone()), file)?;
         all.notice(&one.path, log.warnings.iter().cloned());
-        let settings = settings(("reality", &section.columns), &one.row, source, robot)?;
+        let settings = settings("reality", &section.columns, &one.row, source, robot)?;
         let purpose = if one.held_out { LogPurpose::HeldOut } else { LogPurpose::Training };
         all.add(&log, purpose, &settings, &ScenarioReader { file, source, robot })?;
     }
@@ -63,7 +63,7 @@ fn indexed(section: &LogsSection, index: &Path, source: &Source) -> Result<Vec<L
     let mut requests = Vec::new();
     for (line, row) in rows {
         let name = row.get("file").ok_or_else(|| no_file_column(index, line))?;
-        let no_column = |key: &str, column: &str| no_column(source, ("reality", key), column, &row);
+        let no_column = |key: &str, column: &str| no_column(source, "reality", key, column, &row);
         let learn = chosen(&row, &section.learn).map_err(|column| no_column("learn", &column))?;
         let judge = chosen(&row, &section.judge).map_err(|column| no_column("judge", &column))?;
         let judge = judge && !section.judge.is_empty();

@@ -41,7 +41,7 @@ pub(super) fn pieces(path: &Path, log: &Log) -> Result<(Vec<LogPiece>, Vec<Strin
     }
     if pieces.is_empty() {
         let message = format!("no {} s without a gap", SHORTEST.0);
-        let help = "record again, without losing samples".to_owned();
+        let help = "record again, without losing samples".into();
         return Err(about(path, &message, Some(help)));
     }
     Ok((pieces, noticed))

@@ -4,6 +4,7 @@ use super::source::{LogSource, ReadLog};
 use crate::experiment::file::File;
 use crate::experiment::source::FileError;
 use crate::log_quality::usable;
+use btr_core::text::Text;
 use std::path::Path;
 
 /// Reads a log, and rejects one that cannot be used.
@@ -16,14 +17,14 @@ pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError
             (renamed.0.from_zero(), renamed.1)
         }
     };
-    usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help))?;
+    usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help.map(Text::from)))?;
     let warnings = warnings.iter().map(ToString::to_string).collect();
     Ok(ReadLog { path: source.path().to_owned(), log, warnings })
 }
 
 /// An error about a log that is not the fault of the model file.
-pub(super) fn about(path: &Path, message: &str, help: Option<String>) -> FileError {
-    FileError { path: path.to_owned(), line: 0, column: 0, message: message.to_owned(), help }
+pub(super) fn about(path: &Path, message: &str, help: Option<Text>) -> FileError {
+    FileError { path: path.to_owned(), line: 0, column: 0, message: message.into(), help }
 }
 
 /// An error of the reader, whose message names the log.

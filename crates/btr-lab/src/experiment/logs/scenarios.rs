@@ -138,11 +138,11 @@ impl ScenarioReader<'_> {
         match self.file.channels.theirs(channel) {
             Some((key, theirs)) => {
                 let message = format!("{} has no column `{theirs}`, which is mapped to `{channel}`", path.display());
-                self.source.error(&["channels", "channels", key], &message, Some(has))
+                self.source.error(&["channels", "channels", key], &message, Some(has.into()))
             }
             None => {
                 let help = format!("{has}; [channels.channels] in the model file maps foreign names");
-                about(path, &error.to_string(), Some(help))
+                about(path, &error.to_string(), Some(help.into()))
             }
         }
     }

@@ -2,6 +2,7 @@
 
 /// Why a law is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FormulaError {
     /// The expression has a syntax error.
     #[error("the law cannot be read: {0}")]
