@@ -89,8 +89,8 @@ fn called(function: &Bound<'_, PyAny>, scene: &LawInputs, params: &[Param], p: &
     }
 }
 
-/// Runs work on this thread; its Python functions stop when the context is cancelled. All simulations with functions run
-/// on one thread: see [`context`](crate::work::context).
+/// Runs work on this thread; its Python functions stop when the context is cancelled. All simulations with functions
+/// run on one thread: see [`context`](crate::work::context).
 pub(crate) fn with_cancellation<T: Send>(context: &Arc<ExecutionContext>, work: impl FnOnce() -> T + Send) -> T {
     CONTEXT.set(Some(context.clone()));
     // Python knows this thread from the first call to the last: to be introduced anew takes longer than a call.

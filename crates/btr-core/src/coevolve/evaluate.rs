@@ -1,7 +1,7 @@
 //! Evaluating populations: in parallel, in order, the same bits for any number of threads.
 //!
-//! A simulation that diverges scores as the worst possible. One that was cancelled ends the evaluation instead: a search
-//! must not take it for a bad candidate.
+//! A simulation that diverges scores as the worst possible. One that was cancelled ends the evaluation instead: a
+//! search must not take it for a bad candidate.
 
 use super::ledger::Entry;
 use crate::distance::{Distance, SumOfSquares};

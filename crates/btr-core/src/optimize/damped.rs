@@ -1,7 +1,7 @@
 //! Levenberg and Marquardt's step: damped normal equations, with parameters held where bounds require it.
 //!
-//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations of points, and
-//! the fit of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares
+//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations of points,
+//! and the fit of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares
 //! Estimation of Nonlinear Parameters" (1963), scales the damping with the diagonal.
 
 use nalgebra::{DMatrix, DVector};
@@ -16,9 +16,9 @@ pub struct QuadraticModel {
 }
 
 impl QuadraticModel {
-    /// The step that cancels the gradient where the diagonal is larger by the factor 1 + `damping`. Each parameter with a
-    /// number in `held` moves by that number; `held` is empty or has one entry per parameter. A parameter without
-    /// curvature stays where it is. `None` where the numbers allow for no finite step.
+    /// The step that cancels the gradient with the diagonal multiplied by 1 + `damping`. Each parameter with a number in
+    /// `held` moves by that number; `held` is empty or has one entry per parameter. A parameter without curvature stays
+    /// where it is. `None` where the numbers allow for no finite step.
     pub fn step(&self, damping: f64, held: &[Option<f64>]) -> Option<DVector<f64>> {
         let (mut damped, mut gradient) = (self.curvature.clone(), self.gradient.clone());
         for k in 0..damped.nrows() {

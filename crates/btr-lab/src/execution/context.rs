@@ -1,19 +1,15 @@
 //! The execution context: number of threads, cancellation, executor.
 //!
-//! Cancellation is a value: rollouts that have not begun end with [`WorldError::Cancelled`](btr_core::world::WorldError),
-//! and whoever started the work asks the context for the cause.
+//! Cancellation is a value. Rollouts that have not begun end with
+//! [`WorldError::Cancelled`](btr_core::world::WorldError), and the caller of the work takes the cause from the context.
 
 use super::exchange::{Answer, ExchangeError};
-use super::executor::{Executor, Payload};
+use super::executor::{Cause, Executor, Payload};
 use btr_core::world::Cancelled;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::error::Error;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Why work was cancelled, where it was not on request: what an executor, a listener or a law's function failed with.
-pub type Cause = Box<dyn Error + Send + Sync>;
 
 /// Where work is done and whether it was cancelled.
 #[derive(Default)]

@@ -1,7 +1,10 @@
 //! The executor: whatever hands out batches to threads, processes or machines.
 
-use super::context::Cause;
+use std::error::Error;
 use std::sync::Arc;
+
+/// Why work was cancelled, where it was not on request: the error of an executor, a listener or a law's function.
+pub type Cause = Box<dyn Error + Send + Sync>;
 
 /// What a worker receives once and may cache under its key: a model with its logs, an experiment, or a real test.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ mod context;
 mod exchange;
 mod executor;
 
-pub use context::{Cause, ExecutionContext, ThreadError};
+pub use context::{ExecutionContext, ThreadError};
 pub use exchange::ExchangeError;
 pub(crate) use exchange::{Answer, BATCH_SIZE, fingerprint_of, hash_of};
-pub use executor::{Executor, Payload};
+pub use executor::{Cause, Executor, Payload};

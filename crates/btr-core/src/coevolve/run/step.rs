@@ -12,8 +12,7 @@ impl Coevolution {
     /// Does the next unit of work.
     ///
     /// # Errors
-    /// Cancelled work. What the step did so far is lost and the run is to be dropped; it is resumed from the state before
-    /// the step.
+    /// Cancelled work. Drop the run then, and resume it from the state before the step.
     pub fn step(&mut self, on: &mut Environment<'_>) -> Result<StepOutcome, Cancelled> {
         match std::mem::replace(&mut self.state.phase, Phase::Begin) {
             Phase::Begin => self.begin(on),
