@@ -1,8 +1,8 @@
 //! Levenberg and Marquardt's step: damped normal equations, with parameters held where bounds require it.
 //!
-//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations of points,
-//! and the fit of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares
-//! Estimation of Nonlinear Parameters" (1963), scales the damping with the diagonal.
+//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations, and the fit
+//! of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares Estimation
+//! of Nonlinear Parameters" (1963), scales the damping with the diagonal.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,7 +16,7 @@ pub struct QuadraticModel {
 }
 
 impl QuadraticModel {
-    /// The step that cancels the gradient with the diagonal multiplied by 1 + `damping`. Each parameter with a number in
+    /// The step that cancels the gradient with the diagonal multiplied by 1 + `damping`. A parameter with a number in
     /// `held` moves by that number; `held` is empty or has one entry per parameter. A parameter without curvature stays
     /// where it is. `None` where the numbers allow for no finite step.
     pub fn step(&self, damping: f64, held: &[Option<f64>]) -> Option<DVector<f64>> {
