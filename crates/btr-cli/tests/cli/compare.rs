@@ -129,7 +129,7 @@ fn nothing_is_written_over_what_is_read() {
         "diagnose swing.toml log.csv --next log.csv",
         "convert log.csv log.csv",
     ] {
-        assert!(lab.complaint(arguments).contains("would be written over"), "{arguments}");
+        assert!(lab.complaint(arguments).contains("would be overwritten"), "{arguments}");
     }
     assert!(lab.read("swing.toml") == model && lab.read("log.csv") == log);
 }
@@ -153,14 +153,14 @@ fn an_output_takes_the_place_of_nothing_but_its_own_kind_and_is_refused_before_a
         ("add swing.toml coulomb_friction -o other.csv", "the name of a model must end in .toml"),
         ("compare swing.toml log.csv --report other.csv", "the name of a report must end in .html"),
         ("diagnose swing.toml log.csv --report robot.toml", "the name of a report must end in .html"),
-        ("diagnose swing.toml log.csv --next other.csv", "holds more than commands"),
-        ("diagnose swing.toml log.csv --next foreign.csv", "holds more than commands"),
+        ("diagnose swing.toml log.csv --next other.csv", "contains more than commands"),
+        ("diagnose swing.toml log.csv --next foreign.csv", "contains more than commands"),
         ("diagnose swing.toml log.csv --next drive.txt", "not a log format that btr reads"),
-        ("convert log.csv other.csv", "holds more than commands"),
-        ("simulate swing.toml -o other.csv", "holds more than commands"),
-        ("compare named.toml log.csv --report arm.html", "is read here"),
-        ("diagnose named.toml log.csv --next told.csv", "is read here"),
-        ("simulate named.toml -o index.csv --overwrite", "is read here"),
+        ("convert log.csv other.csv", "contains more than commands"),
+        ("simulate swing.toml -o other.csv", "contains more than commands"),
+        ("compare named.toml log.csv --report arm.html", "is an input"),
+        ("diagnose named.toml log.csv --next told.csv", "is an input"),
+        ("simulate named.toml -o index.csv --overwrite", "is an input"),
         ("fit swing.toml log.csv -o no/such/folder.toml", "folder.toml: No such file"),
         ("diagnose swing.toml log.csv --next no/such/drive.csv", "drive.csv: No such file"),
     ] {

@@ -60,7 +60,7 @@ fn the_cause_is_named_and_the_command_that_is_told_goes_on_with_the_same_real_te
     }
     assert_eq!(history(&lab, "run"), after);
     lab.ok("add rubs.toml viscous_friction@hinge -o other.toml -q");
-    assert!(lab.complaint("coevolve other.toml --out run --resume").contains("is not the one"));
+    assert!(lab.complaint("coevolve other.toml --out run --resume").contains("differs from the one"));
 }
 
 #[test]

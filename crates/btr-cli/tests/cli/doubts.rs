@@ -143,7 +143,7 @@ fn a_log_with_a_gap_is_replayed_in_pieces() {
     assert!(text(&output.stderr).contains("19 samples between gaps from 0.000 s on: too short, left out"));
     lab.edit("log.csv", "holes.csv", |k, _| k % 30 < 10);
     let complaint = lab.complaint("compare leg.toml holes.csv");
-    assert!(complaint.starts_with("error: holes.csv: nothing but gaps"), "{complaint}");
+    assert!(complaint.starts_with("error: holes.csv: no 0.5 s without a gap"), "{complaint}");
 }
 
 #[test]

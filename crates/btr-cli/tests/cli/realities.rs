@@ -61,7 +61,7 @@ fn half_a_log_is_waited_for_until_it_is_whole() {
     lab.write("run/transfers/0000/log.csv", &whole[..whole.len() / 2]);
     let document = lab.json("coevolve small.toml --out run --resume");
     assert_eq!(document["real_tests"], 0);
-    assert!(document["waiting_for"].as_str().unwrap().contains("cut short"), "{document}");
+    assert!(document["waiting_for"].as_str().unwrap().contains("truncated"), "{document}");
     lab.write("run/transfers/0000/log.csv", &whole);
     assert_eq!(lab.json("coevolve small.toml --out run --resume")["real_tests"], 1);
 }
@@ -94,7 +94,7 @@ fn a_program_that_fails_hangs_or_lies_costs_one_test_and_the_run_goes_on() {
         ("echo broken >&2; exit 3", "ended with exit status: 3; see try-1.err"),
         ("exec sleep 30", "took longer than 0.5 s"),
         ("exit 0", "try-1.csv: No such file or directory"),
-        ("simulate \"$1\" \"$2\" && head -c 700 \"$2\" > half && mv half \"$2\"", "cut short"),
+        ("simulate \"$1\" \"$2\" && head -c 700 \"$2\" > half && mv half \"$2\"", "truncated"),
         ("printf 't,cmd_hinge,q_hinge\\n0.0,0.0,0.0\\n0.01,0.0,0.0\\n' > \"$2\"", "tau_<joint>"),
     ];
     for (fault, why) in bad {

@@ -94,7 +94,7 @@ fn a_folder_in_use_and_another_experiment_are_refused() {
     assert_eq!(lab.complaint("coevolve small.toml --out run"), refused);
     for change in ["--seed 2", "--set simulation.duration_s=0.6"] {
         let told = lab.complaint(&format!("coevolve small.toml --out run --resume {change}"));
-        assert!(told.contains("the experiment is not the one that run was begun with"), "{told}");
+        assert!(told.contains("the experiment differs from the one that run was started with"), "{told}");
         assert!(told.contains("help: resume with the file"), "{told}");
     }
     let told = lab.complaint("coevolve small.toml --out nowhere --resume");
