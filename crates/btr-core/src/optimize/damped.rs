@@ -1,7 +1,7 @@
 //! Levenberg and Marquardt's step: damped normal equations, with parameters held where bounds require it.
 //!
-//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations, and the fit
-//! of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares Estimation
+//! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations, and the
+//! fit of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares Estimation
 //! of Nonlinear Parameters" (1963), scales the damping with the diagonal.
 
 use nalgebra::{DMatrix, DVector};
