@@ -243,7 +243,7 @@ def test_a_run_can_be_resumed_after_any_failure_of_the_robot(
     assert len(list(tmp_path.glob("transfers/*/log.*"))) == 3
     with pytest.raises(btr.BtrError, match="already contains a run\nhelp: go on with resume=True"):
         btr.coevolve(experiment, Twin(experiment), out=tmp_path)
-    with pytest.raises(btr.BtrError, match="is not the one that"):
+    with pytest.raises(btr.BtrError, match="differs from the one that"):
         btr.coevolve(experiment, out=tmp_path, resume=True)
     robot = Twin(experiment)
     assert finished(experiment, tmp_path, robot, resume=True) == undisturbed
