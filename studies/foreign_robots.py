@@ -2,7 +2,7 @@
 """Effects hidden in robots that btr has never seen, simulated by MuJoCo: what does `btr diagnose` say?
 
     cargo build --release && python3 -m venv target/venv && target/venv/bin/pip install mujoco
-    target/venv/bin/python studies/foreign_robots.py --cases 60 [--kinds one,none] [--effects backlash] [--out results.json]
+    target/venv/bin/python studies/foreign_robots.py --cases 60 [--kinds one,none] [--effects backlash] [--out all.json]
 
 A seed is a case, whatever else is asked for: a robot of 2 to 7 joints (geometry, masses, rotors, soft or stiff servos,
 mounted up, down or sideways), what its user knows of it (masses and gains within 10 to 20 %), logs (multisine, steps,
@@ -87,7 +87,7 @@ def main() -> None:
     parser.add_argument("--effects", type=lambda text: listed(text, known), default=[], help=", ".join(known))
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--threads", type=int, default=2, help="threads of btr for each case")
-    parser.add_argument("--timeout", type=float, default=120.0, help="seconds of the processor that btr has for a diagnosis")
+    parser.add_argument("--timeout", type=float, default=240.0, help="seconds of the processor for a diagnosis")
     parser.add_argument("--integrator", default="", help="Euler or implicitfast: MuJoCo's own error becomes an effect")
     parser.add_argument("--keep", type=Path, help="where to keep models, logs and outcomes, a folder for each seed")
     parser.add_argument("--out", type=Path, help="where to write all outcomes as JSON")

@@ -38,14 +38,15 @@ class Case:
     effect: str
     robot: Robot
     told: Told
-    hidden: list[Hidden]
     tick_s: float
-    numerics: Numerics
-    own_error: float
     sensors: Sensors
     logs: list[tuple[str, Episode]]
     held_out: list[tuple[str, Episode]]
     carried: Vector
+    hidden: list[Hidden] = field(default_factory=list)
+    numerics: Numerics = CALIBRATION
+    # MuJoCo's own integration error, in noise floors.
+    own_error: float = 0.0
     # Difference that each hidden effect makes in the readings, in noise floors.
     difference: list[float] = field(default_factory=list)
     # The constant that the model has wrong, and the names with which btr would be right about it.
@@ -87,9 +88,7 @@ def build(seed: int, integrator: str = "") -> Case:
     moving = bool(rng.random() < 0.15)
     logs, held_out = episodes(robot, carried, tick_s, moving, rng)
     told = knowledge(robot, sensors, tick_s, rng)
-    case = Case(
-        seed, kind, effects[0], robot, told, [], tick_s, CALIBRATION, 0.0, sensors, logs, held_out, carried, moving=moving
-    )
+    case = Case(seed, kind, effects[0], robot, told, tick_s, sensors, logs, held_out, carried, moving=moving)
     if kind == "constants":
         misstate(case, effects[0], hiding)
     elif kind != "none":
@@ -124,7 +123,7 @@ Named = list[tuple[str, Episode]]
 
 
 def episodes(robot: Robot, carried: Vector, tick_s: float, moving: bool, rng: Random) -> tuple[Named, Named]:
-    """Two to four logs to learn from and one or two held out, of 5 to 40 s, 16 to 48 s together unless those are short."""
+    """Two to four logs to learn from and one or two held out: of 5 s or more, 16 to 48 s together."""
     moved = carried + np.array([axis.armature for axis in robot.axes])
     bandwidth = np.sqrt(np.array([axis.kp for axis in robot.axes]) / moved) / math.tau
     fastest = np.minimum(np.minimum(bandwidth, 2.5), 0.12 / tick_s)
@@ -328,10 +327,7 @@ def write(case: Case, folder: Path) -> Files:
     model = case.told.write(folder, "model")
     truth = None
     if all(h.effect in sizes.EFFECTS and h.effect != "payload_at_end" for h in case.hidden):
-        inline = [
-            "{ " + ", ".join([f'effect = "{h.effect}"', f'site = "{h.site}"', *(f"{k} = {v:.9g}" for k, v in h.values.items())]) + " }"
-            for h in case.hidden
-        ]
+        inline = [inline_effect(h) for h in case.hidden]
         rotors = known_rotors(case.robot)
         truth = Told(case.robot, {}, rotors + inline, case.told.noise, case.told.simulation).write(folder, "truth")
     paths: dict[str, list[Path]] = {"learn": [], "held_out": []}
@@ -343,6 +339,12 @@ def write(case: Case, folder: Path) -> Files:
             write_log(path, case, log, record(true, case.sensors, rng))
             paths[part].append(path)
     return Files(model, truth, paths["learn"], paths["held_out"])
+
+
+def inline_effect(hidden: Hidden) -> str:
+    """A hidden effect as btr's model has it."""
+    words = [f'effect = "{hidden.effect}"', f'site = "{hidden.site}"']
+    return "{ " + ", ".join(words + [f"{key} = {value:.9g}" for key, value in hidden.values.items()]) + " }"
 
 
 def write_log(path: Path, case: Case, log: Episode, said: tuple[Vector, Vector]) -> None:

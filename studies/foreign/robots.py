@@ -7,12 +7,14 @@ import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 Random = np.random.Generator
-Vector = np.ndarray
+Vector = npt.NDArray[Any]
 
 MOUNTS = {"up": (0.0, 0.0, 0.0), "down": (math.pi, 0.0, 0.0), "sideways": (math.pi / 2, 0.0, 0.0)}
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -195,8 +197,8 @@ def skeleton(robot: Robot) -> ET.Element:
     parent = ET.SubElement(world, "body", name="base", quat=quaternion(MOUNTS[robot.mount]))
     for axis in robot.axes:
         parent = ET.SubElement(parent, "body", name=axis.link, pos=text(axis.origin), quat=quaternion(axis.rpy))
-        turned = quaternion(axis.inertia_rpy)
-        ET.SubElement(parent, "inertial", pos=text(axis.com), mass=number(axis.mass), quat=turned, diaginertia=text(axis.inertia))
+        turned, moments = quaternion(axis.inertia_rpy), text(axis.inertia)
+        ET.SubElement(parent, "inertial", pos=text(axis.com), mass=number(axis.mass), quat=turned, diaginertia=moments)
         ET.SubElement(parent, "joint", name=axis.joint, axis=text(axis.axis), armature=number(axis.armature))
     return root
 
@@ -232,8 +234,8 @@ def add_link(root: ET.Element, name: str, mass: float, com: Vector, rpy: Vector,
     inertial = ET.SubElement(ET.SubElement(root, "link", name=name), "inertial")
     ET.SubElement(inertial, "origin", xyz=text(com), rpy=text(rpy))
     ET.SubElement(inertial, "mass", value=number(mass))
-    off = {"ixy": "0", "ixz": "0", "iyz": "0"}
-    ET.SubElement(inertial, "inertia", **{f"i{a}{a}": number(m) for a, m in zip("xyz", moments)}, **off)
+    inertia = {f"i{a}{a}": number(m) for a, m in zip("xyz", moments)} | {"ixy": "0", "ixz": "0", "iyz": "0"}
+    ET.SubElement(inertial, "inertia", inertia)
 
 
 @dataclass

@@ -83,8 +83,9 @@ class Outcome:
         flags = "!" if self.confident_and_wrong else "=" if self.indistinct else " "
         shape = f"{self.robot['joints']} {self.robot['mount'][:4]:<4} {self.robot['clock_hz']:3.0f} Hz"
         return (
-            f"{self.score:<11}{flags} {self.seed:>5} {self.kind:<9} {shape} {self.hidden:<70} -> {said:<52} [{self.verdict[:7]}]"
-            f" {self.before:6.2f} -> {self.after:5.2f} (truth {self.true_error:5.2f}) {self.rollouts:6} rollouts {self.seconds:5.0f} s"
+            f"{self.score:<11}{flags} {self.seed:>5} {self.kind:<9} {shape} {self.hidden:<70} -> {said:<52} "
+            f"[{self.verdict[:7]}] {self.before:6.2f} -> {self.after:5.2f} (truth {self.true_error:5.2f}) "
+            f"{self.rollouts:6} rollouts {self.seconds:5.0f} s"
         )
 
 
@@ -120,7 +121,7 @@ def judge(btr: Btr, case: Case, files: Files, prepared_s: float) -> Outcome:
     outcome = Outcome(
         seed=case.seed,
         kind=case.kind,
-        effect="none" if case.kind == "none" else case.effect if len(case.hidden) < 2 else " + ".join(h.effect for h in case.hidden),
+        effect=" + ".join(h.effect for h in case.hidden) or case.effect,
         hidden=case.describe(),
         truth=[h.name for h in case.hidden],
         difference=case.difference,
@@ -206,7 +207,7 @@ def read(said: dict[str, Any], outcome: Outcome) -> None:
     outcome.at_bound = said["at_bound"]
     law = said.get("residual_law")
     outcome.residual_law = f"{law['law']} on {law['on']} of {law['site']}: {law['explains']:.2f}" if law else ""
-    outcome.doubts = [str(doubt.get("text", doubt)) if isinstance(doubt, dict) else str(doubt) for doubt in said["doubts"]]
+    outcome.doubts = [json.dumps(doubt) for doubt in said["doubts"]]
     outcome.rollouts = said["rollouts"]
 
 
@@ -283,7 +284,6 @@ def score_effects(outcome: Outcome, truth: set[str], twins: Twins, acceptable: s
 
 def exact_twins(case: Case, name: str) -> set[str]:
     """Effects that are physically the same as this one on this robot, whatever it does."""
-    effect, site = name.split("@")
     first = case.robot.axes[0]
     # Every rotation of the first link is one about its axis, so its inertia is a single number.
     same = [{f"armature@{first.joint}", f"link_inertia@{first.link}"}]
@@ -292,11 +292,9 @@ def exact_twins(case: Case, name: str) -> set[str]:
     if upright > 0.999:
         # Weight does not act on the first joint: its link's is not felt, and a payload there is inertia alone.
         same[0] |= {f"payload@{first.link}", f"com_offset@{first.link}"}
-        # A shifted reading is a turned robot, which nothing sees.
     elif upright < 0.001:
         # To turn the robot about its first, level axis is to turn gravity.
         same.append({f"encoder_offset@{first.joint}", "gravity_tilt@base"})
-    del effect, site
     return set().union(*(group for group in same if name in group)) - {name}
 
 

@@ -1,7 +1,7 @@
-"""A robot with hidden effects in MuJoCo: its defaults for solver, friction and limits, and steps of 2 ms where they do.
+"""A robot with hidden effects in MuJoCo, with its defaults for solver, friction and limits.
 
-MuJoCo's own implementation of an effect is used if there is one. Its dry friction is a soft constraint that creeps under
-load, as everybody has it who does not change the defaults. Effects in a servo, a sensor or a clock, and laws that
+MuJoCo's own implementation of an effect is used if there is one. Its dry friction is a soft constraint that creeps
+under load, as everybody has it who does not change the defaults. Effects in a servo, a sensor or a clock, and laws that
 MuJoCo lacks, act around `mj_step`.
 """
 
@@ -40,7 +40,7 @@ class Hidden:
         return f"{self.effect}@{self.site}"
 
 
-@dataclass
+@dataclass(frozen=True)
 class Numerics:
     """Integrator and step of MuJoCo."""
 
@@ -131,7 +131,8 @@ def change_inertia(body: ET.Element, link: str, here: Here) -> None:
     inertial.set("diaginertia", text(moments))
     if values := here.get(("payload_at_end", link)):
         tip = ET.SubElement(body, "body", name="tip", pos=text(np.array([values[axis] for axis in "xyz"])))
-        ET.SubElement(tip, "geom", type="sphere", size="0.001", mass=number(values["mass"]), contype="0", conaffinity="0")
+        mass_at_end = number(values["mass"])
+        ET.SubElement(tip, "geom", type="sphere", size="0.001", mass=mass_at_end, contype="0", conaffinity="0")
 
 
 def change_hinge(joint: ET.Element, name: str, here: Here) -> None:
@@ -358,7 +359,12 @@ def on_the_way(hidden: Hidden, told: Vector, step_s: float, tick_steps: int) -> 
             before = np.concatenate([told[:1], after[:-1]])
             return told - (told - before) * share * values["time_constant"] / step_s
         case "command_rate_limit":
-            return follow(told, lambda error: max(-values["rate"] * step_s, min(values["rate"] * step_s, error)))
+            # The mean over a step of a ramp that may reach the command before the step ends.
+            most = values["rate"] * step_s
+            after = follow(told, lambda error: max(-most, min(most, error)))
+            before = np.concatenate([told[:1], after[:-1]])
+            moved = after - before
+            return before + moved * (1.0 - 0.5 * np.abs(moved) / most)
         case "command_hysteresis":
             half = 0.5 * values["gap"]
             return follow(told, lambda error: error - max(-half, min(half, error)))

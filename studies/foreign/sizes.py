@@ -37,11 +37,12 @@ ON_LINK = ("payload", "com_offset", "link_inertia", "payload_at_end")
 ON_ROBOT = {"gravity_tilt": "base", "voltage_sag": "*", "clock_skew": "*"}
 EFFECTS = (*ON_JOINT, *ON_LINK, *ON_ROBOT)
 OUTSIDE = (
-    "hysteretic_deadband", "command_quantisation", "jittering_delay", "coupled_joints", "posture_gain", "command_hysteresis",
-    "dropped_commands", "posture_friction", "cable", "integral_gain",
+    "hysteretic_deadband", "command_quantisation", "jittering_delay", "coupled_joints", "posture_gain",
+    "command_hysteresis", "dropped_commands", "posture_friction", "cable", "integral_gain",
 )  # fmt: skip
 CONSTANTS = (
-    "armature_stated", "mass_stated", "kp_stated", "kd_stated", "length_stated", "com_stated", "armature_free", "mass_free",
+    "armature_stated", "mass_stated", "kp_stated", "kd_stated", "length_stated", "com_stated", "armature_free",
+    "mass_free",
 )  # fmt: skip
 # Effects that change the servo's gain exclude each other in MuJoCo's model.
 GAINS = {"voltage_sag", "thermal_fade", "posture_gain", "encoder_scale"}
