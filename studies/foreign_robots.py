@@ -33,7 +33,7 @@ import json
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 from asking import BTR
@@ -102,9 +102,10 @@ def main() -> None:
         chosen = [args.only] if args.only is not None else list(seeds(args.first, args.cases, args.kinds, args.effects))
         btr = Btr(args.btr, args.threads, args.timeout)
         with ProcessPoolExecutor(args.jobs) as pool:
-            for done in [pool.submit(one_case, seed, btr, args.keep, args.integrator) for seed in chosen]:
+            for done in as_completed(pool.submit(one_case, seed, btr, args.keep, args.integrator) for seed in chosen):
                 outcomes.append(done.result())
-                print(outcomes[-1].line(), flush=True)
+                print(done.result().line(), flush=True)
+                outcomes.sort(key=lambda outcome: outcome.seed)
                 if args.out:
                     args.out.write_text(json.dumps([dataclasses.asdict(o) for o in outcomes], indent=1))
     print("\n" + summary(outcomes))

@@ -66,6 +66,8 @@ class Outcome:
     after: float = math.nan
     # Error of btr's model with the true constants and effects: what the best answer could reach.
     true_error: float = math.nan
+    # btr's noise floors of the encoders over the true one: their least and their most.
+    floors: list[float] = field(default_factory=list)
     ladder: list[dict[str, Any]] = field(default_factory=list)
     intervals: list[dict[str, Any]] = field(default_factory=list)
     at_bound: list[str] = field(default_factory=list)
@@ -140,6 +142,8 @@ def judge(btr: Btr, case: Case, files: Files, prepared_s: float) -> Outcome:
         return outcome
     outcome.seconds = round(processor_s() - before, 1)
     read(said, outcome)
+    floors = [floor["sigma"] / case.sensors.floor for floor in said["noise_floor"] if floor["channel"].startswith("q_")]
+    outcome.floors = [round(min(floors), 2), round(max(floors), 2)]
     true_train = math.nan
     if files.truth:
         true_train = true_error(btr, files.truth, learn)

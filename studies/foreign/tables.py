@@ -36,6 +36,11 @@ def summary(outcomes: list[Outcome]) -> str:
         for what, of in (("rollouts", lambda o: o.rollouts), ("seconds", lambda o: o.seconds)):
             numbers = [of(o) for o in answered]
             lines.append(f"{what}: median {statistics.median(numbers):.0f}, most {max(numbers):.0f}")
+    raised = [o for o in outcomes if o.floors and not o.robot["noise_stated"]]
+    if raised:
+        worst = [o.floors[1] for o in raised]
+        middle, most = statistics.median(worst), max(worst)
+        lines.append(f"a case's largest estimated noise floor over the true one: median {middle:.2f}, most {most:.2f}")
     lines += table("kind", outcomes, lambda o: o.kind)
     lines += table("effect", [o for o in outcomes if o.kind != "two"], lambda o: f"{o.kind}: {o.effect}")
     lines += table("difference in noise floors", [o for o in outcomes if o.difference], size)
