@@ -239,10 +239,14 @@ def usually(case: Case) -> sizes.Usual:
     motions = [simulate(case.robot, [], log, CALIBRATION, case.carried) for log in excerpts(case)]
     torque = np.abs(np.concatenate([motion.torque for motion in motions]))
     speed = np.abs(np.concatenate([motion.dq for motion in motions]))
-    rms = lambda values: np.sqrt(np.mean(values**2, axis=0)) + 1e-9  # noqa: E731
     energy = (torque * speed).sum(axis=0) * CALIBRATION.step_s / len(motions) + 1e-9
     inertia = case.carried + np.array([axis.armature for axis in case.robot.axes])
     return sizes.Usual(rms(torque), torque.max(axis=0), rms(speed), speed.max(axis=0), energy, inertia)
+
+
+def rms(values: Vector) -> Vector:
+    """Root mean square of each column, never zero."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)) + 1e-9)
 
 
 def readings(case: Case, hidden: list[Hidden], numerics: Numerics) -> list[Vector]:

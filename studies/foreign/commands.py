@@ -28,7 +28,7 @@ def steps(rng: Random, t: Vector, fastest_hz: float) -> Vector:
     hold, offset = between(rng, 0.6, 1.5), between(rng, 0.0, 0.5)
     levels = rng.uniform(-0.4, 0.4, int(t[-1] / hold) + 3)
     levels[0] = 0.0
-    return levels[((t + offset) / hold).astype(int)]
+    return np.asarray(levels[((t + offset) / hold).astype(int)])
 
 
 def ramps(rng: Random, t: Vector, fastest_hz: float) -> Vector:
@@ -52,7 +52,7 @@ def teleoperation(rng: Random, t: Vector, fastest_hz: float) -> Vector:
     share = 1.0 - math.exp(-dt / lag)
     for _ in range(3):
         value = lagged(value, share)
-    return value
+    return np.asarray(value)
 
 
 def lagged(values: Vector, share: float) -> Vector:

@@ -51,7 +51,7 @@ def rotation(rpy: Vector | tuple[float, ...]) -> Vector:
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return about_z @ about_y @ about_x
+    return np.asarray(about_z @ about_y @ about_x)
 
 
 def quaternion(rpy: Vector | tuple[float, ...]) -> str:
@@ -155,7 +155,7 @@ def direction(rng: Random, along: Vector, may_roll: bool) -> Vector:
     axis = choices[int(rng.integers(len(choices)))] * sign(rng)
     if rng.random() < 0.15:
         axis = axis + rng.uniform(-0.5, 0.5, 3)
-    return axis / np.linalg.norm(axis)
+    return np.asarray(axis / np.linalg.norm(axis))
 
 
 def give_rotors_and_gains(robot: Robot, rng: Random) -> None:

@@ -226,13 +226,13 @@ def mark(case: Case, outcome: Outcome) -> None:
     if any(h.effect == "payload_at_end" for h in case.hidden):
         link = case.hidden[0].site
         acceptable |= {f"payload@{link}", f"com_offset@{link}", f"link_inertia@{link}"}
-    alike_to = lambda name: name in acceptable or bool(truth & set(outcome.alike))  # noqa: E731
     outcome.right = [name in acceptable for name in outcome.named]
     mark_intervals(case, outcome)
     outcome.score = {"none": score_nothing, "outside": score_outside, "constants": score_constant}.get(
         case.kind, score_effects
     )(outcome, truth, twins, acceptable)
-    wrong = [p for name, p in zip(outcome.named, outcome.probabilities) if not alike_to(name)]
+    declared = bool(truth & set(outcome.alike))
+    wrong = [p for p, right in zip(outcome.probabilities, outcome.right) if not right and not declared]
     named_as_answer = outcome.verdict == "effect_missing"
     outcome.confident_and_wrong = named_as_answer and outcome.score not in GOOD and max(wrong, default=0.0) >= CONFIDENT
 
@@ -278,8 +278,8 @@ def score_effects(outcome: Outcome, truth: set[str], twins: Twins, acceptable: s
         return "exact" if outcome.verdict == "effect_missing" else "hedged"
     if named < truth:
         return "partial" if outcome.after <= VISIBLE else "part"
-    found = lambda name: bool(twins[name] & (named | set(outcome.alike)))  # noqa: E731
-    if len(named) <= len(truth) and all(map(found, truth)):
+    said = named | set(outcome.alike)
+    if len(named) <= len(truth) and all(twins[name] & said for name in truth):
         return "alike" if outcome.verdict == "effect_missing" else "hedged"
     if outcome.verdict == "unexplained":
         return "unexplained"

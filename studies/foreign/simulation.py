@@ -351,20 +351,20 @@ def on_the_way(hidden: Hidden, told: Vector, step_s: float, tick_steps: int) -> 
     match hidden.effect:
         case "command_delay":
             late = np.arange(len(told)) - values["delay"] / step_s
-            return np.interp(late, np.arange(len(told)), told)
+            return np.asarray(np.interp(late, np.arange(len(told)), told))
         case "motor_lag":
             # The mean over a step of what the lag lets through.
             share = 1.0 - math.exp(-step_s / values["time_constant"])
             after = lagged(told, share)
             before = np.concatenate([told[:1], after[:-1]])
-            return told - (told - before) * share * values["time_constant"] / step_s
+            return np.asarray(told - (told - before) * share * values["time_constant"] / step_s)
         case "command_rate_limit":
             # The mean over a step of a ramp that may reach the command before the step ends.
             most = values["rate"] * step_s
             after = follow(told, lambda error: max(-most, min(most, error)))
             before = np.concatenate([told[:1], after[:-1]])
             moved = after - before
-            return before + moved * (1.0 - 0.5 * np.abs(moved) / most)
+            return np.asarray(before + moved * (1.0 - 0.5 * np.abs(moved) / most))
         case "command_hysteresis":
             half = 0.5 * values["gap"]
             return follow(told, lambda error: error - max(-half, min(half, error)))
@@ -374,12 +374,12 @@ def on_the_way(hidden: Hidden, told: Vector, step_s: float, tick_steps: int) -> 
             # The servo works with the reading of its encoder.
             return told - values["offset"]
         case "command_quantisation":
-            return values["grid"] * np.round(told / values["grid"])
+            return np.asarray(values["grid"] * np.round(told / values["grid"]))
         case "jittering_delay":
             ticks = math.ceil(len(told) / tick_steps)
             delays = np.random.default_rng(hidden.seed).uniform(0.0, 2.0 * values["delay"], ticks)
             late = np.arange(len(told)) - np.repeat(delays / step_s, tick_steps)[: len(told)]
-            return told[np.clip(np.maximum.accumulate(np.round(late)), 0, None).astype(int)]
+            return np.asarray(told[np.clip(np.maximum.accumulate(np.round(late)), 0, None).astype(int)])
         case "dropped_commands":
             ticks = math.ceil(len(told) / tick_steps)
             rng = np.random.default_rng(hidden.seed)

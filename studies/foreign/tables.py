@@ -33,8 +33,8 @@ def summary(outcomes: list[Outcome]) -> str:
     lines.append(f"95 % intervals that hold the truth: {held} of {len(given)}")
     answered = [o for o in outcomes if o.rollouts]
     if answered:
-        for what, of in (("rollouts", lambda o: o.rollouts), ("seconds", lambda o: o.seconds)):
-            numbers = [of(o) for o in answered]
+        for what in ("rollouts", "seconds"):
+            numbers = [getattr(o, what) for o in answered]
             lines.append(f"{what}: median {statistics.median(numbers):.0f}, most {max(numbers):.0f}")
     raised = [o for o in outcomes if o.floors and not o.robot["noise_stated"]]
     if raised:
@@ -105,8 +105,13 @@ LEFT, TOP, SIDE = 70.0, 34.0, 340.0
 
 def draw(outcomes: list[Outcome], file: Path) -> None:
     """How often a name is right over the probability that btr gives it; a disc's area is the number of names."""
-    x = lambda p: LEFT + SIDE * p  # noqa: E731
-    y = lambda p: TOP + SIDE * (1.0 - p)  # noqa: E731
+
+    def x(p: float) -> float:
+        return LEFT + SIDE * p
+
+    def y(p: float) -> float:
+        return TOP + SIDE * (1.0 - p)
+
     parts = [f'<text x="{LEFT}" y="20">how often a named effect is the hidden one</text>']
     for k in range(6):
         value = k / 5
