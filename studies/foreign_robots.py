@@ -102,7 +102,11 @@ def main() -> None:
         chosen = [args.only] if args.only is not None else list(seeds(args.first, args.cases, args.kinds, args.effects))
         btr = Btr(args.btr, args.threads, args.timeout)
         with ProcessPoolExecutor(args.jobs) as pool:
-            for done in as_completed(pool.submit(one_case, seed, btr, args.keep, args.integrator) for seed in chosen):
+            asked = {pool.submit(one_case, seed, btr, args.keep, args.integrator): seed for seed in chosen}
+            for done in as_completed(asked):
+                if error := done.exception():
+                    print(f"not a case  {asked[done]:>5} {error!r}", flush=True)
+                    continue
                 outcomes.append(done.result())
                 print(done.result().line(), flush=True)
                 outcomes.sort(key=lambda outcome: outcome.seed)

@@ -199,7 +199,7 @@ def read(said: dict[str, Any], outcome: Outcome) -> None:
     """Takes over what btr says."""
     outcome.verdict = said["verdict"]
     outcome.ladder = said["error_ladder"]
-    errors = [step["held_out"] if step["held_out"] is not None else step["train"] for step in said["error_ladder"]]
+    errors = [math.inf if step["held_out"] is None else step["held_out"] for step in said["error_ladder"]]
     outcome.before, outcome.after = errors[min(1, len(errors) - 1)], errors[-1]
     for effect in said["effects"]:
         sites = effect["site"] if isinstance(effect["site"], list) else [effect["site"]]
@@ -309,5 +309,6 @@ def mark_intervals(case: Case, outcome: Outcome) -> None:
         if interval["name"] in planted:
             true = interval["true"] = planted[interval["name"]]
             if interval["ci95"] is not None:
+                # JSON has no infinity: a limit may have none on one side.
                 low, high = interval["ci95"]
-                interval["holds"] = low <= true <= high
+                interval["holds"] = (low is None or low <= true) and (high is None or true <= high)
