@@ -67,10 +67,15 @@ def on_robot(effect: str, usual: Usual, rng: Random) -> Values:
     """Effects on the whole robot."""
     way, side, total = between(rng, 0.0, math.tau), sign(rng), float(usual.torque.sum())
     return {
-        "gravity_tilt": lambda s: {"roll": 0.04 * s * math.cos(way), "pitch": 0.04 * s * math.sin(way)},
+        "gravity_tilt": lambda s: dict(zip(("roll", "pitch"), tilt(min(0.2, 0.04 * s), way))),
         "voltage_sag": lambda s: {"sag": 0.1 * s / total},
         "clock_skew": lambda s: {"skew": 0.004 * s * side},
     }[effect]
+
+
+def tilt(angle: float, way: float) -> tuple[float, float]:
+    """Roll and pitch of a small tilt."""
+    return angle * math.cos(way), angle * math.sin(way)
 
 
 def on_link(effect: str, where: str, robot: Robot, rng: Random) -> Values:
@@ -122,11 +127,11 @@ def on_joint(effect: str, where: str, robot: Robot, usual: Usual, rng: Random) -
         "command_offset": lambda s: {"offset": 0.02 * s * side},
         "backlash": lambda s: {"gap": min(0.2, 0.02 * s)},
         "joint_elasticity": lambda s: {"stiffness": axis.kp * max(1.0, 8.0 / s), "damping": 0.02 * axis.kd * 8.0},
-        "encoder_scale": lambda s: {"error": min(0.3, 0.03 * s) * side},
-        "encoder_offset": lambda s: {"offset": min(0.3, 0.03 * s) * side},
+        "encoder_scale": lambda s: {"error": min(0.1, 0.03 * s) * side},
+        "encoder_offset": lambda s: {"offset": min(0.12, 0.03 * s) * side},
         "encoder_delay": lambda s: {"delay": min(0.15, 0.015 * s)},
         "hysteretic_deadband": lambda s: {"sleeps": min(0.05, 0.008 * s), "wakes": min(0.2, 0.03 * s)},
-        "command_quantisation": lambda s: {"grid": min(0.2, 0.03 * s)},
+        "command_quantisation": lambda s: {"grid": min(0.05, 0.01 * s)},
         "jittering_delay": lambda s: {"delay": min(0.15, 0.03 * s)},
         "coupled_joints": lambda s: {"stiffness": 0.1 * axis.kp * s, "other": float(other)},
         "posture_gain": lambda s: {"share": min(0.6, 0.15 * s), "order": ripple, "phase": phase},
