@@ -1,0 +1,142 @@
+"""Tables over many cases, and the figure of reliability."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+from .score import GOOD, SCORES, VISIBLE, Outcome
+
+BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
+
+
+def summary(outcomes: list[Outcome]) -> str:
+    """Everything in words and tables."""
+    if not outcomes:
+        return "no cases"
+    lines = [f"{len(outcomes)} cases"]
+    counts = Counter(outcome.score for outcome in outcomes)
+    for score, meaning in SCORES.items():
+        if counts[score]:
+            lines.append(f"  {score:<12}{counts[score]:4} {100 * counts[score] / len(outcomes):6.1f} %  {meaning}")
+    lines.append(f"confident and wrong: {sum(outcome.confident_and_wrong for outcome in outcomes)}")
+    indistinct = sum(outcome.indistinct for outcome in outcomes)
+    lines.append(f"not good, but as good in these logs as the truth is: {indistinct}")
+    visible = [o for o in outcomes if o.kind in ("one", "two") and o.before > VISIBLE]
+    if visible:
+        right = sum(o.score in ("exact", "alike") for o in visible)
+        lines.append(f"hidden, in the library and visible: {right} of {len(visible)} exact or alike")
+    given = [interval for o in outcomes for interval in o.intervals if "holds" in interval]
+    held = sum(interval["holds"] for interval in given)
+    lines.append(f"95 % intervals that hold the truth: {held} of {len(given)}")
+    answered = [o for o in outcomes if o.rollouts]
+    if answered:
+        for what in ("rollouts", "seconds"):
+            numbers = [getattr(o, what) for o in answered]
+            lines.append(f"{what}: median {statistics.median(numbers):.0f}, most {max(numbers):.0f}")
+    raised = [o for o in outcomes if o.floors and not o.robot["noise_stated"]]
+    if raised:
+        worst = [o.floors[1] for o in raised]
+        middle, most = statistics.median(worst), max(worst)
+        lines.append(f"a case's largest estimated noise floor over the true one: median {middle:.2f}, most {most:.2f}")
+    lines += table("kind", outcomes, lambda o: o.kind)
+    lines += table("effect", [o for o in outcomes if o.kind != "two"], lambda o: f"{o.kind}: {o.effect}")
+    lines += table("difference in noise floors", [o for o in outcomes if o.difference], size)
+    lines += table("clock", outcomes, clock)
+    lines += table("joints", outcomes, lambda o: str(o.robot["joints"]))
+    lines += table("beginning", outcomes, lambda o: "in motion" if o.robot["moving_start"] else "at rest")
+    lines += ["", "reliability: names by btr's probability", "  probability     names   right"]
+    for low, high, names, right, _ in reliability(outcomes):
+        lines.append(f"  {low:.2f} .. {high:.2f} {names:8} {100 * right / names:6.0f} %")
+    return "\n".join(lines)
+
+
+def size(outcome: Outcome) -> str:
+    """How much the smallest hidden effect shows."""
+    least = min(outcome.difference)
+    for bound in (2.0, 5.0, 15.0):
+        if least < bound:
+            return f"below {bound:4.0f}"
+    return "above   15"
+
+
+def clock(outcome: Outcome) -> str:
+    """Samples a second."""
+    hertz = outcome.robot["clock_hz"]
+    return "up to 30 Hz" if hertz <= 30 else "up to 100 Hz" if hertz <= 100 else "up to 500 Hz"
+
+
+def table(title: str, outcomes: list[Outcome], key: Callable[[Outcome], str]) -> list[str]:
+    """Scores of the cases with each key."""
+    lines = ["", title]
+    for name in sorted(set(map(key, outcomes))):
+        group = [o for o in outcomes if key(o) == name]
+        good = sum(o.score in GOOD for o in group)
+        scores = ", ".join(f"{count} {score}" for score, count in Counter(o.score for o in group).most_common())
+        lines.append(f"  {name:<36} {good:3} of {len(group):3} good: {scores}")
+    return lines
+
+
+Bin = tuple[float, float, int, int, float]
+
+
+def reliability(outcomes: list[Outcome]) -> list[Bin]:
+    """For each bin of btr's probability: its bounds, number of names, number that are right, mean probability.
+
+    Only names that btr gives as the answer count, not what merely helps. A name is right if it is hidden, or
+    physically the same as what is hidden.
+    """
+    pairs = [
+        (p, right) for o in outcomes if o.verdict == "effect_missing" for p, right in zip(o.probabilities, o.right)
+    ]
+    bins = []
+    for low, high in zip(BINS, BINS[1:]):
+        here = [(p, right) for p, right in pairs if low <= p < high or (high == 1.0 and p == 1.0)]
+        if here:
+            mean = sum(p for p, _ in here) / len(here)
+            bins.append((low, high, len(here), sum(right for _, right in here), mean))
+    return bins
+
+
+LEFT, TOP, SIDE = 70.0, 34.0, 340.0
+
+
+def draw(outcomes: list[Outcome], file: Path) -> None:
+    """How often a name is right over the probability that btr gives it; a disc's area is the number of names."""
+
+    def x(p: float) -> float:
+        return LEFT + SIDE * p
+
+    def y(p: float) -> float:
+        return TOP + SIDE * (1.0 - p)
+
+    parts = [f'<text x="{LEFT}" y="20">how often a named effect is the hidden one</text>']
+    for k in range(6):
+        value = k / 5
+        parts.append(f'<line x1="{x(0)}" x2="{x(1)}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#e4e4e4"/>')
+        parts.append(f'<text x="{LEFT - 8}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.1f}</text>')
+        parts.append(f'<text x="{x(value):.1f}" y="{TOP + SIDE + 20}" text-anchor="middle">{value:.1f}</text>')
+    parts.append(f'<text x="{x(0.5)}" y="{TOP + SIDE + 40}" text-anchor="middle">probability that btr gives</text>')
+    parts.append(f'<line x1="{x(0)}" y1="{y(0)}" x2="{x(1)}" y2="{y(1)}" stroke="#888" stroke-dasharray="4 4"/>')
+    bins = reliability(outcomes)
+    most = max((names for _, _, names, _, _ in bins), default=1)
+    for _, _, names, right, mean in bins:
+        share, radius = right / names, 4.0 + 12.0 * (names / most) ** 0.5
+        low, high = wilson(right, names)
+        at = x(mean)
+        parts.append(f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{y(low):.1f}" y2="{y(high):.1f}" stroke="#1f5fa8"/>')
+        parts.append(f'<circle cx="{at:.1f}" cy="{y(share):.1f}" r="{radius:.1f}" fill="#1f5fa8" opacity="0.75"/>')
+        parts.append(f'<text x="{at - radius - 4:.1f}" y="{y(share) + 4:.1f}" text-anchor="end">{right}/{names}</text>')
+    frame = 'width="440" height="430" viewBox="0 0 440 430" font-family="sans-serif" font-size="13" fill="#333"'
+    body = '<rect width="440" height="430" fill="white"/>' + "".join(parts)
+    file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {frame}>{body}</svg>\n')
+
+
+def wilson(right: int, names: int, z: float = 1.96) -> tuple[float, float]:
+    """95 % interval of a share (Wilson 1927)."""
+    share = right / names
+    middle = (share + z**2 / (2 * names)) / (1 + z**2 / names)
+    half = z / (1 + z**2 / names) * (share * (1 - share) / names + z**2 / (4 * names**2)) ** 0.5
+    return max(0.0, middle - half), min(1.0, middle + half)
