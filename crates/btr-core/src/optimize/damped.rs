@@ -1,8 +1,8 @@
 //! Levenberg and Marquardt's step: damped normal equations, with parameters held where bounds require it.
 //!
 //! Both searches of least squares use it: [`LeastSquares`](super::LeastSquares), which asks for populations, and the
-//! fit of a model to logs, which keeps a Jacobian across steps. D. W. Marquardt, "An Algorithm for Least-Squares Estimation
-//! of Nonlinear Parameters" (1963), scales the damping with the diagonal.
+//! fit of a model to logs, which keeps a Jacobian across steps. Marquardt's damping is relative to the diagonal: D. W.
+//! Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11(2), 1963.
 
 use nalgebra::{DMatrix, DVector};
 
