@@ -368,7 +368,7 @@ def test_names_that_are_taken_are_refused(with_drag: btr.Model) -> None:
     with pytest.raises(btr.BtrError, match="another law called drag"):
         with_drag.add_law(other, site="hinge")
     assert len(with_drag.add_law("-b*q", site="hinge", b=0.1).laws) == 1
-    with pytest.raises(TypeError, match="the law drag is to be a function"):
+    with pytest.raises(TypeError, match="the law drag must be a function"):
         btr.Model(with_drag.text, laws={"drag": "drag"})
 
 

@@ -210,7 +210,7 @@ def wrong_population(change) -> None:
         (lambda: CMAES(SQUARE, scale="cubic"), "no scale is called 'cubic'"),
         (lambda: CMAES(SQUARE, [0, 3]), r"`x\[1\]` = 3 lies outside"),
         (lambda: CMAES(SQUARE, [0, np.nan]), "outside its bounds"),
-        (lambda: CMAES(SQUARE, [0]), "a point of 1 values"),
+        (lambda: CMAES(SQUARE, [0]), "the point has 1 values"),
         (lambda: CMAES(SQUARE, sigma0=0), "sigma0: expected a positive number, not 0"),
         (lambda: CMAES(SQUARE, sigma0=np.nan), "sigma0: expected a finite number, not NaN"),
         (lambda: CMAES(SQUARE, popsize=1), "popsize: expected a count of 2 or more, not 1"),
@@ -235,7 +235,7 @@ def wrong_population(change) -> None:
         (lambda: wrong_population(lambda es, x, f: es.tell(x, np.ones((6, 1)))), r"costs of shape \(6, 1\)"),
         (lambda: wrong_population(lambda es, x, f: es.tell(x[::-1], f)), "solution 0 is not the one"),
         (lambda: wrong_population(lambda es, x, f: (es.tell(x, f), es.tell(x, f))), "nothing was asked"),
-        (lambda: _btr.Search.restored("{}"), "no search of this version"),
+        (lambda: _btr.Search.restored("{}"), "not a search of this version"),
     ],
 )
 def test_invalid_values_are_reported(mistake, message: str) -> None:
