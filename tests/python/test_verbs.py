@@ -48,6 +48,17 @@ def test_the_missing_effect_is_named_and_the_error_falls(arm: btr.Model, answer:
     assert "coulomb_friction.torque@yaw" in saved.text and saved.joints == arm.joints
 
 
+def test_what_a_diagnosis_found_is_in_its_model(arm: btr.Model, answer: tuple) -> None:
+    found, _ = answer
+    assert found.cut_short is False
+    assert "coulomb_friction.torque@yaw" in [dim["name"] for dim in found.model.parameters]
+    before, after = btr.compare(arm, HELD_OUT), btr.compare(found.model, HELD_OUT)
+    worst = [max(channel["chi"] for channel in compared.channels) for compared in (before, after)]
+    assert worst[0] > 10 and worst[1] < 1.2, worst
+    early = btr.diagnose(arm, LEARN, held_out=HELD_OUT, max_time_s=1e-6)
+    assert early.cut_short and early.names == [] and "best so far" in repr(early)
+
+
 def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Model) -> None:
     pytest.importorskip("pandas", reason="frames need pandas")
     fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add="coulomb_friction@yaw")
@@ -176,7 +187,7 @@ def test_measurements_are_not_overwritten(tmp_path: Path) -> None:
     log = btr.load_log(LEARN[0])
     for path in (tmp_path / "log.csv", tmp_path / "log.mcap"):
         log.write(path)
-        with pytest.raises(btr.BtrError, match="holds more than commands: it would be lost"):
+        with pytest.raises(btr.BtrError, match="contains more than commands, which would be lost"):
             log.write(path)
         log.write(path, overwrite=True)
     commands = btr.Log(log.clock_s, {"cmd_yaw": log["cmd_yaw"]})
@@ -266,6 +277,7 @@ def test_invalid_values_are_reported_with_help(arm: btr.Model, mistake, message:
         (lambda arm: btr.compare(3, LEARN), "a model is a Model or the path of its file, not 3"),
         (lambda arm: btr.diagnose(arm, LEARN, tell=3), "tell is a function that is called with every step, not 3"),
         (lambda arm: btr.diagnose(arm, LEARN, max_effects=1.5), "max_effects is a whole number, not 1.5"),
+        (lambda arm: btr.diagnose(arm, LEARN, max_time_s="a"), "max_time_s is a number, not 'a'"),
         (lambda arm: arm.simulate(seed="a"), "seed is a whole number, not 'a'"),
         (lambda arm: arm.at({"mass@upper": "heavy"}), "mass@upper is a number, not str"),
         (lambda arm: btr.load_model(3), "a model is the path of a file, not 3"),

@@ -5,6 +5,7 @@ use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
 use clap_complete::Shell;
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Examples of the main workflows, below the help.
 const WORKFLOWS: &str = "Diagnose and fit a model against logs of the robot:
@@ -241,6 +242,13 @@ pub(crate) struct DiagnoseArgs {
     /// Maximum number of effects to name
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) max_effects: usize,
+    /// Where to write the model as the diagnosis leaves it, whatever the verdict: with the effects that were found, at
+    /// their fitted values; .toml
+    #[arg(short, long, value_name = "MODEL")]
+    pub(crate) output: Option<PathBuf>,
+    /// Stop searching after this time and report the best so far, as Ctrl-C does
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) max_time: Option<Duration>,
     /// Where to write the commands of the next experiment, which separates effects that these logs cannot; .csv or
     /// .mcap
     #[arg(long, value_name = "LOG")]
@@ -272,4 +280,10 @@ pub(crate) struct FitArgs {
     /// Where to write the fitted model
     #[arg(short, long, value_name = "MODEL")]
     pub(crate) output: Option<PathBuf>,
+}
+
+/// A time that is longer than nothing.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let time = text.parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    time.filter(|time| !time.is_zero()).ok_or_else(|| "give a number of seconds above 0".to_owned())
 }

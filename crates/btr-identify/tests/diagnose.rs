@@ -11,6 +11,7 @@ use btr_identify::residual_model::{
 };
 use rand::RngExt;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SAMPLES: usize = 400;
 const PERIOD_S: f64 = 0.01;
@@ -151,6 +152,27 @@ fn an_effect_that_shows_on_one_side_only_is_found_there() {
     let diagnosis = model.diagnosis();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
     assert!((diagnosis.fit.u[1] + 1.5).abs() < 0.1, "{:?}", diagnosis.fit.u);
+}
+
+#[test]
+fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(7.0, log, t)
+    };
+    let model = SyntheticModel::new(&["large", "small"], &[0.4, 9.0, 2.5], motion);
+    let whole = model.diagnosis();
+    assert_eq!((names(&whole), whole.cut_short), (vec!["large", "small"], false));
+    let mut stopped_with = [0; 3];
+    for calls in (0..400).step_by(10) {
+        let asked = AtomicUsize::new(0);
+        let signal = Arc::new(move || asked.fetch_add(1, Ordering::Relaxed) >= calls);
+        let mut objective = Objective::new(&model).stopping_when(signal);
+        let stopped = diagnose(&mut objective, DiagnoseOptions::default(), &|_| ()).unwrap();
+        assert_eq!(names(&stopped)[..], names(&whole)[..stopped.effects.len()]);
+        assert!(stopped.cut_short || stopped.effects.len() == 2, "{calls}");
+        stopped_with[stopped.effects.len()] += 1;
+    }
+    assert!(stopped_with.iter().all(|count| *count > 0), "{stopped_with:?}");
 }
 
 #[test]

@@ -20,6 +20,7 @@ use pyo3::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 fn sources(logs: Vec<LogArgument>) -> Vec<LogSource> {
     logs.into_iter().map(LogArgument::source).collect()
@@ -57,33 +58,39 @@ pub(crate) fn effects(name: Option<&str>) -> PyResult<String> {
     Ok(btr_lab::verbs::effects(name).map_err(Raise::raise)?.to_string())
 }
 
-/// Which effect is missing: the answer, its page, and the commands of the next experiment if there is one. `tell`,
+/// Which effect is missing: the answer, its page, the commands of the next experiment if there is one, and the text of
+/// the model with what was found. `tell`,
 /// which may raise to end it, is called with every step of the ladder: what was done, the error on the logs to learn
 /// from and on those held out, in multiples of the noise floor.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn diagnose(
     py: Python<'_>,
     model: &Model,
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
     max_effects: usize,
+    max_time_s: Option<f64>,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
-) -> PyResult<(String, Page, Option<Log>)> {
+) -> PyResult<(String, Page, Option<Log>, String)> {
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
         let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
         let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
-        let (found, diagnosis) = verbs::diagnose(&input, &family, question, &heard)
+        let deadline = max_time_s.and_then(|s| Duration::try_from_secs_f64(s).ok()).map(|time| Instant::now() + time);
+        let stop_signal = Arc::new(move || deadline.is_some_and(|deadline| Instant::now() >= deadline));
+        let (found, diagnosed) = verbs::diagnose(&input, &family, question, stop_signal, &heard)
             .map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let document = json!(found).to_string();
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
-        let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosis.fit.u);
+        let text = input.diagnosed_text(&diagnosed, input.source.folder()).map_err(Raise::raise)?;
+        let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosed.fit.u);
         let page = move || html::diagnose(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
-        Ok((document, Page::new(&model.source, page), next))
+        Ok((document, Page::new(&model.source, page), next, text))
     })
 }
 

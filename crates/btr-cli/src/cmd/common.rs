@@ -1,6 +1,7 @@
 //! What several verbs share: reading the model and the logs, showing the error ladder, writing files.
 
 use crate::args::Global;
+use crate::exit::INTERRUPTED;
 use btr_identify::LadderStep;
 use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
@@ -11,6 +12,8 @@ use btr_lab::verbs::Doubt;
 use btr_report::table::{Table, number};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The model's text with the settings of the command line.
 pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
@@ -33,6 +36,20 @@ pub(crate) fn replays(
         doubts.iter().for_each(|doubt| eprintln!("{}", btr_report::text::line(doubt)));
     }
     Ok((replays, doubts))
+}
+
+/// Handles Ctrl-C: the first one sets the flag and says what is done now, the second one stops at once.
+pub(crate) fn watch_for_interrupts(now: &'static str) -> Result<Arc<AtomicBool>, Failure> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+        eprintln!("\n{now}; press again to stop at once");
+    })
+    .map_err(|e| Failure::new("signal", e.to_string(), None))?;
+    Ok(interrupted)
 }
 
 /// Prints a ladder step on stderr.

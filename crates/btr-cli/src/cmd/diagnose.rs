@@ -1,9 +1,9 @@
 //! `btr diagnose`: finds the missing physical effect.
 
 use super::common;
-use super::common::{announce, write_report};
+use super::common::{announce, watch_for_interrupts, write_report, write_text};
 use crate::args::{DiagnoseArgs, Global};
-use crate::exit::{DONE, MISSED};
+use crate::exit::{DONE, INTERRUPTED, MISSED};
 use btr_identify::diagnose::{DiagnoseOptions, Verdict};
 use btr_io::Meta;
 use btr_lab::failure::Failure;
@@ -15,31 +15,46 @@ use btr_report::html;
 use btr_report::table::{Table, number};
 use btr_report::text::fit_command;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source(&args.logs_args.model, global)?;
     let commands = OutputKind::Log(Overwrite::Commands).at(args.next.as_deref());
-    let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands);
+    let model = OutputKind::Model.at(args.output.as_deref());
+    let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands).chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
     let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
     let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
     let tell = |ladder_step: &_| common::tell(ladder_step, global);
-    let (report, diagnosis) = verbs::diagnose(&input, &input.problem, question, &tell)
+    let interrupted = watch_for_interrupts("finishing with the best so far")?;
+    let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
+    let stop_signal =
+        Arc::new(move || flag.load(Ordering::Relaxed) || deadline.is_some_and(|deadline| Instant::now() >= deadline));
+    let (report, diagnosed) = verbs::diagnose(&input, &input.problem, question, stop_signal, &tell)
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
+    if let Some(output) = &args.output {
+        write_text(output, &input.diagnosed_text(&diagnosed, output.parent().unwrap_or(output))?)?;
+    }
     let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
     if let Some(path) = &args.logs_args.report {
-        write_report(path, &html::diagnose(&subject, &report, &diagnosis.fit.u))?;
+        write_report(path, &html::diagnose(&subject, &report, &diagnosed.fit.u))?;
     }
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
         show(&report, args, &subject);
     }
+    announce(args.output.as_deref(), "the model as diagnosed", global);
     announce(args.logs_args.report.as_deref(), "the report", global);
+    if interrupted.load(Ordering::Relaxed) {
+        return Ok(INTERRUPTED);
+    }
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
     Ok(if met { DONE } else { MISSED })
 }
@@ -66,6 +81,9 @@ fn word_of(verdict: Verdict) -> String {
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     println!("\n{}\n", common::table(&report.error_ladder).render());
     println!("{}", sentence(report));
+    if report.cut_short {
+        println!("stopped before the search had finished: this is the best so far");
+    }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));

@@ -54,6 +54,35 @@ fn a_right_model_leaves_noise() {
 }
 
 #[test]
+fn what_a_diagnosis_finds_is_kept_and_a_fit_goes_on_from_there() {
+    let lab = lab(FRICTION);
+    let found = lab.json("diagnose swing.toml log.csv -o found.toml");
+    assert_eq!((&found["verdict"], &found["cut_short"]), (&"effect_missing".into(), &false.into()));
+    let last = |document: &serde_json::Value, k: usize| document["error_ladder"][k]["train"].as_f64().unwrap();
+    let reached = last(&found, found["error_ladder"].as_array().unwrap().len() - 1);
+    let fitted = lab.json("fit found.toml log.csv");
+    assert!((last(&fitted, 0) / reached - 1.0).abs() < 0.01, "{reached}: {fitted}");
+    // A model that has what was found lacks nothing.
+    assert_eq!(lab.json("diagnose found.toml log.csv")["verdict"], "nothing_missing");
+}
+
+#[test]
+fn a_diagnosis_out_of_time_reports_and_keeps_the_best_so_far() {
+    let lab = lab(FRICTION);
+    let found = lab.json("diagnose swing.toml log.csv --max-time 0.000001 -o found.toml");
+    assert_eq!((&found["cut_short"], &found["verdict"]), (&true.into(), &"unexplained".into()), "{found}");
+    assert_eq!(found["effects"].as_array().unwrap().len(), 0);
+    assert!(lab.exists("found.toml"));
+    assert!(lab.ok("diagnose swing.toml log.csv --max-time 0.000001").contains("this is the best so far"));
+    for wrong in ["0", "-1", "inf", "soon"] {
+        assert!(
+            lab.complaint(&format!("diagnose swing.toml log.csv --max-time={wrong}")).contains("above 0"),
+            "{wrong}"
+        );
+    }
+}
+
+#[test]
 fn friction_is_seen_at_its_joint_and_follows_the_sign_of_the_velocity() {
     let lab = lab(FRICTION);
     let found = lab.json("compare swing.toml log.csv");
@@ -152,6 +181,7 @@ fn an_output_takes_the_place_of_nothing_but_its_own_kind_and_is_refused_before_a
         ("fit swing.toml log.csv -o other.csv", "the name of a model must end in .toml"),
         ("add swing.toml coulomb_friction -o other.csv", "the name of a model must end in .toml"),
         ("compare swing.toml log.csv --report other.csv", "the name of a report must end in .html"),
+        ("diagnose swing.toml log.csv -o other.csv", "the name of a model must end in .toml"),
         ("diagnose swing.toml log.csv --report robot.toml", "the name of a report must end in .html"),
         ("diagnose swing.toml log.csv --next other.csv", "contains more than commands"),
         ("diagnose swing.toml log.csv --next foreign.csv", "contains more than commands"),

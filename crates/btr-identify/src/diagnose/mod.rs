@@ -84,11 +84,20 @@ fn go_on(
 ) -> Diagnosis {
     let mut cut_short = false;
     while state.chosen.len() < question.max_effects && state.leaves_something(objective, &state.fit) {
-        cut_short = objective.rollouts().saturating_add(screen::rollouts(objective)) > question.max_rollouts;
+        let costs_too_much = objective.rollouts().saturating_add(screen::rollouts(objective)) > question.max_rollouts;
+        cut_short = costs_too_much || objective.is_stopped();
         if cut_short {
             break;
         }
-        let Some((rival, found)) = round(objective, &mut state) else { break };
+        let rounds = state.rounds.len();
+        let found = round(objective, &mut state);
+        if objective.is_stopped() {
+            // A round that was not finished has not seen all rivals: nothing is named by it.
+            state.rounds.truncate(rounds);
+            cut_short = true;
+            break;
+        }
+        let Some((rival, found)) = found else { break };
         state.accept(objective, rival, found, on_step);
         state.eliminate(objective);
         state.simplify(objective);
@@ -118,6 +127,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
     };
     state.fit = fit;
     state.record(objective, "model as it stands".to_owned(), on_step);
+    objective.set_stoppable(true);
     if !free.is_empty() {
         state.fit.solve(objective, SearchBudget::FULL);
         state.integrator = state.fit.renew_step_error(objective);
@@ -129,6 +139,8 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
 }
 
 fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
+    let stopped = objective.is_stopped();
+    objective.set_stoppable(false);
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {
@@ -148,7 +160,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
             all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (verdict == Verdict::Unexplained && objective.rollouts() < question.max_rollouts)
+    let law = (verdict == Verdict::Unexplained && !stopped && objective.rollouts() < question.max_rollouts)
         .then(|| state.bare_now(objective))
         .flatten()
         .and_then(|bare| residual_law(objective, &bare, found));

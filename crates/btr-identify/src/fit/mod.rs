@@ -20,7 +20,7 @@ pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use measure::{ComparisonMeasure, NOISE};
-pub use objective::{LogSet, Objective};
+pub use objective::{LogSet, Objective, StopSignal};
 pub use residual_vector::{ResidualVector, corrected, squares};
 pub use rollouts::{rows_near, shared};
 pub use solve::{FitPoint, FitStop, SearchBudget, cost};

@@ -7,13 +7,17 @@ use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
     Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, ResidualModel, ResidualRequest, TimeStep,
 };
-use btr_core::world::WorldError;
+use btr_core::world::{Cancelled, WorldError};
 use std::iter::{once, once_with};
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bound of the integrator's estimated error at a sample, in multiples of the noise.
 const WORST_STEP_ERROR: f64 = 5.0;
+
+/// Whether a search should stop and keep the best so far: a time limit, or a user who has seen enough.
+pub type StopSignal = Arc<dyn Fn() -> bool + Send + Sync>;
 
 /// A residual model with its logs split, the time step that it is simulated with, and a counter of rollouts.
 pub struct Objective<'a> {
@@ -26,6 +30,9 @@ pub struct Objective<'a> {
     starts: StartStates,
     step: TimeStep,
     rollouts: AtomicUsize,
+    stop_signal: Option<StopSignal>,
+    /// Whether the signal counts now: the first evaluation and the final report are always finished.
+    stoppable: bool,
 }
 
 /// The training or the held-out logs.
@@ -62,7 +69,26 @@ impl<'a> Objective<'a> {
             starts,
             step: TimeStep::USUAL,
             rollouts: AtomicUsize::new(rollouts),
+            stop_signal: None,
+            stoppable: false,
         }
+    }
+
+    /// The same, which a diagnosis stops searching on once the signal says so. From then on no rollout begins until the
+    /// final report: all simulations that are still requested count as failed, so that every search keeps what it has.
+    #[must_use]
+    pub fn stopping_when(self, signal: StopSignal) -> Self {
+        Objective { stop_signal: Some(signal), ..self }
+    }
+
+    /// Whether the search was told to stop.
+    pub fn is_stopped(&self) -> bool {
+        self.stoppable && self.stop_signal.as_ref().is_some_and(|signal| signal())
+    }
+
+    /// Whether the signal counts from now on.
+    pub(crate) fn set_stoppable(&mut self, stoppable: bool) {
+        self.stoppable = stoppable;
     }
 
     /// An objective for a derived model, with start states around a point, this objective's time step and its count of
@@ -70,7 +96,8 @@ impl<'a> Objective<'a> {
     pub(crate) fn going_on<'b>(&self, model: &'b dyn ResidualModel, u: &[f64]) -> Objective<'b> {
         let other = Objective::at(model, u);
         let rollouts = self.rollouts() + other.rollouts();
-        Objective { step: self.step, rollouts: rollouts.into(), ..other }
+        let (stop_signal, stoppable) = (self.stop_signal.clone(), self.stoppable);
+        Objective { step: self.step, rollouts: rollouts.into(), stop_signal, stoppable, ..other }
     }
 
     /// The model with starts from the model at a point; see [`Derivation::WithStartsAt`]. `None` where that makes no
@@ -151,6 +178,9 @@ impl<'a> Objective<'a> {
         which: &[usize],
         step: TimeStep,
     ) -> Vec<Result<ResidualVector, WorldError>> {
+        if self.is_stopped() {
+            return points.iter().map(|_| Err(Cancelled.into())).collect();
+        }
         let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
         let requests: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
         self.rollouts.fetch_add(requests.len(), Ordering::Relaxed);

@@ -15,14 +15,18 @@ const TASK: [&str; 2] = ["drive", "fitness"];
 /// Comment above the parameters of an adapted model.
 const PRECEDENCE: &str = "# As fitted: these values win over those under [robot] and [actuators].";
 
-/// The text of `source` as a model file in the folder `into`, with its free parameters at the values of `s`.
+/// The text of `source` as a model file in the folder `into`, with its free parameters at these values, by name.
 ///
 /// # Errors
 /// A file that is not TOML; it was read before, so this does not happen.
-pub fn adapted(source: &Source, space: &Space, s: &[f64], into: &Path) -> Result<String, TomlError> {
+pub fn adapted<'a>(
+    source: &Source,
+    values: impl IntoIterator<Item = (&'a str, f64)>,
+    into: &Path,
+) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     TASK.iter().for_each(|section| drop(document.remove(section)));
-    Ok(model_text(document, source, SpacePoint { space, point: s }, into))
+    Ok(model_text(document, source, values, into))
 }
 
 /// The same with the sections for the drive and its fitness. The drive is fixed at `controller`, a point of C with its
@@ -40,14 +44,19 @@ pub fn adapted_with_drive(
     if let Some(controller) = controller {
         fix_drive(&mut document, controller.named());
     }
-    Ok(model_text(document, source, simulation, into))
+    Ok(model_text(document, source, simulation.named(), into))
 }
 
 /// A document as a model file in the folder `into`, with these values of the free parameters.
-fn model_text(mut document: DocumentMut, source: &Source, simulation: SpacePoint, into: &Path) -> String {
+fn model_text<'a>(
+    mut document: DocumentMut,
+    source: &Source,
+    values: impl IntoIterator<Item = (&'a str, f64)>,
+    into: &Path,
+) -> String {
     NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
-    write_values(&mut document, simulation.named());
+    write_values(&mut document, values);
     note_precedence(&mut document);
     with_schema(&document.to_string(), source.folder(), into)
 }

@@ -1,16 +1,19 @@
 //! `diagnose`: which physical effect is missing.
 
 use super::next_experiment::NextExperiment;
+use crate::experiment::Source;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
+use crate::model_text::{AddError, Addition, adapted, add_scaled, in_finer_steps};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::stats;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
-use btr_identify::fit::{Estimate, NOISE, Objective};
-use btr_identify::residual_model::ResidualModel;
+use btr_identify::fit::{Estimate, FitPoint, NOISE, Objective, StopSignal};
+use btr_identify::residual_model::{ResidualModel, TimeStep};
 use btr_physics::effects::FormulaTarget;
 use serde::Serialize;
+use std::path::Path;
 use std::time::Instant;
 
 /// Where an effect acts.
@@ -115,14 +118,47 @@ pub struct DiagnoseReport {
     pub not_judged: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
+    /// Whether the diagnosis was stopped before it had finished: this is the best so far.
+    pub cut_short: bool,
     /// Number of simulated logs.
     pub rollouts: usize,
     /// Wall time.
     pub seconds: f64,
 }
 
+/// The model at the end of a diagnosis.
+pub struct Diagnosed {
+    /// The values of all parameters.
+    pub fit: FitPoint,
+    /// The effects that were added to it.
+    effects: Vec<MissingEffect>,
+    step: TimeStep,
+}
+
+impl VerbInput {
+    /// The text of the diagnosed model for a file in the folder `into`: the effects that were found are in it as free
+    /// parameters, and all parameters have their fitted values. The time step is that of the diagnosis.
+    ///
+    /// # Errors
+    /// An effect that the model's text has already, which a diagnosis does not name.
+    pub fn diagnosed_text(&self, diagnosed: &Diagnosed, into: &Path) -> Result<String, AddError> {
+        let Diagnosed { fit, effects, step } = diagnosed;
+        let robot = &self.problem.model().robot;
+        let additions: Result<Vec<Addition>, AddError> =
+            effects.iter().map(|found| Addition::parse(&format!("{}@{}", found.effect, found.site), robot)).collect();
+        let text = add_scaled(&self.source, self.problem.scales(), &additions?)?;
+        let source = Source { text, ..self.source.clone() };
+        let (problem, parameters) = (&self.problem, self.problem.parameters());
+        let added = effects.iter().flat_map(|found| problem.candidates()[found.candidate].parameters());
+        let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
+        let free = problem.model().simulations.dims().iter().map(|dim| dim.name.as_str()).zip(self.values(fit));
+        let text = adapted(&source, free.chain(added), into)?;
+        Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, step.divides_by())? })
+    }
+}
+
 /// Diagnoses the missing effects; `on_step` is called with every step of the error ladder. `residual_model` is the
-/// input's problem, evaluated locally or by workers.
+/// input's problem, evaluated locally or by workers. Once `stop_signal` says so, the search ends with the best so far.
 ///
 /// # Errors
 /// The reason why the model cannot be simulated at its current values.
@@ -130,10 +166,11 @@ pub fn diagnose(
     input: &VerbInput,
     residual_model: &dyn ResidualModel,
     options: DiagnoseOptions,
+    stop_signal: StopSignal,
     on_step: &dyn Fn(&LadderStep),
-) -> Result<(DiagnoseReport, Diagnosis), WorldError> {
+) -> Result<(DiagnoseReport, Diagnosed), WorldError> {
     let began = Instant::now();
-    let mut objective = Objective::new(residual_model);
+    let mut objective = Objective::new(residual_model).stopping_when(stop_signal);
     let diagnosis = btr_identify::diagnose::diagnose(&mut objective, options, on_step)?;
     let report = DiagnoseReport {
         ok: true,
@@ -154,10 +191,12 @@ pub fn diagnose(
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
         at_bound: diagnosis.at_bound.clone(),
+        cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
-    Ok((report, diagnosis))
+    let step = objective.step();
+    Ok((report, Diagnosed { fit: diagnosis.fit, effects: diagnosis.effects, step }))
 }
 
 impl DiagnoseReport {

@@ -88,7 +88,8 @@ impl VerbInput {
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
     pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
-        let text = adapted(&self.source, &self.problem.model().simulations, &self.values(fit), into)?;
+        let names = self.problem.model().simulations.dims().iter().map(|dim| dim.name.as_str());
+        let text = adapted(&self.source, names.zip(self.values(fit)), into)?;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
     }
 

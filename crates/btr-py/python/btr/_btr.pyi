@@ -155,9 +155,10 @@ def diagnose(
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
     max_effects: int,
+    max_time_s: float | None,
     tell: _Tell,
     executor: int | _Executor | None,
-) -> tuple[str, Page, Log | None]: ...
+) -> tuple[str, Page, Log | None, str]: ...
 def effects(name: str | None = ...) -> str: ...
 def fit(
     model: Model,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from typing import Any
 
@@ -25,6 +26,17 @@ def count(number: Any, what: str) -> int:
     if not 0 <= number < 2**63:
         raise wrong(f"{what} = {number}", "give a whole number from 0 on")
     return int(number)
+
+
+def positive(number: Any, what: str) -> float:
+    """A finite number above 0; raises `TypeError` for what is none, `BtrError` for others."""
+    try:
+        value = float(number)
+    except (TypeError, ValueError):
+        raise TypeError(f"{what} is a number, not {number!r}") from None
+    if not (value > 0 and math.isfinite(value)):
+        raise wrong(f"{what} = {number}", "give a finite number above 0")
+    return value
 
 
 def must_be_called(function: Any, what: str) -> None:

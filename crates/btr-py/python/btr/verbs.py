@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Union
 
 from btr import _btr, _warnings
-from btr._inputs import count, must_be_called
+from btr._inputs import count, must_be_called, positive
 from btr._sources import LogLike, Logs
 from btr.executors import ExecutorLike, executor_of
 from btr.model import Model, loaded
@@ -64,18 +64,22 @@ def diagnose(
     *,
     held_out: LogLike | Iterable[LogLike] | None = None,
     max_effects: int = 3,
+    max_time_s: float | None = None,
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or
     that no known effect explains the error. The held-out logs decide; without any, the last part of each log is held
-    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects, and `executor` selects
-    where simulations run (see `btr.executors`). Raises `BtrError` for logs without information, or on which the model
+    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects; after `max_time_s`, in
+    s, the search stops with the best so far; `executor` selects where simulations run (see `btr.executors`). The
+    result's `model` has the effects that were found, at their fitted values. Raises `BtrError` for logs without information, or on which the model
     diverges. An exception of `tell` ends the diagnosis."""
     model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
     given = Logs(model._model)
-    document, page, commands = _btr.diagnose(model._model, given.all(logs), given.all(held_out), most, tell, workers)
-    return DiagnoseResult(_warned(json.loads(document)), page, commands)
+    time_s = None if max_time_s is None else positive(max_time_s, "max_time_s")
+    learn, held = given.all(logs), given.all(held_out)
+    document, page, commands, text = _btr.diagnose(model._model, learn, held, most, time_s, tell, workers)
+    return DiagnoseResult(_warned(json.loads(document)), page, commands, model._with_text(text))
 
 
 def add(model: Model, *effects: str) -> Model:

@@ -8,6 +8,7 @@ mod summary;
 mod truth;
 
 use super::common;
+use super::common::watch_for_interrupts;
 use crate::args::{CoevolveArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
@@ -38,7 +39,8 @@ pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     if args.dry_run {
         return dry_run(&experiment, &folder, global);
     }
-    let mut watcher = Watcher { global, interrupted: watch_for_interrupts()?, progress: None };
+    let mut watcher =
+        Watcher { global, interrupted: watch_for_interrupts("finishing the current step")?, progress: None };
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
@@ -104,20 +106,6 @@ impl RunObserver for Watcher<'_> {
     fn stops(&mut self) -> bool {
         self.interrupted.load(Ordering::Relaxed)
     }
-}
-
-/// Handles Ctrl-C: the first one lets the current step finish, the second one stops at once.
-fn watch_for_interrupts() -> Result<Arc<AtomicBool>, Failure> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-        eprintln!("\nfinishing the current step; press again to stop at once");
-    })
-    .map_err(|e| Failure::new("signal", e.to_string(), None))?;
-    Ok(interrupted)
 }
 
 fn say_interrupted(args: &CoevolveArgs, folder: &Path) -> u8 {

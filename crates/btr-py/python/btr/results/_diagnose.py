@@ -14,6 +14,8 @@ from btr.results._effects import names_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from btr.model import Model
+
 
 class DiagnoseResult(Reported):
     """Which effect is missing: `verdict`, `effects`, `error_ladder` and the other keys of `btr diagnose --json`."""
@@ -48,13 +50,18 @@ class DiagnoseResult(Reported):
     """Joints without any measurement: the result does not cover them."""
     at_bound: list[str]
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
+    cut_short: bool
+    """Whether the search was stopped before it had finished: the result is the best so far."""
     rollouts: int
     """Number of simulated logs."""
     seconds: float
     """Wall time, in s."""
 
-    def __init__(self, document: dict[str, Any], page: Page, next_commands: Log | None) -> None:
+    def __init__(self, document: dict[str, Any], page: Page, next_commands: Log | None, model: Model) -> None:
         super().__init__(document, page)
+        self.model = model
+        """The model as the diagnosis leaves it, whatever the verdict: with the effects that were found as free
+        parameters, and all free parameters at their fitted values."""
         self.next_commands = next_commands
         """Commands of `next_experiment` for the robot: `cmd_<joint>`, each held until the next, NaN while the joint's
         motor is off; None without such an experiment."""
@@ -84,7 +91,8 @@ class DiagnoseResult(Reported):
         low = ", ".join(f"{n.channel} shows {n.shown:.2g} {n.unit} of {n.stated:.2g}" for n in self.noise_stated_low)
         noise = f"\nwhat is left is white: is [noise] stated too low? {low}" if low else ""
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
-        return noise + "".join(alike) + like + beside + proposal
+        early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
+        return early + noise + "".join(alike) + like + beside + proposal
 
     def _table(self) -> Rows:
         return [{"step": s.step, "error (x noise floor)": s.train, "held out": s.held_out} for s in self.error_ladder]
