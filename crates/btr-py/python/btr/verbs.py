@@ -72,8 +72,8 @@ def diagnose(
     that no known effect explains the error. The held-out logs decide; without any, the last part of each log is held
     out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects; after `max_time_s`, in
     s, the search stops with the best so far; `executor` selects where simulations run (see `btr.executors`). The
-    result's `model` has the effects that were found, at their fitted values. Raises `BtrError` for logs without information, or on which the model
-    diverges. An exception of `tell` ends the diagnosis."""
+    result's `model` has the effects that were found, at their fitted values. Raises `BtrError` for logs without
+    information, or on which the model diverges. An exception of `tell` ends the diagnosis."""
     model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
     given = Logs(model._model)
     time_s = None if max_time_s is None else positive(max_time_s, "max_time_s")
