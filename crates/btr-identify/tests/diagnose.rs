@@ -170,6 +170,7 @@ fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
         let stopped = diagnose(&mut objective, DiagnoseOptions::default(), &|_| ()).unwrap();
         assert_eq!(names(&stopped)[..], names(&whole)[..stopped.effects.len()]);
         assert!(stopped.cut_short || stopped.effects.len() == 2, "{calls}");
+        assert!(stopped.ladder.last().is_some_and(|step| step.held_out.is_some()), "{calls}");
         stopped_with[stopped.effects.len()] += 1;
     }
     assert!(stopped_with.iter().all(|count| *count > 0), "{stopped_with:?}");

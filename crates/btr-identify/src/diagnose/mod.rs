@@ -98,9 +98,12 @@ fn go_on(
             break;
         }
         let Some((rival, found)) = found else { break };
+        // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
+        objective.set_stoppable(false);
         state.accept(objective, rival, found, on_step);
         state.eliminate(objective);
         state.simplify(objective);
+        objective.set_stoppable(true);
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
@@ -141,6 +144,10 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
 fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
     let stopped = objective.is_stopped();
     objective.set_stoppable(false);
+    if stopped {
+        // The last step may not have been judged any more.
+        state.judge_last_step(objective);
+    }
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let verdict = match (state.chosen.is_empty(), last) {

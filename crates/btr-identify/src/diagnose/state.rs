@@ -252,11 +252,24 @@ impl DiagnosisState {
 
     /// Records the current error as a step of the ladder.
     pub(super) fn record(&mut self, objective: &Objective, step: String, on_step: &dyn Fn(&LadderStep)) {
-        let judged = !objective.logs(LogSet::HeldOut).is_empty();
-        self.held_out = if judged { held_out_squares(objective, &self.fit.u) } else { None };
+        self.judge(objective);
         let step = self.step(objective, step);
         on_step(&step);
         self.ladder.push(step);
+    }
+
+    /// Measures the error of the current fit on the held-out logs, if there are any.
+    fn judge(&mut self, objective: &Objective) {
+        let judged = !objective.logs(LogSet::HeldOut).is_empty();
+        self.held_out = if judged { held_out_squares(objective, &self.fit.u) } else { None };
+    }
+
+    /// Updates the last step of the ladder, which may not have been judged, to the errors of the current fit.
+    pub(super) fn judge_last_step(&mut self, objective: &Objective) {
+        self.judge(objective);
+        if let Some(step) = self.ladder.pop().map(|step| step.step) {
+            self.ladder.push(self.step(objective, step));
+        }
     }
 
     /// Moves the estimates to the middle of what the logs leave open.

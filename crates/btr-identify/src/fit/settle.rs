@@ -92,7 +92,7 @@ impl FitPoint {
         parameters: &[FitParameter],
         jacobian: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
-        let normal = self.normal_equations(parameters, jacobian);
+        let normal = self.quadratic_model(parameters, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
             let step = normal.step(0.0, &pinned)?;
@@ -129,7 +129,7 @@ impl FitPoint {
         let second = DVector::from_fn(here.len(), |row, _| second(row));
         let held: Vec<Option<f64>> = pinned.iter().map(|pinned| pinned.map(|_| 0.0)).collect();
         let gradient = jacobian.tr_mul(&second);
-        let bend = QuadraticModel { gradient, ..self.normal_equations(parameters, jacobian) }.step(0.0, &held)?;
+        let bend = QuadraticModel { gradient, ..self.quadratic_model(parameters, jacobian) }.step(0.0, &held)?;
         (bend.norm() < BENT * step.norm()).then_some(bend)
     }
 }

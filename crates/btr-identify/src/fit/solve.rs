@@ -220,7 +220,7 @@ impl FitPoint {
     /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let normal = self.normal_equations(parameters, jacobian);
+        let normal = self.quadratic_model(parameters, jacobian);
         let mut held = vec![None; self.active.len()];
         loop {
             let step = normal.step(damping, &held)?;
@@ -237,7 +237,7 @@ impl FitPoint {
     }
 
     /// The local quadratic model of half the cost.
-    pub(super) fn normal_equations(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
+    pub(super) fn quadratic_model(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
         let mut curvature = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &parameter) in self.active.iter().enumerate() {
