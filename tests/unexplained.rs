@@ -58,7 +58,8 @@ fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
 
 /// A diagnosis that knows no effects, so that there is only the law.
 fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
-    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).collect();
+    let values = ["mass", "inertia", "length", "origin", "tilt", "kp", "ki", "kd", "max_torque"];
+    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).chain(values).collect();
     let problem = problem(hidden, &names);
     let diagnosis = diagnose(&mut Objective::new(&problem), DiagnoseOptions::default(), &|_| {}).unwrap();
     (problem, diagnosis)

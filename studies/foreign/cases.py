@@ -209,7 +209,20 @@ def misstate(case: Case, what: str, rng: Random) -> None:
         case "com_stated":
             axis.com = true.com * (1.0 + sign(rng) * between(rng, 0.1, 0.3))
             case.stated += f": the centre of mass of {axis.link} is {axis.com - true.com} away in the model"
-    case.right = twins_of_constant(what, axis, true)
+    below = told.robot.axes[k + 1].joint if k + 1 < len(told.robot.axes) else ""
+    case.right = names_of_constant(what, axis, below) + twins_of_constant(what, axis, true)
+
+
+def names_of_constant(what: str, told: Axis, below: str) -> list[str]:
+    """The constant itself, by btr's name; `below` is the joint that the link carries."""
+    names = {
+        "armature_stated": [f"armature@{told.joint}"],
+        "mass_stated": [f"mass@{told.link}"],
+        "kp_stated": [f"kp@{told.joint}"],
+        "kd_stated": [f"kd@{told.joint}"],
+        "length_stated": [f"length@{told.link}", f"origin@{below}"],
+    }
+    return names.get(what, [])
 
 
 def twins_of_constant(what: str, told: Axis, true: Axis) -> list[str]:

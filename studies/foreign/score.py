@@ -39,6 +39,7 @@ SCORES = {
     "timeout": "no answer in time",
     "failed": "btr refused or crashed",
 }
+ANSWERS = ("effect_missing", "value_wrong")
 GOOD = ("exact", "quiet", "alike", "admitted", "invisible", "partial")
 
 
@@ -201,7 +202,8 @@ def read(said: dict[str, Any], outcome: Outcome) -> None:
     outcome.ladder = said["error_ladder"]
     errors = [math.inf if step["held_out"] is None else step["held_out"] for step in said["error_ladder"]]
     outcome.before, outcome.after = errors[min(1, len(errors) - 1)], errors[-1]
-    for effect in said["effects"]:
+    found = said["effects"] + [{"effect": value["value"], **value} for value in said["wrong_values"]]
+    for effect in found:
         sites = effect["site"] if isinstance(effect["site"], list) else [effect["site"]]
         for site in sites:
             outcome.named.append(f"{effect['effect']}@{site}")
@@ -233,7 +235,7 @@ def mark(case: Case, outcome: Outcome) -> None:
     )(outcome, truth, twins, acceptable)
     declared = bool(truth & set(outcome.alike))
     wrong = [p for p, right in zip(outcome.probabilities, outcome.right) if not right and not declared]
-    named_as_answer = outcome.verdict == "effect_missing"
+    named_as_answer = outcome.verdict in ANSWERS
     outcome.confident_and_wrong = named_as_answer and outcome.score not in GOOD and max(wrong, default=0.0) >= CONFIDENT
 
 
@@ -246,7 +248,7 @@ def score_nothing(outcome: Outcome, truth: set[str], twins: Twins, acceptable: s
 
 def score_outside(outcome: Outcome, truth: set[str], twins: Twins, acceptable: set[str]) -> str:
     match outcome.verdict:
-        case "unexplained":
+        case "unexplained" | "partly_explained":
             return "admitted"
         case "nothing_missing":
             return "invisible" if outcome.before <= VISIBLE else "missed"
@@ -260,8 +262,8 @@ def score_constant(outcome: Outcome, truth: set[str], twins: Twins, acceptable: 
             return "exact"
         return "invisible" if outcome.before <= VISIBLE else "missed"
     if outcome.named and set(outcome.named) <= acceptable:
-        return "exact" if outcome.verdict == "effect_missing" else "hedged"
-    if outcome.verdict == "unexplained":
+        return "exact" if outcome.verdict in ANSWERS else "hedged"
+    if outcome.verdict not in ANSWERS:
         return "unexplained" if acceptable else "admitted"
     return "extra" if acceptable & set(outcome.named) else "wrong"
 
@@ -269,19 +271,19 @@ def score_constant(outcome: Outcome, truth: set[str], twins: Twins, acceptable: 
 def score_effects(outcome: Outcome, truth: set[str], twins: Twins, acceptable: set[str]) -> str:
     named = set(outcome.named)
     if not named:
-        if outcome.verdict == "unexplained":
+        if outcome.verdict != "nothing_missing":
             return "unexplained"
         return "invisible" if outcome.before <= VISIBLE else "missed"
     if outcome.effect == "payload_at_end" and named <= acceptable:
-        return "exact" if outcome.verdict == "effect_missing" else "hedged"
+        return "exact" if outcome.verdict in ANSWERS else "hedged"
     if named == truth:
-        return "exact" if outcome.verdict == "effect_missing" else "hedged"
+        return "exact" if outcome.verdict in ANSWERS else "hedged"
     if named < truth:
         return "partial" if outcome.after <= VISIBLE else "part"
     said = named | set(outcome.alike)
     if len(named) <= len(truth) and all(twins[name] & said for name in truth):
-        return "alike" if outcome.verdict == "effect_missing" else "hedged"
-    if outcome.verdict == "unexplained":
+        return "alike" if outcome.verdict in ANSWERS else "hedged"
+    if outcome.verdict not in ANSWERS:
         return "unexplained"
     return "extra" if truth < named else "wrong"
 
@@ -290,12 +292,12 @@ def exact_twins(case: Case, name: str) -> set[str]:
     """Effects that are physically the same as this one on this robot, whatever it does."""
     first = case.robot.axes[0]
     # Every rotation of the first link is one about its axis, so its inertia is a single number.
-    same = [{f"armature@{first.joint}", f"link_inertia@{first.link}"}]
+    same = [{f"armature@{first.joint}", f"link_inertia@{first.link}", f"inertia@{first.link}"}]
     weight = rotation(MOUNTS[case.robot.mount]).T @ GRAVITY / 9.81
     upright = abs(float((rotation(first.rpy).T @ weight) @ first.axis))
     if upright > 0.999:
         # Weight does not act on the first joint: its link's is not felt, and a payload there is inertia alone.
-        same[0] |= {f"payload@{first.link}", f"com_offset@{first.link}"}
+        same[0] |= {f"payload@{first.link}", f"com_offset@{first.link}", f"mass@{first.link}"}
     elif upright < 0.001:
         # To turn the robot about its first, level axis is to turn gravity.
         same.append({f"encoder_offset@{first.joint}", "gravity_tilt@base"})
@@ -311,4 +313,4 @@ def mark_intervals(case: Case, outcome: Outcome) -> None:
             if interval["ci95"] is not None:
                 # JSON has no infinity: a limit may have none on one side.
                 low, high = interval["ci95"]
-                interval["holds"] = (low is None or low <= true) and (high is None or true <= high)
+                interval["holds"] = bool((low is None or low <= true) and (high is None or true <= high))

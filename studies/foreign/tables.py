@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from .score import GOOD, SCORES, VISIBLE, Outcome
+from .score import ANSWERS, GOOD, SCORES, VISIBLE, Outcome
 
 BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 
@@ -89,7 +89,7 @@ def reliability(outcomes: list[Outcome]) -> list[Bin]:
     physically the same as what is hidden.
     """
     pairs = [
-        (p, right) for o in outcomes if o.verdict == "effect_missing" for p, right in zip(o.probabilities, o.right)
+        (p, right) for o in outcomes if o.verdict in ANSWERS for p, right in zip(o.probabilities, o.right)
     ]
     bins = []
     for low, high in zip(BINS, BINS[1:]):

@@ -30,7 +30,11 @@ import btr
 from btr import documents
 
 answer = btr.diagnose("leg.toml", "monday.csv")
-assert_type(answer.verdict, Literal["effect_missing", "nothing_missing", "unexplained"])
+assert_type(
+    answer.verdict,
+    Literal["effect_missing", "value_wrong", "partly_explained", "nothing_missing", "unexplained"],
+)
+assert_type(answer.wrong_values[0].parameters[0].in_model, float)
 assert_type(answer.effects[0], documents.EffectReport)
 assert_type(answer.effects[0].site, str | list[str])
 assert_type(answer.effects[0].parameters[0].ci95, tuple[float, float] | None)

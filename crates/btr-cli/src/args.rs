@@ -253,7 +253,8 @@ pub(crate) struct DiagnoseArgs {
     /// .mcap
     #[arg(long, value_name = "LOG")]
     pub(crate) next: Option<PathBuf>,
-    /// Exit with 1 unless the verdict is this one: effect_missing, nothing_missing or unexplained
+    /// Exit with 1 unless the verdict is this one: effect_missing, value_wrong, partly_explained, nothing_missing or
+    /// unexplained
     #[arg(long, value_name = "VERDICT")]
     pub(crate) expect: Option<String>,
 }

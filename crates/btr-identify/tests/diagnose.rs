@@ -6,8 +6,8 @@ use btr_core::world::WorldError;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::{
-    Derivation, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Parametrisation, RecordedLog,
-    ResidualModel, ResidualRequest, TimeStep,
+    CandidateKind, Derivation, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Parametrisation,
+    RecordedLog, ResidualModel, ResidualRequest, TimeStep,
 };
 use rand::RngExt;
 use std::sync::Arc;
@@ -45,6 +45,7 @@ impl SyntheticModel {
         let names = ["gain"].iter().chain(effects).enumerate();
         let parameters: Vec<FitParameter> = names.map(|(i, name)| parameter(name, i > 0)).collect();
         let candidate = |(i, name): (usize, &&str)| EffectCandidate {
+            kind: CandidateKind::Effect,
             effect: (*name).to_owned(),
             site: "here".to_owned(),
             amplitudes: vec![i + 1],

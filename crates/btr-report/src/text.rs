@@ -7,7 +7,7 @@ use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Estimate;
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
-use btr_lab::verbs::{CompareReport, DiagnoseReport, Doubt, NoiseFloor};
+use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor};
 use std::path::PathBuf;
 
 /// The severity of a finding as a word.
@@ -81,6 +81,33 @@ pub fn interval(estimate: &Estimate) -> String {
 /// Header of a table of estimates.
 pub const ESTIMATES: [&str; 4] = ["parameter", "value", "unit", "95 % interval"];
 
+/// Header of a table of corrected values.
+pub const CORRECTED: [&str; 5] = ["value", "in the model", "in the logs", "unit", "95 % interval"];
+
+/// The table row of a corrected value, under [`CORRECTED`].
+pub fn corrected(value: &CorrectedValue) -> Vec<String> {
+    let CorrectedValue { estimate, in_model } = value;
+    vec![estimate.name.clone(), number(*in_model), number(estimate.value), estimate.unit.clone(), interval(estimate)]
+}
+
+/// What speaks for a finding besides its fit.
+pub fn evidence(share: f64, [better, of]: [usize; 2], established: bool) -> String {
+    let by =
+        format!("it explains {:.0} % of the squared error above the noise, in {better} of {of} logs", 100.0 * share);
+    if established { by } else { format!("{by}: not established, it may stand in for something else") }
+}
+
+/// "coulomb_friction on yaw; backlash on elbow", and likewise for values; only the established ones if any is.
+pub fn findings(report: &DiagnoseReport) -> (Vec<String>, Vec<String>) {
+    let any = report.effects.iter().any(|e| e.established) || report.wrong_values.iter().any(|v| v.established);
+    let effects = report.effects.iter().filter(|e| e.established || !any);
+    let values = report.wrong_values.iter().filter(|v| v.established || !any);
+    (
+        effects.map(|e| format!("{} on {}", e.effect, e.site)).collect(),
+        values.map(|v| format!("{} of {}", v.value, v.site)).collect(),
+    )
+}
+
 /// Header of a table of channels.
 pub const CHANNEL_HEADER: [&str; 10] =
     ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "x noise floor", "white", "step error"];
@@ -127,15 +154,15 @@ pub fn about_the_step(outcome: &CompareReport) -> Option<String> {
     (outcome.step != TimeStep::USUAL).then_some(finer)
 }
 
-/// The `btr fit` command that adds the missing effects. `None` unless an effect is missing and the model and all logs
-/// are files.
+/// The `btr fit` command that adds what is established. `None` unless something is and the model and all logs are
+/// files.
 pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String> {
     let model = &subject.input.source.path;
     let on_disk = std::iter::once(model).chain(subject.logs).chain(subject.held_out).all(|path| path.exists());
-    if report.verdict != Verdict::EffectMissing || !on_disk {
+    let adds: Vec<String> = report.names_to_add().iter().map(|name| format!("--add {name}")).collect();
+    if report.verdict == Verdict::Unexplained || adds.is_empty() || !on_disk {
         return None;
     }
-    let adds: Vec<String> = report.effects.iter().flat_map(|e| e.names()).map(|name| format!("--add {name}")).collect();
     let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
     let held_out =
         if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };

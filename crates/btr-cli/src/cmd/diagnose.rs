@@ -13,7 +13,7 @@ use btr_lab::verbs::{DiagnoseReport, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::fit_command;
+use btr_report::text::{evidence, findings, fit_command};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -61,7 +61,9 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
 
 /// The commands of the next experiment, for `btr simulate --log` and for the robot.
 fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
-    let rivals: Vec<&str> = report.effects.iter().flat_map(|found| &found.alike).map(String::as_str).collect();
+    let alike = report.effects.iter().map(|found| &found.alike);
+    let alike = alike.chain(report.wrong_values.iter().map(|found| &found.alike));
+    let rivals: Vec<&str> = alike.flatten().map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
         Some(commands) => btr_io::write_log(path, commands, &Meta::default())?,
         None if rivals.is_empty() => eprintln!("{} was not written: there are no effects to separate", path.display()),
@@ -98,8 +100,20 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
         if !effect.alike.is_empty() {
             println!("  these logs cannot tell it from: {}", effect.alike.join(", "));
         }
+        println!("  {}", evidence(effect.share, effect.logs_better, effect.established));
         let mut table = Table::new(&btr_report::text::ESTIMATES);
         effect.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
+        println!("{}", table.render());
+    }
+    for value in &report.wrong_values {
+        let (probability, delta) = (number(value.probability), number(value.delta_bic));
+        println!("\n{} of {}   probability {probability}   delta BIC {delta}", value.value, value.site);
+        if !value.alike.is_empty() {
+            println!("  these logs cannot tell it from: {}", value.alike.join(", "));
+        }
+        println!("  {}", evidence(value.share, value.logs_better, value.established));
+        let mut table = Table::new(&btr_report::text::CORRECTED);
+        value.parameters.iter().for_each(|corrected| table.row(btr_report::text::corrected(corrected)));
         println!("{}", table.render());
     }
     law(report);
@@ -121,22 +135,32 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
 }
 
 fn sentence(report: &DiagnoseReport) -> String {
-    let named: Vec<String> = report.effects.iter().map(|e| format!("{} on {}", e.effect, e.site)).collect();
+    let (effects, values) = findings(report);
     let share = format!("{:.0} % of the squared error is not noise", 100.0 * report.unexplained_share);
-    match (report.verdict, named.is_empty()) {
-        (Verdict::EffectMissing, _) => format!("missing: {}{}", named.join("; "), unsure(report)),
+    let (effects, values) = (effects.join("; "), values.join("; "));
+    let both = match (effects.is_empty(), values.is_empty()) {
+        (false, true) => format!("missing: {effects}"),
+        (true, false) => format!("wrong in the model: {values}"),
+        _ => format!("missing: {effects}; wrong in the model: {values}"),
+    };
+    let helping: Vec<&str> = [&*effects, &*values].into_iter().filter(|names| !names.is_empty()).collect();
+    match (report.verdict, helping.is_empty()) {
+        (Verdict::EffectMissing | Verdict::ValueWrong, _) => format!("{both}{}", unsure(report)),
+        (Verdict::PartlyExplained, _) => format!("partly explained: {both}; something else is missing: {share}"),
         (Verdict::NothingMissing, _) => format!("nothing is missing{}: what remains is noise", judged(report)),
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
-            format!("unexplained: {} helps but does not explain the error; {share}", named.join("; "))
+            format!("unexplained: {} helps but does not explain the error; {share}", helping.join("; "))
         }
     }
 }
 
 /// Where a name is less likely than not: which others it may be.
 fn unsure(report: &DiagnoseReport) -> String {
-    let unsure = report.effects.iter().filter(|found| found.probability < 0.5);
-    let others: Vec<&str> = unsure.flat_map(|found| &found.alike).map(String::as_str).collect();
+    let effects = report.effects.iter().map(|found| (found.probability, &found.alike));
+    let found = effects.chain(report.wrong_values.iter().map(|found| (found.probability, &found.alike)));
+    let unsure = found.filter(|(probability, _)| *probability < 0.5);
+    let others: Vec<&str> = unsure.flat_map(|(_, alike)| alike).map(String::as_str).collect();
     if others.is_empty() { String::new() } else { format!(", or one of {}: these logs cannot tell", others.join(", ")) }
 }
 

@@ -1,7 +1,7 @@
 //! Acceptance of one of the fitted candidates.
 
 use super::refit::Rival;
-use super::report::{MissingEffect, RankedCandidate, RivalPoint};
+use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
@@ -59,6 +59,8 @@ pub(super) fn judge_rivals(
         state.rivals = [&winner].iter().chain(&alike).map(point).collect();
     }
     let found = MissingEffect {
+        kind: candidates[winner.candidate].kind,
+        evidence: Evidence::default(),
         effect: candidates[winner.candidate].effect.clone(),
         site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),

@@ -6,6 +6,7 @@
 //! the error.
 
 mod beginnings;
+mod evidence;
 mod judge;
 mod linear;
 mod refit;
@@ -17,7 +18,7 @@ mod start_point;
 mod state;
 pub mod thresholds;
 
-pub use report::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, RivalPoint, Verdict};
+pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, Verdict};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
@@ -27,7 +28,6 @@ use btr_core::world::{Cancelled, WorldError};
 use residual_law::residual_law;
 use round::round;
 use state::DiagnosisState;
-use thresholds::EXPLAINED;
 
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
 /// it is reached.
@@ -127,6 +127,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
         rivals: Vec::new(),
         rounds: Vec::new(),
         integrator: fit.renew_step_error(objective),
+        unexplained_at_first: 0.0,
     };
     state.fit = fit;
     state.record(objective, "model as it stands".to_owned(), on_step);
@@ -150,10 +151,10 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     }
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
-    let verdict = match (state.chosen.is_empty(), last) {
-        (true, error) if error <= NOISE => Verdict::NothingMissing,
-        (false, error) if error <= EXPLAINED => Verdict::EffectMissing,
-        _ => Verdict::Unexplained,
+    let roughly = objective.description.has_contact || objective.description.is_chaotic;
+    let verdict = match state.ladder.last() {
+        Some(last) => evidence::weigh(last, state.unexplained_at_first, roughly, &mut state.chosen),
+        None => Verdict::Unexplained,
     };
     let intervals = if last <= NOISE { Intervals::Given } else { Intervals::Withheld };
     if intervals == Intervals::Given {
@@ -167,7 +168,8 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
             all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (verdict == Verdict::Unexplained && !stopped && objective.rollouts() < question.max_rollouts)
+    let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)
         .then(|| state.bare_now(objective))
         .flatten()
         .and_then(|bare| residual_law(objective, &bare, found));

@@ -3,6 +3,7 @@
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::{Estimate, FitPoint};
+use crate::residual_model::CandidateKind;
 use serde::{Deserialize, Serialize};
 
 /// Limits of a diagnosis.
@@ -25,17 +26,41 @@ impl Default for DiagnoseOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The named effects explain the error.
+    /// The named effects, perhaps together with corrected values, explain the error.
     EffectMissing,
+    /// Corrected values of the model explain the error; no effect is missing.
+    ValueWrong,
+    /// What is named explains most of the error, and something else is missing.
+    PartlyExplained,
     /// The residual is noise.
     NothingMissing,
     /// No known effect explains the error.
     Unexplained,
 }
 
-/// An effect that the model lacks.
+/// What speaks for a finding besides its fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
+    pub share: f64,
+    /// In how many logs, held-out ones included, the error is smaller with it...
+    pub logs_better: usize,
+    /// ... and of how many.
+    pub logs: usize,
+    /// Whether it is established: what is found explains the error, or it explains a considerable share of it in
+    /// nearly all logs. Otherwise it also helps a little.
+    pub established: bool,
+}
+
+/// An effect that the model lacks, or a value that it states wrongly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MissingEffect {
+    /// Whether it is an effect or a value.
+    #[serde(skip)]
+    pub kind: CandidateKind,
+    /// What speaks for it.
+    #[serde(skip)]
+    pub evidence: Evidence,
     /// Its name.
     pub effect: String,
     /// Its site.

@@ -1,7 +1,8 @@
 //! The state of a diagnosis: the effects found so far, and how an effect is added or removed.
 
+use super::evidence::LogErrors;
 use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
-use super::report::{MissingEffect, RankedCandidate, RivalPoint};
+use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
 use super::screen::screen;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::LadderStep;
@@ -29,6 +30,8 @@ pub(super) struct DiagnosisState {
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// The integrator's error, in multiples of the noise floor.
     pub(super) integrator: f64,
+    /// The mean square error before the first finding, on the logs that judge it; 0 before that.
+    pub(super) unexplained_at_first: f64,
 }
 
 impl DiagnosisState {
@@ -40,6 +43,7 @@ impl DiagnosisState {
         found: MissingEffect,
         on_step: &dyn Fn(&LadderStep),
     ) {
+        let before = LogErrors::of(objective, &self.fit);
         self.fit = rival.fit;
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
@@ -48,9 +52,14 @@ impl DiagnosisState {
             self.fit.polish(objective);
             self.perturb(objective, found.candidate);
         }
-        let step = format!("+ {}@{}", found.effect, found.site);
+        let step = objective.candidates()[found.candidate].step();
         self.chosen.push(found);
         self.record(objective, step, on_step);
+        self.unexplained_at_first = self.unexplained_at_first.max(before.judged);
+        let evidence = Evidence::of(&before, &LogErrors::of(objective, &self.fit), self.unexplained_at_first);
+        if let Some(found) = self.chosen.last_mut() {
+            found.evidence = evidence;
+        }
     }
 
     /// The error jumps where a joint switches between sticking and slipping, and a search stops before a jump: restarts
@@ -184,6 +193,7 @@ impl DiagnosisState {
         found.alike.push(before.clone());
         found.delta_bic -= costs;
         (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
+        found.kind = effect.kind;
         self.fit = rival.fit;
         self.fit.jacobian = None;
         self.fit.solve(objective, SearchBudget::FULL);

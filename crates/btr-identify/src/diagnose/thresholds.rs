@@ -9,5 +9,14 @@ pub const HELD_OUT_FALL: f64 = 0.04;
 /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of
 /// the American Statistical Association 90, 1995): the rival with the fewest parameters is named.
 pub const TIE: f64 = 2.0;
-/// Largest error, on held-out logs if there are any, for the effects found to explain it.
+/// Largest error on held-out logs, if there are any, for the findings to explain it where small errors grow, so that
+/// the noise floors are only roughly known. Without that, both errors must be noise.
 pub const EXPLAINED: f64 = 1.5;
+/// Smallest share of the squared error above the noise that the findings explain, for the rest to be called a rest.
+pub const MOSTLY: f64 = 0.8;
+/// Smallest share that a finding explains by itself, while others leave an error, to be established...
+pub const CONSIDERABLE: f64 = 0.05;
+/// ... and smallest share of the logs in which it must lower the error.
+pub const IN_MOST_LOGS: f64 = 0.8;
+/// Largest probability of a finding while an error is left.
+pub const AT_MOST: f64 = 0.95;

@@ -1,11 +1,23 @@
-//! Effects that a model may lack, and the terms that laws are made of.
+//! What may be wrong with a model: effects that it lacks and values that it states; and the terms of laws.
 
-/// An effect at a site that the model may lack.
+/// What a candidate would change in the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CandidateKind {
+    /// It adds an effect.
+    #[default]
+    Effect,
+    /// It corrects a value that the model states.
+    Value,
+}
+
+/// An effect that the model may lack at a site, or a value that it may state wrongly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectCandidate {
-    /// The effect.
+    /// What it would change.
+    pub kind: CandidateKind,
+    /// The effect, or the value: a quantity of the robot, or an effect that the model has.
     pub effect: String,
-    /// Where it would sit.
+    /// Where it sits.
     pub site: String,
     /// Its amplitudes: off at 0.
     pub amplitudes: Vec<usize>,
@@ -23,6 +35,14 @@ impl EffectCandidate {
     /// `effect@site`.
     pub fn name(&self) -> String {
         format!("{}@{}", self.effect, self.site)
+    }
+
+    /// The step of the error ladder that adds or corrects it.
+    pub fn step(&self) -> String {
+        match self.kind {
+            CandidateKind::Effect => format!("+ {}", self.name()),
+            CandidateKind::Value => format!("+ {}, corrected", self.name()),
+        }
     }
 
     /// All its parameters.

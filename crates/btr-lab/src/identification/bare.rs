@@ -22,7 +22,7 @@ impl IdentificationProblem {
             free: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
             logs: Vec::new(),
-            effects: Vec::new(),
+            changes: Vec::new(),
             features: Vec::new(),
             terms: Vec::new(),
             limbs: limbs(&model.robot),
@@ -44,12 +44,12 @@ impl IdentificationProblem {
         let other = Self::without_effects(model, recorded, parts)?;
         let (parameters, candidates, features) =
             (self.parameters.clone(), self.candidates.clone(), self.features.clone());
-        let (effects, terms) = (self.effects.clone(), self.terms.clone());
+        let (changes, terms) = (self.changes.clone(), self.terms.clone());
         let mut other = IdentificationProblem {
             parameters,
             candidates,
             features,
-            effects,
+            changes,
             terms,
             near: self.near.clone(),
             ..other

@@ -1,24 +1,47 @@
-//! Candidates: every effect at every site, and the terms of laws.
+//! Candidates: every effect at every site, every value that the model states, and the terms of laws.
 
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::{TermContext, TermDefinition};
 use super::catalogue::parameters::{model_value, parameter};
 use super::catalogue::sites::sites;
-use super::problem::IdentificationProblem;
+use super::catalogue::values::{StatedValue, similar_to_value, values};
+use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{EffectCandidate, LawTerm};
+use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm};
 use btr_physics::effects::{EFFECTS, Effect};
 use btr_physics::robot::Actuator;
 
 impl IdentificationProblem {
-    /// Adds every effect at every site to the candidates, except those named in `without`.
+    /// Adds every effect at every site and every stated value to the candidates, except those named in `without`.
     pub(super) fn offer_effects(&mut self, without: &[&str]) {
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
             for site in sites(effect, &self.model) {
                 self.offer(effect, site);
             }
         }
+        let stated = values(&self.model, &self.scales).into_iter();
+        for value in stated.filter(|value| !without.contains(&&*value.name)) {
+            self.offer_value(value);
+        }
         self.link_similar();
+    }
+
+    fn offer_value(&mut self, value: StatedValue) {
+        let StatedValue { name, site, targets, parameters } = value;
+        let amplitudes = (self.parameters.len()..self.parameters.len() + parameters.len()).collect();
+        self.parameters.extend(parameters);
+        self.near.push(Vec::new());
+        self.candidates.push(EffectCandidate {
+            kind: CandidateKind::Value,
+            effect: name,
+            site,
+            amplitudes,
+            shapes: Vec::new(),
+            starts: vec![Vec::new()],
+            similar: Vec::new(),
+            nested: Vec::new(),
+        });
+        self.changes.push(Change::Values(targets));
     }
 
     fn offer(&mut self, effect: &'static dyn Effect, site: String) {
@@ -42,6 +65,7 @@ impl IdentificationProblem {
         let effect_name = spec.name.to_owned();
         let (similar, nested) = (Vec::new(), Vec::new());
         self.candidates.push(EffectCandidate {
+            kind: CandidateKind::Effect,
             effect: effect_name,
             site,
             amplitudes,
@@ -50,7 +74,7 @@ impl IdentificationProblem {
             similar,
             nested,
         });
-        self.effects.push(effect);
+        self.changes.push(Change::Effect(effect));
     }
 
     /// The channels of the limb that a joint or a link belongs to; none if logs are compared as a whole.
@@ -69,14 +93,22 @@ impl IdentificationProblem {
         let place =
             |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
         let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
-        let says = |a: usize, b: usize| self.effects[a].spec().similar.contains(&self.effects[b].spec().name);
+        let says = |a: usize, b: usize| {
+            let similar = match &self.changes[a] {
+                Change::Effect(effect) => effect.spec().similar,
+                Change::Values(_) => similar_to_value(&self.candidates[a].effect),
+            };
+            similar.contains(&&*self.candidates[b].effect)
+        };
         let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
         let all = 0..self.candidates.len();
         let similar: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
         for (a, similar) in similar.into_iter().enumerate() {
-            let inside = |b: &&usize| {
-                self.effects[a].spec().nested.iter().any(|(name, _)| *name == self.effects[**b].spec().name)
+            let nested = match &self.changes[a] {
+                Change::Effect(effect) => effect.spec().nested,
+                Change::Values(_) => &[],
             };
+            let inside = |b: &&usize| nested.iter().any(|(name, _)| *name == self.candidates[**b].effect);
             self.candidates[a].nested = similar.iter().filter(inside).copied().collect();
             self.candidates[a].similar = similar;
         }
@@ -118,7 +150,8 @@ impl IdentificationProblem {
         self.parameters.extend(parameters);
         let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
         let (similar, nested) = (Vec::new(), Vec::new());
-        let candidate = EffectCandidate { effect: name, site, amplitudes, shapes, starts, similar, nested };
+        let kind = CandidateKind::Effect;
+        let candidate = EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, similar, nested };
         let swings = term.swings.map(|i| first + i);
         self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

@@ -6,8 +6,18 @@ use crate::scales::RobotScales;
 use btr_core::log::Log;
 use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, RecordedLog};
 use btr_physics::effects::Effect;
+use btr_physics::model::parameter::Target;
 use btr_physics::model::{Model, Scenario};
 use std::sync::Arc;
+
+/// What a candidate changes in the model.
+#[derive(Clone)]
+pub(super) enum Change {
+    /// It adds an effect.
+    Effect(&'static dyn Effect),
+    /// It sets values, one for each of its parameters.
+    Values(Vec<Target>),
+}
 
 /// A model, its logs, and everything that may be varied.
 #[derive(Clone)]
@@ -30,8 +40,8 @@ pub struct IdentificationProblem {
     pub(super) limbs: Vec<Vec<String>>,
     /// The channels in which each candidate shows first; empty if it shows in all.
     pub(super) near: Vec<Vec<String>>,
-    /// The effect of each candidate.
-    pub(super) effects: Vec<&'static dyn Effect>,
+    /// What each candidate changes.
+    pub(super) changes: Vec<Change>,
     pub(super) features: Vec<LawTerm>,
     /// The definition and the effect of each feature.
     pub(super) terms: Vec<(TermDefinition, &'static dyn Effect)>,

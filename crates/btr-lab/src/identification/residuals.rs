@@ -2,6 +2,7 @@
 
 use super::contact::noise_floor;
 use super::problem::IdentificationProblem;
+use super::simulated::ModelPoint;
 use super::start::moved::OPEN;
 use super::start::windows;
 use btr_core::log::{Log, interpolate};
@@ -10,7 +11,6 @@ use btr_identify::residual_model::{
     Derivation, EffectCandidate, FitParameter, LogStart, ModelDescription, RecordedLog, ResidualModel, ResidualRequest,
     StartNumber, TimeStep,
 };
-use btr_physics::effects::PlacedEffect;
 use btr_physics::model::{ModelRequest, Scenario};
 use btr_physics::robot::Base;
 use std::borrow::Cow;
@@ -39,12 +39,10 @@ impl ResidualModel for IdentificationProblem {
     }
 
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
-        let point = |of: &ResidualRequest| (self.inner(of.u), self.placed(of.u), self.begun_from(of.log, of.moved));
-        let points: Vec<(Vec<f64>, Vec<PlacedEffect>, Cow<Scenario>)> = requests.iter().map(point).collect();
-        let points: Vec<ModelRequest> = points
-            .iter()
-            .map(|(s, effects, situation)| ModelRequest::new(s, situation).effects(effects).time_step(step))
-            .collect();
+        let point = |of: &ResidualRequest| (self.at(of.u), self.begun_from(of.log, of.moved));
+        let points: Vec<(ModelPoint, Cow<Scenario>)> = requests.iter().map(point).collect();
+        let points: Vec<ModelRequest> =
+            points.iter().map(|(point, situation)| point.request(situation).time_step(step)).collect();
         let simulated = self.model.simulate_all(points);
         requests.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
     }

@@ -2,13 +2,28 @@
 
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::TermDefinition;
-use super::problem::IdentificationProblem;
+use super::problem::{Change, IdentificationProblem};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::diagnose::ResidualLaw;
 use btr_identify::residual_model::{EffectCandidate, TimeStep};
 use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
+use btr_physics::model::parameter::Target;
 use btr_physics::model::{ModelRequest, Scenario};
+
+/// The model at a point: the values of its free parameters, the values that differ from its own, and further effects.
+pub(crate) struct ModelPoint {
+    s: Vec<f64>,
+    values: Vec<(Target, f64)>,
+    effects: Vec<PlacedEffect>,
+}
+
+impl ModelPoint {
+    /// A rollout at this point.
+    pub(crate) fn request<'a>(&'a self, scenario: &'a Scenario) -> ModelRequest<'a> {
+        ModelRequest::new(&self.s, scenario).values(&self.values).effects(&self.effects)
+    }
+}
 
 impl IdentificationProblem {
     /// Simulates the log of a scenario at a point; with windows, from the initial state of each window.
@@ -24,7 +39,7 @@ impl IdentificationProblem {
     /// # Errors
     /// A simulation that diverged.
     pub fn simulate_in(&self, u: &[f64], scenario: &Scenario, step: TimeStep) -> Result<Log, WorldError> {
-        self.model.simulate(ModelRequest::new(&self.inner(u), scenario).effects(&self.placed(u)).time_step(step))
+        self.model.simulate(self.at(u).request(scenario).time_step(step))
     }
 
     /// The values of the free parameters at a point.
@@ -32,12 +47,31 @@ impl IdentificationProblem {
         self.free.iter().map(|&k| self.inside(k, self.parameters[k].value(u[k]))).collect()
     }
 
+    /// The model at a point.
+    pub(crate) fn at(&self, u: &[f64]) -> ModelPoint {
+        ModelPoint { s: self.inner(u), values: self.corrected(u), effects: self.placed(u) }
+    }
+
+    /// The values that differ from the model's own at a point.
+    fn corrected(&self, u: &[f64]) -> Vec<(Target, f64)> {
+        let values = |(candidate, change): (&EffectCandidate, &Change)| match change {
+            Change::Values(targets) => {
+                let set = targets.iter().cloned().zip(candidate.parameters()).filter(|(_, k)| u[*k] != 0.0);
+                set.map(|(target, k)| (target, self.parameters[k].value(u[k]))).collect()
+            }
+            Change::Effect(_) => Vec::new(),
+        };
+        self.candidates.iter().zip(&self.changes).flat_map(values).collect()
+    }
+
     /// The effects that are switched on at a point.
     pub fn placed(&self, u: &[f64]) -> Vec<PlacedEffect> {
         let on = |candidate: &&EffectCandidate| candidate.amplitudes.iter().any(|&k| u[k] != 0.0);
-        let pairs = self.candidates.iter().zip(&self.effects);
-        let effects =
-            pairs.filter(|(candidate, _)| on(candidate)).map(|(candidate, effect)| self.place(candidate, *effect, u));
+        let place = |(candidate, change): (&EffectCandidate, &Change)| match change {
+            Change::Effect(effect) if on(&candidate) => Some(self.place(candidate, *effect, u)),
+            Change::Effect(_) | Change::Values(_) => None,
+        };
+        let effects = self.candidates.iter().zip(&self.changes).filter_map(place);
         let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| on(&&feature.term));
         let terms = terms.map(|(feature, (_, effect))| {
             let values = feature.term.parameters().map(|k| self.parameters[k].value(u[k])).collect();

@@ -1,4 +1,4 @@
-//! `add`: writes effects into a model file as free parameters.
+//! `add`: writes effects, and values of the model, into its file as free parameters.
 
 use crate::experiment::Source;
 use crate::scales::RobotScales;
@@ -6,14 +6,39 @@ use crate::suggest::suggestion;
 use btr_core::text::{Text, Verb};
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
+use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
-/// An effect to add, and its site.
+/// What to add.
 #[derive(Clone, Debug)]
-pub struct Addition {
-    effect: &'static dyn Effect,
-    site: String,
+pub struct Addition(Kind);
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// An effect at a site.
+    Effect(&'static dyn Effect, String),
+    /// A value that the model states, with its bounds.
+    Value(Target, ValueBounds),
+}
+
+/// Bounds of a value: two values, or two factors on the model's.
+#[derive(Clone, Copy, Debug)]
+enum ValueBounds {
+    Absolute([f64; 2]),
+    Relative([f64; 2]),
+}
+
+impl ValueBounds {
+    /// Wide bounds for a quantity by its name.
+    fn usual(name: &str) -> Self {
+        match name.split('@').next().unwrap_or(name) {
+            "length" => ValueBounds::Relative([0.7, 1.5]),
+            "origin_x" | "origin_y" | "origin_z" => ValueBounds::Absolute([-0.1, 0.1]),
+            "tilt_x" | "tilt_y" | "tilt_z" => ValueBounds::Absolute([-0.5, 0.5]),
+            _ => ValueBounds::Relative([0.125, 8.0]),
+        }
+    }
 }
 
 /// Why an effect or a law cannot be added.
@@ -72,12 +97,18 @@ impl AddError {
 }
 
 impl Addition {
-    /// Parses `EFFECT[@SITE]`; without a site the effect acts on every possible site.
+    /// Parses `EFFECT[@SITE]`, or the name of a parameter such as `mass@LINK` or `armature.inertia@JOINT`: a value that
+    /// the model states. Without a site the effect acts on every possible site.
     ///
     /// # Errors
     /// An unknown effect or site.
     pub fn parse(text: &str, robot: &Robot) -> Result<Self, AddError> {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
+        if effects::find(name).is_none()
+            && let Ok(target) = Target::parse(text, robot)
+        {
+            return Ok(Addition(Kind::Value(target, ValueBounds::usual(text))));
+        }
         let effect = effects::find(name).ok_or_else(|| AddError::Unknown {
             name: name.to_owned(),
             near: suggestion(name, EFFECTS.iter().map(|e| e.spec().name)),
@@ -92,12 +123,16 @@ impl Addition {
             };
             return Err(AddError::Site { effect: name.to_owned(), site: site.to_owned(), known });
         }
-        Ok(Addition { effect, site: site.to_owned() })
+        Ok(Addition(Kind::Effect(effect, site.to_owned())))
     }
 
-    /// `EFFECT.PARAM@SITE`.
-    fn parameter(&self, param: &Param) -> String {
-        format!("{}.{}@{}", self.effect.spec().name, param.name, self.site)
+    /// A value of the model between these bounds.
+    ///
+    /// # Errors
+    /// A name that is no parameter of the robot.
+    pub(crate) fn value(name: &str, bounds: [f64; 2], robot: &Robot) -> Result<Self, AddError> {
+        let target = Target::parse(name, robot).map_err(|_| AddError::Unknown { name: name.to_owned(), near: None })?;
+        Ok(Addition(Kind::Value(target, ValueBounds::Absolute(bounds))))
     }
 }
 
@@ -113,22 +148,52 @@ pub fn add(source: &Source, robot: &Robot, additions: &[Addition]) -> Result<Str
 /// The same with bounds for the given scales.
 pub(crate) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Addition]) -> Result<String, AddError> {
     let mut document = source.text.parse::<DocumentMut>()?;
-    for addition in additions {
-        write(&mut document, scales, addition)?;
+    for Addition(kind) in additions {
+        match kind {
+            Kind::Effect(effect, site) => write_effect(&mut document, scales, *effect, site)?,
+            Kind::Value(target, bounds) => write_value(&mut document, target, *bounds)?,
+        }
     }
     Ok(document.to_string())
 }
 
-fn write(document: &mut DocumentMut, scales: &RobotScales, addition: &Addition) -> Result<(), AddError> {
-    let spec = addition.effect.spec();
+fn write_value(document: &mut DocumentMut, target: &Target, bounds: ValueBounds) -> Result<(), AddError> {
+    let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
+    let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };
+    if parameters.contains_key(target.name()) {
+        return Err(AddError::Twice { name: target.name().to_owned() });
+    }
+    let mut entry = InlineTable::new();
+    let (key, [least, most]) = match bounds {
+        ValueBounds::Absolute(bounds) => ("bounds", bounds),
+        ValueBounds::Relative(factors) => ("relative", factors),
+    };
+    // Rounded outwards by a digit: the value itself may stand at its bound.
+    let margin = 0.05 * (most - least);
+    let least = if least > 0.0 { 0.95 * least } else { least - if least < 0.0 { margin } else { 0.0 } };
+    entry.insert(key, Value::Array([least, most + margin].into_iter().map(rounded).collect()));
+    parameters.insert(target.name(), value(entry));
+    if let Some(mut key) = parameters.key_mut(target.name()) {
+        key.leaf_decor_mut().set_prefix(format!("\n# In {}; without a value here, the model's own.\n", target.unit()));
+    }
+    Ok(())
+}
+
+fn write_effect(
+    document: &mut DocumentMut,
+    scales: &RobotScales,
+    effect: &'static dyn Effect,
+    site: &str,
+) -> Result<(), AddError> {
+    let spec = effect.spec();
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };
     for (k, param) in spec.params.iter().enumerate() {
-        let name = addition.parameter(param);
+        let name = format!("{}.{}@{site}", spec.name, param.name);
         if parameters.contains_key(&name) {
-            return Err(AddError::Twice { name: format!("{}@{}", spec.name, addition.site) });
+            return Err(AddError::Twice { name: format!("{}@{site}", spec.name) });
         }
-        parameters.insert(&name, value(entry(param, scales.of_unit(param.unit, &addition.site))));
+        parameters.insert(&name, value(entry(param, scales.of_unit(param.unit, site))));
         if let Some(mut key) = parameters.key_mut(&name) {
             let comment = if k == 0 {
                 format!("\n# {}: {}. Source: {}.\n# In {}", spec.name, spec.law, spec.cite, param.unit)

@@ -10,7 +10,7 @@ use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, Verdict};
 use btr_identify::fit::{Estimate, FitPoint, NOISE, Objective, StopSignal};
-use btr_identify::residual_model::{ResidualModel, TimeStep};
+use btr_identify::residual_model::{CandidateKind, ResidualModel, TimeStep};
 use btr_physics::effects::FormulaTarget;
 use serde::Serialize;
 use std::path::Path;
@@ -48,8 +48,47 @@ pub struct EffectReport {
     pub probability: f64,
     /// Decrease of the information criterion.
     pub delta_bic: f64,
+    /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
+    pub share: f64,
+    /// In how many of the logs the error is smaller with it, held-out ones included.
+    pub logs_better: [usize; 2],
+    /// Whether it is established; otherwise it also helps a little.
+    pub established: bool,
     /// Estimates of its parameters.
     pub parameters: Vec<Estimate>,
+}
+
+/// A value that the model states wrongly.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ValueReport {
+    /// The quantity, or the effect of the model whose parameters these are.
+    pub value: String,
+    /// The joint or link, or the sites of the effect.
+    pub site: String,
+    /// Names of effects and other values that these logs cannot distinguish from it.
+    pub alike: Vec<String>,
+    /// Its posterior probability among all candidates fitted in the same round.
+    pub probability: f64,
+    /// Decrease of the information criterion.
+    pub delta_bic: f64,
+    /// As for an effect.
+    pub share: f64,
+    /// As for an effect.
+    pub logs_better: [usize; 2],
+    /// As for an effect.
+    pub established: bool,
+    /// The model's values and those of the logs.
+    pub parameters: Vec<CorrectedValue>,
+}
+
+/// A value in the model and in the logs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CorrectedValue {
+    /// In the logs.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+    /// In the model.
+    pub in_model: f64,
 }
 
 /// A law that describes an error that no effect explains, and can be added to the model.
@@ -91,6 +130,8 @@ pub struct DiagnoseReport {
     pub verdict: Verdict,
     /// The missing effects; with the verdict `unexplained`, effects that help but do not explain.
     pub effects: Vec<EffectReport>,
+    /// The values that the model states wrongly, in the same sense.
+    pub wrong_values: Vec<ValueReport>,
     /// Error after each step, in multiples of the noise floor.
     pub error_ladder: Vec<LadderStep>,
     /// All fitted candidates, round by round, best first.
@@ -99,10 +140,10 @@ pub struct DiagnoseReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// Share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
-    /// With the verdict `unexplained`: channels whose noise seems to be stated too low.
+    /// Where an error is left: channels whose noise seems to be stated too low.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,
-    /// A law for the remaining error, if no known effect explains it.
+    /// A law for the remaining error, where one is left.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_law: Option<LawReport>,
     /// The experiment that best distinguishes the explanations that these logs cannot.
@@ -130,8 +171,8 @@ pub struct DiagnoseReport {
 pub struct Diagnosed {
     /// The values of all parameters.
     pub fit: FitPoint,
-    /// The effects that were added to it.
-    effects: Vec<MissingEffect>,
+    /// The effects and the values that were added to it.
+    found: Vec<MissingEffect>,
     step: TimeStep,
 }
 
@@ -142,18 +183,30 @@ impl VerbInput {
     /// # Errors
     /// An effect that the model's text has already, which a diagnosis does not name.
     pub fn diagnosed_text(&self, diagnosed: &Diagnosed, into: &Path) -> Result<String, AddError> {
-        let Diagnosed { fit, effects, step } = diagnosed;
-        let robot = &self.problem.model().robot;
-        let additions: Result<Vec<Addition>, AddError> =
-            effects.iter().map(|found| Addition::parse(&format!("{}@{}", found.effect, found.site), robot)).collect();
-        let text = add_scaled(&self.source, self.problem.scales(), &additions?)?;
-        let source = Source { text, ..self.source.clone() };
+        let Diagnosed { fit, found, step } = diagnosed;
         let (problem, parameters) = (&self.problem, self.problem.parameters());
-        let added = effects.iter().flat_map(|found| problem.candidates()[found.candidate].parameters());
+        let additions: Result<Vec<Vec<Addition>>, AddError> = found.iter().map(|one| self.addition(one)).collect();
+        let text = add_scaled(&self.source, self.problem.scales(), &additions?.concat())?;
+        let source = Source { text, ..self.source.clone() };
+        let added = found.iter().flat_map(|found| problem.candidates()[found.candidate].parameters());
         let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
         let free = problem.model().simulations.dims().iter().map(|dim| dim.name.as_str()).zip(self.values(fit));
         let text = adapted(&source, free.chain(added), into)?;
         Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, step.divides_by())? })
+    }
+
+    /// What adds a finding to the model's text.
+    fn addition(&self, found: &MissingEffect) -> Result<Vec<Addition>, AddError> {
+        let robot = &self.problem.model().robot;
+        let value = |k: usize| {
+            let parameter = &self.problem.parameters()[k];
+            let bounds = [parameter.bounds.0, parameter.bounds.1].map(|u| parameter.value(u));
+            Addition::value(&parameter.name, bounds, robot)
+        };
+        match found.kind {
+            CandidateKind::Effect => Ok(vec![Addition::parse(&format!("{}@{}", found.effect, found.site), robot)?]),
+            CandidateKind::Value => self.problem.candidates()[found.candidate].parameters().map(value).collect(),
+        }
     }
 }
 
@@ -176,13 +229,14 @@ pub fn diagnose(
         ok: true,
         verdict: diagnosis.verdict,
         effects: grouped(&diagnosis.effects),
+        wrong_values: wrong_values(input, &diagnosis.effects),
         ranking: diagnosis.rounds.clone(),
         error_ladder: diagnosis.ladder.clone(),
         noise_floor: input.floors(),
         unexplained_share: diagnosis.unexplained_share,
         noise_stated_low: match diagnosis.verdict {
-            Verdict::Unexplained => stated_low(input, &diagnosis),
-            Verdict::EffectMissing | Verdict::NothingMissing => Vec::new(),
+            Verdict::Unexplained | Verdict::PartlyExplained => stated_low(input, &diagnosis),
+            Verdict::EffectMissing | Verdict::ValueWrong | Verdict::NothingMissing => Vec::new(),
         },
         residual_law: residual_law(input, &diagnosis),
         next_experiment: input.next_experiment(&diagnosis.rivals),
@@ -196,10 +250,22 @@ pub fn diagnose(
         seconds: began.elapsed().as_secs_f64(),
     };
     let step = objective.step();
-    Ok((report, Diagnosed { fit: diagnosis.fit, effects: diagnosis.effects, step }))
+    Ok((report, Diagnosed { fit: diagnosis.fit, found: diagnosis.effects, step }))
 }
 
 impl DiagnoseReport {
+    /// Whether an error is left that nothing explains.
+    pub fn leaves_something(&self) -> bool {
+        matches!(self.verdict, Verdict::Unexplained | Verdict::PartlyExplained)
+    }
+
+    /// What is established, or else whatever helps: names for `--add`, of effects and of parameters of the model.
+    pub fn names_to_add(&self) -> Vec<String> {
+        let effects = self.effects.iter().filter(|effect| effect.established).flat_map(EffectReport::names);
+        let values = self.wrong_values.iter().filter(|value| value.established).flat_map(|value| &value.parameters);
+        effects.chain(values.map(|value| value.estimate.name.clone())).collect()
+    }
+
     /// A message if the remaining error may be sensor noise.
     pub fn shows_noise(&self) -> Option<String> {
         let sentence = |low: &StatedLow| {
@@ -218,7 +284,7 @@ impl DiagnoseReport {
     /// A message if the training logs are explained and the held-out logs are not.
     pub fn shows_where_judged(&self) -> Option<String> {
         let last = self.error_ladder.last()?;
-        let explained = last.train <= NOISE && self.verdict == Verdict::Unexplained;
+        let explained = last.train <= NOISE && self.leaves_something();
         explained.then(|| {
             format!(
                 "the training logs are explained ({:.2} noise floors): the remaining error shows in the held-out logs alone, so train \
@@ -277,7 +343,7 @@ fn residual_law(input: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {
 /// Merges findings of one effect at several sites.
 fn grouped(found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
-    for one in found {
+    for one in found.iter().filter(|one| one.kind == CandidateKind::Effect) {
         match reports.iter_mut().find(|report| report.effect == one.effect) {
             Some(report) => report.join(one),
             None => reports.push(EffectReport {
@@ -286,11 +352,35 @@ fn grouped(found: &[MissingEffect]) -> Vec<EffectReport> {
                 alike: one.alike.clone(),
                 probability: one.probability,
                 delta_bic: one.delta_bic,
+                share: one.evidence.share,
+                logs_better: [one.evidence.logs_better, one.evidence.logs],
+                established: one.evidence.established,
                 parameters: one.parameters.clone(),
             }),
         }
     }
     reports
+}
+
+/// The findings that are values, with what the model states.
+fn wrong_values(input: &VerbInput, found: &[MissingEffect]) -> Vec<ValueReport> {
+    let parameters = input.problem.parameters();
+    let corrected = |estimate: &Estimate| {
+        let in_model = parameters.iter().find(|parameter| parameter.name == estimate.name);
+        Some(CorrectedValue { estimate: estimate.clone(), in_model: in_model?.origin })
+    };
+    let report = |one: &MissingEffect| ValueReport {
+        value: one.effect.clone(),
+        site: one.site.clone(),
+        alike: one.alike.clone(),
+        probability: one.probability,
+        delta_bic: one.delta_bic,
+        share: one.evidence.share,
+        logs_better: [one.evidence.logs_better, one.evidence.logs],
+        established: one.evidence.established,
+        parameters: one.parameters.iter().filter_map(corrected).collect(),
+    };
+    found.iter().filter(|one| one.kind == CandidateKind::Value).map(report).collect()
 }
 
 impl EffectReport {
@@ -304,6 +394,9 @@ impl EffectReport {
         self.alike.extend(other.alike.iter().cloned());
         self.probability = self.probability.min(other.probability);
         self.delta_bic += other.delta_bic;
+        self.share += other.evidence.share;
+        self.logs_better[0] = self.logs_better[0].min(other.evidence.logs_better);
+        self.established &= other.evidence.established;
         self.parameters.extend(other.parameters.iter().cloned());
     }
 

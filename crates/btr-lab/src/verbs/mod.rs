@@ -14,7 +14,7 @@ pub use crate::identification::{Doubt, NoiseFloor, ProblemError, VerbInput, doub
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
 pub use check::{CheckReport, IdentifiabilityReport, check};
 pub use compare::{CompareReport, compare};
-pub use diagnose::{DiagnoseReport, EffectReport, EffectSite, LawReport, diagnose};
+pub use diagnose::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, ValueReport, diagnose};
 pub use effects::{effects, named, site};
 pub use fit::{FitReport, fit};
 pub use held_out::HeldOutLogs;

@@ -160,12 +160,18 @@ impl Model {
 
     /// The robot, effects and setup of simulation `s` in a scenario. A scenario's known values override S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
-        self.in_scenario(&self.scenarios[scenario], s)
+        self.in_scenario(&self.scenarios[scenario], s, &[])
     }
 
-    fn in_scenario(&self, scenario: &Scenario, s: &[f64]) -> (Robot, Vec<PlacedEffect>, Setup) {
+    /// The same with values that replace the model's own.
+    fn in_scenario(
+        &self,
+        scenario: &Scenario,
+        s: &[f64],
+        values: &[(Target, f64)],
+    ) -> (Robot, Vec<PlacedEffect>, Setup) {
         let (mut robot, mut effects, mut setup) = (self.robot.clone(), self.effects.clone(), self.setup.clone());
-        let known = scenario.settings.iter().map(|(target, value)| (target, *value));
+        let known = values.iter().chain(&scenario.settings).map(|(target, value)| (target, *value));
         for (target, value) in self.targets.iter().zip(s.iter().copied()).chain(known) {
             target.set(value, &mut robot, &mut effects, &mut setup);
         }

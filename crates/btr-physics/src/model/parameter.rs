@@ -1,7 +1,8 @@
 //! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's
 //! law as well: `formula.PARAM@SITE`, the site as its effect has it).
 //!
-//! A site may be a comma-separated list and contain `*`; one value then holds for all matches.
+//! A site may be a comma-separated list and contain `*`; one value then holds for all matches. The value of an effect
+//! at one of several joints that the model places it at is that joint's own; the others keep theirs.
 
 use crate::effects;
 use crate::effects::{EFFECTS, Effect, FORMULA, PlacedEffect, SiteKind};
@@ -9,6 +10,7 @@ use crate::robot::site::matches;
 use crate::robot::stretch;
 use crate::robot::{Actuator, Robot};
 use crate::setup::Setup;
+use nalgebra::{UnitQuaternion, Vector3};
 
 /// A quantity of the model that can be set.
 #[derive(Clone, Debug)]
@@ -25,6 +27,15 @@ enum Quantity {
     Mass,
     /// Factor on the link's length.
     Length,
+    /// Factor on the link's rotational inertia.
+    Inertia,
+    /// Displacement of the joint's frame along an axis of its parent's.
+    Origin(usize),
+    /// Rotation of the joint's frame about one of its own axes.
+    Tilt(usize),
+    /// Friction as the robot's file states it.
+    Damping,
+    DryFriction,
     Motor(MotorValue),
     GroundFriction,
     Effect(&'static dyn Effect, usize),
@@ -44,9 +55,18 @@ enum MotorValue {
     Supply,
 }
 
-const QUANTITIES: [(&str, Quantity); 11] = [
+const QUANTITIES: [(&str, Quantity); 20] = [
     ("mass", Quantity::Mass),
     ("length", Quantity::Length),
+    ("inertia", Quantity::Inertia),
+    ("origin_x", Quantity::Origin(0)),
+    ("origin_y", Quantity::Origin(1)),
+    ("origin_z", Quantity::Origin(2)),
+    ("tilt_x", Quantity::Tilt(0)),
+    ("tilt_y", Quantity::Tilt(1)),
+    ("tilt_z", Quantity::Tilt(2)),
+    ("damping", Quantity::Damping),
+    ("friction", Quantity::DryFriction),
     ("kp", Quantity::Motor(MotorValue::Kp)),
     ("ki", Quantity::Motor(MotorValue::Ki)),
     ("kd", Quantity::Motor(MotorValue::Kd)),
@@ -118,7 +138,11 @@ impl Target {
     pub fn unit(&self) -> &'static str {
         match self.quantity {
             Quantity::Mass => "kg",
-            Quantity::Length | Quantity::GroundFriction => "1",
+            Quantity::Length | Quantity::Inertia | Quantity::GroundFriction => "1",
+            Quantity::Origin(_) => "m",
+            Quantity::Tilt(_) => "rad",
+            Quantity::Damping => "N·m·s/rad",
+            Quantity::DryFriction => "N·m",
             Quantity::Effect(effect, param) => effect.spec().params[param].unit,
             Quantity::Formula => "SI",
             Quantity::Motor(value) => value.unit(),
@@ -129,14 +153,17 @@ impl Target {
     /// off.
     pub fn nominal(&self, robot: &Robot, placed: &[PlacedEffect], setup: &Setup) -> Option<f64> {
         match self.quantity {
-            Quantity::Length => Some(1.0),
+            Quantity::Length | Quantity::Inertia => Some(1.0),
+            Quantity::Origin(_) | Quantity::Tilt(_) => Some(0.0),
+            Quantity::Damping => common(self.links.iter().map(|&link| robot.links[link].joint.damping)),
+            Quantity::DryFriction => common(self.links.iter().map(|&link| robot.links[link].joint.dry_friction)),
             Quantity::GroundFriction => setup.ground.map(|ground| ground.friction),
             Quantity::Mass => common(self.links.iter().map(|&link| robot.links[link].mass_kg)),
             Quantity::Motor(value) => common(
                 self.links.iter().filter_map(|&link| value.of(&mut robot.links[link].joint.actuator.clone()).copied()),
             ),
             Quantity::Effect(effect, param) => {
-                let placed_effect = placed.iter().find(|p| self.is_at(effect, p));
+                let placed_effect = self.covering(effect, robot, placed).map(|index| &placed[index]);
                 let value = placed_effect.map_or(effect.spec().params[param].off, |p| p.values[param]);
                 value.is_finite().then_some(value)
             }
@@ -156,11 +183,24 @@ impl Target {
         Ok(())
     }
 
-    /// Sets its value. Lengths are factors on the present length, so set them only once, on a fresh copy of the model.
+    /// Sets its value. Geometry and inertia are relative to the present ones, so set them only once, on a fresh copy of
+    /// the model.
     pub fn set(&self, value: f64, robot: &mut Robot, placed: &mut Vec<PlacedEffect>, setup: &mut Setup) {
         match self.quantity {
             Quantity::Mass => self.links.iter().for_each(|&link| set_mass(robot, link, value)),
             Quantity::Length => self.links.iter().for_each(|&link| stretch::stretch(robot, link, value)),
+            Quantity::Inertia => self.links.iter().for_each(|&link| robot.links[link].inertia_kg_m2 *= value),
+            Quantity::Origin(axis) => {
+                for &link in &self.links {
+                    robot.links[link].joint.origin.translation.vector[axis] += value;
+                }
+            }
+            Quantity::Tilt(axis) => {
+                let rotation = UnitQuaternion::from_scaled_axis(Vector3::ith(axis, value));
+                self.links.iter().for_each(|&link| robot.links[link].joint.origin.rotation *= rotation);
+            }
+            Quantity::Damping => self.links.iter().for_each(|&link| robot.links[link].joint.damping = value),
+            Quantity::DryFriction => self.links.iter().for_each(|&link| robot.links[link].joint.dry_friction = value),
             Quantity::Motor(motor) => {
                 for &link in &self.links {
                     if let Some(place) = motor.of(&mut robot.links[link].joint.actuator) {
@@ -174,10 +214,7 @@ impl Target {
                 }
             }
             Quantity::Effect(effect, param) => {
-                let index = placed.iter().position(|p| self.is_at(effect, p)).unwrap_or_else(|| {
-                    placed.push(PlacedEffect::off(effect, self.site.clone()));
-                    placed.len() - 1
-                });
+                let index = self.place(effect, robot, placed);
                 placed[index].values[param] = value;
             }
             Quantity::Formula => {
@@ -197,6 +234,40 @@ impl Target {
         let (effect, name) = what.split_once('.')?;
         let matching = spec.name == effect && placed.site == self.site;
         matching.then(|| spec.params.iter().position(|param| param.name == name))?
+    }
+
+    /// The effect at the site, as an index: as it is placed there, separated from other sites of a placed effect, or
+    /// newly placed and off.
+    fn place(&self, effect: &'static dyn Effect, robot: &Robot, placed: &mut Vec<PlacedEffect>) -> usize {
+        let Some(index) = self.covering(effect, robot, placed) else {
+            placed.push(PlacedEffect::off(effect, self.site.clone()));
+            return placed.len() - 1;
+        };
+        let all = self.quantity.sites(robot).unwrap_or_default();
+        let names = all.into_iter().map(|(_, name)| name);
+        let others: Vec<&str> =
+            names.filter(|name| matches(&placed[index].site, name) && !matches(&self.site, name)).collect();
+        if self.is_at(effect, &placed[index]) || others.is_empty() {
+            return index;
+        }
+        let own = PlacedEffect { site: self.site.clone(), ..placed[index].clone() };
+        placed[index].site = others.join(",");
+        placed.push(own);
+        placed.len() - 1
+    }
+
+    /// The placed effect at exactly this site, or at several sites of which this is a part, as an index.
+    fn covering(&self, effect: &dyn Effect, robot: &Robot, placed: &[PlacedEffect]) -> Option<usize> {
+        let exactly = placed.iter().position(|p| self.is_at(effect, p));
+        let here = |p: &PlacedEffect, link: &usize| {
+            let all = self.quantity.sites(robot).unwrap_or_default();
+            all.iter().any(|(index, name)| index == link && matches(&p.site, name))
+        };
+        let covers = |p: &PlacedEffect| {
+            let same = p.effect.spec().name == effect.spec().name && !self.links.is_empty();
+            same && self.links.iter().all(|link| here(p, link))
+        };
+        exactly.or_else(|| placed.iter().position(covers))
     }
 
     fn is_at(&self, effect: &dyn Effect, placed: &PlacedEffect) -> bool {
@@ -250,23 +321,36 @@ fn quantity(name: &str) -> Result<Quantity, ParameterError> {
 }
 
 impl Quantity {
-    /// The links that match the site, for this quantity.
-    fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
-        let of_joints = match self {
-            Quantity::GroundFriction => return Ok(Vec::new()),
+    /// Whether its sites are joints rather than links; `None` if it belongs to no single one.
+    fn is_of_joints(&self) -> Option<bool> {
+        Some(match self {
+            Quantity::GroundFriction => return None,
             Quantity::Effect(effect, _) => match effect.spec().site {
-                SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return Ok(Vec::new()),
+                SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return None,
                 SiteKind::Joint => true,
                 SiteKind::Link => false,
             },
-            Quantity::Motor(_) | Quantity::Formula => true,
-            Quantity::Mass | Quantity::Length => false,
-        };
-        let names: Vec<(usize, &str)> = if of_joints {
-            robot.movable().map(|(i, link)| (i, link.joint.name.as_str())).collect()
-        } else {
-            robot.links.iter().enumerate().map(|(i, link)| (i, link.name.as_str())).collect()
-        };
+            Quantity::Motor(_)
+            | Quantity::Formula
+            | Quantity::Origin(_)
+            | Quantity::Tilt(_)
+            | Quantity::Damping
+            | Quantity::DryFriction => true,
+            Quantity::Mass | Quantity::Length | Quantity::Inertia => false,
+        })
+    }
+
+    /// All its sites, with the links or the links that the joints carry; `None` if it belongs to no single one.
+    fn sites<'r>(&self, robot: &'r Robot) -> Option<Vec<(usize, &'r str)>> {
+        Some(match self.is_of_joints()? {
+            true => robot.movable().map(|(i, link)| (i, link.joint.name.as_str())).collect(),
+            false => robot.links.iter().enumerate().map(|(i, link)| (i, link.name.as_str())).collect(),
+        })
+    }
+
+    /// The links that match the site.
+    fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
+        let (Some(of_joints), Some(names)) = (self.is_of_joints(), self.sites(robot)) else { return Ok(Vec::new()) };
         let matching = |i: usize, name: &str| matches(site, name) || (!of_joints && i == 0 && site == "base");
         let found: Vec<usize> = names.iter().filter(|(i, name)| matching(*i, name)).map(|(i, _)| *i).collect();
         if found.is_empty() {

@@ -1,16 +1,18 @@
 //! A rollout of a model.
 
+use super::parameter::Target;
 use super::{Model, Scenario};
 use crate::effects::PlacedEffect;
 use crate::rollout::StateHook;
 use btr_core::world::{Job, TimeStep};
 
-/// One rollout of a [`Model`]: its nominal controller, no further effects, the model's own time step, noiseless sensors
-/// and no hook unless stated. See [`Model::request`].
+/// One rollout of a [`Model`]: its nominal controller, its own values, no further effects, its own time step, noiseless
+/// sensors and no hook unless stated. See [`Model::request`].
 pub struct ModelRequest<'a> {
     pub(super) s: &'a [f64],
     pub(super) scenario: &'a Scenario,
     pub(super) controller: Option<&'a [f64]>,
+    pub(super) values: &'a [(Target, f64)],
     pub(super) effects: &'a [PlacedEffect],
     pub(super) time_step: TimeStep,
     pub(super) noise_seed: Option<u64>,
@@ -20,14 +22,20 @@ pub struct ModelRequest<'a> {
 impl<'a> ModelRequest<'a> {
     /// A rollout of point `s` of S in a scenario.
     pub fn new(s: &'a [f64], scenario: &'a Scenario) -> Self {
-        let (controller, effects, time_step, noise_seed, hook) = (None, &[][..], TimeStep::USUAL, None, None);
-        ModelRequest { s, scenario, controller, effects, time_step, noise_seed, hook }
+        let (values, effects, time_step) = (&[][..], &[][..], TimeStep::USUAL);
+        ModelRequest { s, scenario, controller: None, values, effects, time_step, noise_seed: None, hook: None }
     }
 
     /// A point of C.
     #[must_use]
     pub fn controller(self, c: &'a [f64]) -> Self {
         ModelRequest { controller: Some(c), ..self }
+    }
+
+    /// Values that replace the model's own. Those that a scenario states win over these.
+    #[must_use]
+    pub fn values(self, values: &'a [(Target, f64)]) -> Self {
+        ModelRequest { values, ..self }
     }
 
     /// Effects in addition to those of the model.

@@ -81,13 +81,13 @@ impl Model {
 
     /// Everything that a rollout needs.
     fn inputs<'a>(&self, request: &ModelRequest<'a>) -> Result<RunInputs<'a>, WorldError> {
-        let &ModelRequest { s, scenario, effects: further, time_step: step, .. } = request;
+        let &ModelRequest { s, scenario, values, effects: further, time_step: step, .. } = request;
         let nominal = self.drive.space().nominal();
         let c = request.controller.unwrap_or(&nominal);
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
         self.rollouts.fetch_add(1, Ordering::Relaxed);
-        let (mut robot, mut effects, mut setup) = self.in_scenario(scenario, s);
+        let (mut robot, mut effects, mut setup) = self.in_scenario(scenario, s, values);
         effects.extend_from_slice(further);
         if scenario.replay.is_some() {
             undo_encoder_effects(&mut robot, &effects, scenario.start.len())?;

@@ -81,6 +81,42 @@ fn motors_floors_and_effects() {
 }
 
 #[test]
+fn one_of_several_joints_with_an_effect_gets_a_value_of_its_own() {
+    let robot = ant::ant();
+    let armature = btr_physics::effects::find("armature").unwrap();
+    let mut placed = vec![PlacedEffect { effect: armature, site: "*".to_owned(), values: vec![0.01] }];
+    let target = Target::parse("armature.inertia@L1_knee", &robot).unwrap();
+    assert_eq!(target.nominal(&robot, &placed, &Setup::default()), Some(0.01));
+    target.set(0.03, &mut robot.clone(), &mut placed, &mut Setup::default());
+    let at = |joint: &str| {
+        let here = placed.iter().filter(|p| btr_physics::robot::site::matches(&p.site, joint));
+        here.map(|p| p.values[0]).sum::<f64>()
+    };
+    assert_eq!((at("L1_knee"), at("R1_knee"), at("L1_yaw")), (0.03, 0.01, 0.01));
+    // Both at once, again one by one, and as all that are left.
+    let both = Target::parse("armature.inertia@L1_knee,R1_knee", &robot).unwrap();
+    let mut two = vec![PlacedEffect { effect: armature, site: "R1_knee, L1_knee".to_owned(), values: vec![0.01] }];
+    both.set(0.02, &mut robot.clone(), &mut two, &mut Setup::default());
+    assert_eq!((two.len(), two[0].values[0]), (1, 0.02));
+}
+
+#[test]
+fn joints_are_displaced_and_tilted_in_their_own_axes() {
+    let (nominal, mut robot) = (nao(), nao());
+    set("origin_y@RKneePitch", 0.01, &mut robot);
+    set("tilt_x@RKneePitch", 0.1, &mut robot);
+    set("inertia@RKneePitch", 2.0, &mut robot);
+    let link = robot.link("RKneePitch").unwrap();
+    let (before, after) = (&nominal.links[link], &robot.links[link]);
+    let moved = after.joint.origin.translation.vector - before.joint.origin.translation.vector;
+    assert!((moved - nalgebra::Vector3::new(0.0, 0.01, 0.0)).norm() < 1e-15);
+    let turned = before.joint.origin.rotation.inverse() * after.joint.origin.rotation;
+    assert!((turned.scaled_axis() - nalgebra::Vector3::new(0.1, 0.0, 0.0)).norm() < 1e-12);
+    assert!((after.inertia_kg_m2 - before.inertia_kg_m2 * 2.0).norm() < 1e-15);
+    assert_eq!(after.mass_kg.to_bits(), before.mass_kg.to_bits());
+}
+
+#[test]
 fn unknown_names_get_similar_suggestions() {
     let robot = nao();
     let near = |name: &str| match Target::parse(name, &robot).unwrap_err() {
@@ -100,6 +136,7 @@ fn every_quantity_is_read_back_where_it_was_set() {
     for name in ["mass@RKneePitch", "kp@R*", "kd@*", "ki@LKneePitch", "max_torque@*", "ground_friction"]
         .into_iter()
         .chain(["coulomb_friction.torque@RKneePitch", "payload.mass@base", "ground_friction.coefficient"])
+        .chain(["damping@RKneePitch", "friction@L*"])
     {
         let (mut robot, mut placed, mut setup) = (nao(), Vec::new(), Setup::default());
         let target = Target::parse(name, &robot).unwrap();

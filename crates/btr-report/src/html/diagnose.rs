@@ -6,12 +6,12 @@ use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
-use crate::text::fit_command;
-use crate::text::{ESTIMATES, estimate, integrator};
+use crate::text::{CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator};
 use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{RankedCandidate, Verdict};
-use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment};
+use btr_identify::fit::Estimate;
+use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment, ValueReport};
 use btr_physics::effects;
 
 /// Number of candidates drawn per round, the best first.
@@ -28,6 +28,7 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String 
     lead.extend(fit_command(found, subject).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
     sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));
+    sections.extend(found.wrong_values.iter().map(|value| what_is_wrong(value, found)));
     sections.extend(found.residual_law.as_ref().map(law));
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder));
@@ -39,14 +40,19 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String 
 }
 
 /// "coulomb_friction on yaw and backlash on elbow".
-fn named(effects: &[EffectReport]) -> String {
-    effects.iter().map(|e| format!("{} on {}", e.effect, e.site)).collect::<Vec<_>>().join(" and ")
+fn named(found: &DiagnoseReport) -> String {
+    let (effects, values) = findings(found);
+    effects
+        .into_iter()
+        .chain(values.into_iter().map(|value| format!("another {value}")))
+        .collect::<Vec<_>>()
+        .join(" and ")
 }
 
 fn what_was_found(found: &DiagnoseReport) -> String {
-    match found.effects.as_slice() {
-        [] => "with the free parameters fitted".to_owned(),
-        effects => format!("with {}, and the free parameters fitted", named(effects)),
+    match &*named(found) {
+        "" => "with the free parameters fitted".to_owned(),
+        names => format!("with {names}, and the free parameters fitted"),
     }
 }
 
@@ -57,16 +63,28 @@ fn sentence(found: &DiagnoseReport) -> String {
     let error = |step: &LadderStep| number(step.held_out.unwrap_or(step.train));
     let last = found.error_ladder.last().map_or_else(String::new, error);
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
-    let names = named(&found.effects);
-    let alike: Vec<&str> = found.effects.iter().flat_map(|effect| &effect.alike).map(String::as_str).collect();
+    let names = named(found);
+    let alike = found.effects.iter().map(|effect| &effect.alike);
+    let alike = alike.chain(found.wrong_values.iter().map(|value| &value.alike));
+    let alike: Vec<&str> = alike.flatten().map(String::as_str).collect();
     let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
     let where_judged: String = notes.map(|sentence| format!(" Note that {sentence}.")).collect();
-    match (found.verdict, found.effects.is_empty()) {
+    match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
                 "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors."
+            )
+        }
+        (Verdict::ValueWrong, _) => {
+            format!(
+                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} noise floors."
+            )
+        }
+        (Verdict::PartlyExplained, _) => {
+            format!(
+                "{names} explains most of the error, and something else is missing: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
             )
         }
         (Verdict::NothingMissing, _) => {
@@ -92,24 +110,49 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
     let delta = number(effect.delta_bic);
-    let text = format!("Probability among all fitted candidates: {probability}; delta BIC {delta}. {alike}");
+    let why = evidence(effect.share, effect.logs_better, effect.established);
+    let text = format!("Probability among all fitted candidates: {probability}; delta BIC {delta}; {why}. {alike}");
     let parameters = Block::Table {
         header: ESTIMATES.map(str::to_owned).to_vec(),
         rows: effect.parameters.iter().map(estimate).collect(),
     };
     let mut blocks = vec![Block::Text(text), parameters];
-    if effect.parameters.iter().any(|p| p.ci95.is_none() && !p.at_bound) {
-        let error = found.error_ladder.last().map_or(f64::NAN, |step| step.held_out.unwrap_or(step.train));
-        let error = number(error);
-        blocks.push(Block::Text(format!(
-            "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
-        )));
-    }
+    blocks.extend(withheld(effect.parameters.iter(), found));
     if let Some(spec) = effects::find(&effect.effect).map(|effect| effect.spec()) {
         let lines = [("Law", spec.law), ("How it shows", spec.symptom), ("Source", spec.cite)];
         blocks.push(Block::List(lines.iter().map(|(what, text)| format!("{what}: {text}")).collect()));
     }
     Section { title: format!("{} on {}", effect.effect, effect.site), blocks }
+}
+
+/// Why estimates have no intervals, if they have none.
+fn withheld<'a>(mut estimates: impl Iterator<Item = &'a Estimate>, found: &DiagnoseReport) -> Option<Block> {
+    let error = found.error_ladder.last().map_or(f64::NAN, |step| step.held_out.unwrap_or(step.train));
+    let error = number(error);
+    estimates.any(|p| p.ci95.is_none() && !p.at_bound).then(|| {
+        Block::Text(format!(
+            "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
+        ))
+    })
+}
+
+/// A section on a value: its probability, what the model states and what the logs show.
+fn what_is_wrong(value: &ValueReport, found: &DiagnoseReport) -> Section {
+    let alike = match value.alike.as_slice() {
+        [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
+        alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
+    };
+    let why = evidence(value.share, value.logs_better, value.established);
+    let (probability, delta) = (100.0 * value.probability, number(value.delta_bic));
+    let text =
+        format!("Probability among all fitted candidates: {probability:.1} %; delta BIC {delta}; {why}. {alike}");
+    let parameters = Block::Table {
+        header: CORRECTED.map(str::to_owned).to_vec(),
+        rows: value.parameters.iter().map(corrected).collect(),
+    };
+    let mut blocks = vec![Block::Text(text), parameters];
+    blocks.extend(withheld(value.parameters.iter().map(|value| &value.estimate), found));
+    Section { title: format!("{} of {}", value.value, value.site), blocks }
 }
 
 /// The ladder step from which a round (from 0) began: the one before the effect that it added, or the last.
@@ -135,7 +178,9 @@ fn candidates(found: &DiagnoseReport) -> Section {
 fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> String {
     let shown = ShownLogs::of(round.iter().map(|ranked| ranked.held_out));
     let before = base(&found.error_ladder, k).map(|step| step.train);
-    let names: Vec<String> = found.effects.iter().flat_map(EffectReport::names).collect();
+    let effects = found.effects.iter().flat_map(EffectReport::names);
+    let values = found.wrong_values.iter().map(|value| format!("{}@{}", value.value, value.site));
+    let names: Vec<String> = effects.chain(values).collect();
     let row = |ranked: &RankedCandidate| {
         let stem = before.map(|before| Pin::Stem(Ink::Truth, before, ranked.train));
         Row {

@@ -7,7 +7,7 @@ use btr_physics::effects::Param;
 use btr_physics::setup::Setup;
 
 /// Spread of the weak prior of an effect's amplitude, in typical sizes.
-const WEAK: f64 = 33.0;
+pub(super) const WEAK: f64 = 33.0;
 /// Spread of the prior of a shape, in factors of two.
 const SHAPE: f64 = 3.0;
 /// Step of finite differences: in standard deviations for free parameters, in typical sizes for amplitudes.

@@ -96,12 +96,12 @@ fn of_logs(
 ) -> Result<RemainingErrors, WorldError> {
     let mut model = problem.model().in_situations(problem.model().scenarios.clone());
     model.setup.noise = noise(problem);
-    let (values, effects) = (problem.inner(truth), problem.placed(truth));
+    let truly = problem.at(truth);
     let record = |(scenario, recorded): (usize, &Log)| {
         // With a finer step, so that the discretisation error remains as well.
         let seed = derive(SEED, &[draw + 1, scenario as u64]);
         let step = TimeStep::USUAL.halved().halved().halved();
-        let request = model.request(&values, scenario).effects(&effects).time_step(step).noise_seed(seed);
+        let request = truly.request(&model.scenarios[scenario]).time_step(step).noise_seed(seed);
         recorded_channels(&model.simulate(request)?, recorded)
     };
     let logs: Vec<Log> = problem.recorded().iter().enumerate().map(record).collect::<Result<_, WorldError>>()?;

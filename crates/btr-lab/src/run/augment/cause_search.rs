@@ -9,8 +9,9 @@ use crate::scales::RobotScales;
 use btr_core::coevolve::{Abduction, Cost, EstimateError, Estimated, Extension, Posterior};
 use btr_core::space::{Dim, Space};
 use btr_core::world::{Cancelled, Simulator};
-use btr_identify::diagnose::MissingEffect;
+use btr_identify::diagnose::{Evidence, MissingEffect};
 use btr_identify::fit::Estimate;
+use btr_identify::residual_model::CandidateKind;
 use btr_physics::effects::{EFFECTS, SiteKind};
 use btr_physics::model::Model;
 use std::ops::Range;
@@ -144,6 +145,8 @@ impl<'a> CauseSearch<'a> {
         let alike = tried.iter().skip(1).filter(close).filter_map(|other| Some(other.added.last()?.name()));
         let rivals: f64 = tried.iter().skip(1).map(|other| (-0.5 * excess_cost(other)).exp()).sum();
         Some(MissingEffect {
+            kind: CandidateKind::Effect,
+            evidence: Evidence::default(),
             effect: last.effect.spec().name.to_owned(),
             site: last.site.clone(),
             alike: alike.collect(),

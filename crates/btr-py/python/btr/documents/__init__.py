@@ -22,12 +22,14 @@ from btr.documents._common import (
 from btr.documents._check import CheckedLog, ClockReport, CommandLag, CommandResponse, Sensitivity, SensorReport
 from btr.documents._compare import ChannelError, Clue, Regime, RegimeFailure
 from btr.documents._diagnose import (
+    CorrectedValue,
     EffectReport,
     LawReport,
     NextExperiment,
     RankedCandidate,
     RivalExplanation,
     StatedLow,
+    ValueReport,
 )
 from btr.documents._effects import EffectParameter, EffectSpec
 from btr.documents._run import (
@@ -70,6 +72,7 @@ __all__ = [
     "Doubt",
     "Drift",
     "EffectParameter",
+    "CorrectedValue",
     "EffectReport",
     "EffectSpec",
     "Estimate",
@@ -101,6 +104,7 @@ __all__ = [
     "SensorReport",
     "Severity",
     "StatedLow",
+    "ValueReport",
     "StopReason",
     "TestDoubt",
     "TestEntry",

@@ -26,9 +26,9 @@ Topic = Literal[
     "start",
 ]
 """What a finding is about."""
-Verdict = Literal["effect_missing", "nothing_missing", "unexplained"]
-"""The verdict of a diagnosis: the named effects explain the error, the residual is noise, or no known effect explains
-the error."""
+Verdict = Literal["effect_missing", "value_wrong", "partly_explained", "nothing_missing", "unexplained"]
+"""The verdict of a diagnosis: the named effects explain the error, corrected values of the model do, what is named
+explains most of it, the residual is noise, or nothing known explains the error."""
 FitStop = Literal["converged", "effort", "stuck"]
 """Why a fit ended: no further improvement, its effort is spent, or no direction of improvement was found."""
 

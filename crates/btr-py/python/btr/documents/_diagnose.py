@@ -21,8 +21,44 @@ class EffectReport(Record):
     """Its posterior probability among all candidates of its round, the model without it included."""
     delta_bic: float
     """How much it lowers the information criterion."""
+    share: float
+    """The share of the squared error above the noise that it explains, on held-out logs if there are any."""
+    logs_better: list[int]
+    """In how many logs the error is smaller with it, held-out ones included, and of how many."""
+    established: bool
+    """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
     parameters: list[Estimate]
     """Its parameters."""
+
+
+class CorrectedValue(Estimate):
+    """A value in the logs and in the model."""
+
+    in_model: float
+    """The model's value, in `unit`."""
+
+
+class ValueReport(Record):
+    """A value that the model states wrongly."""
+
+    value: str
+    """The quantity, or the effect of the model whose parameters these are."""
+    site: str
+    """The joint or link, or the sites of the effect."""
+    alike: list[str]
+    """Names of effects and other values that these logs cannot tell from it."""
+    probability: float
+    """Its posterior probability among all candidates of its round, the model without it included."""
+    delta_bic: float
+    """How much it lowers the information criterion."""
+    share: float
+    """The share of the squared error above the noise that it explains, on held-out logs if there are any."""
+    logs_better: list[int]
+    """In how many logs the error is smaller with it, held-out ones included, and of how many."""
+    established: bool
+    """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
+    parameters: list[CorrectedValue]
+    """The values; their names are arguments of `add` and `fit`."""
 
 
 class RankedCandidate(Record):

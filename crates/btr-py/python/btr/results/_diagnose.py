@@ -24,6 +24,8 @@ class DiagnoseResult(Reported):
     """The verdict."""
     effects: list[doc.EffectReport]
     """The missing effects; with the verdict `unexplained`, effects that help without explaining the error."""
+    wrong_values: list[doc.ValueReport]
+    """The values that the model states wrongly, in the same sense."""
     error_ladder: list[doc.LadderStep]
     """The error after each step, in multiples of the noise floor."""
     ranking: list[list[doc.RankedCandidate]]
@@ -68,23 +70,34 @@ class DiagnoseResult(Reported):
 
     @property
     def names(self) -> list[str]:
-        """The effects found, as `effect@site`: arguments of `add` and `fit`."""
-        return names_of(self.effects)
+        """What is established, or whatever helps if nothing is: effects as `effect@site` and parameters of the model,
+        arguments of `add` and `fit`."""
+        values = [(value.established, p.name) for value in self.wrong_values for p in value.parameters]
+        found = [(effect.established, name) for effect in self.effects for name in names_of([effect])] + values
+        any_established = any(established for established, _ in found)
+        return [name for established, name in found if established or not any_established]
 
     def _headline(self) -> str:
         found = ", ".join(self.names)
         if self.verdict == "effect_missing":
             return f"missing: {found}{self._further()}"
+        if self.verdict == "value_wrong":
+            return f"wrong in the model: {found}{self._further()}"
         if self.verdict == "nothing_missing":
             return "nothing is missing: what remains is noise"
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
+        if self.verdict == "partly_explained":
+            return f"partly explained by {found}; something else is missing: {share}{self._further()}"
         helps = f"{found} helps but does not explain the error" if found else "no effect of the library helps"
         return f"unexplained: {helps}; {share}{self._further()}"
 
     def _further(self) -> str:
         """What is known beyond the verdict, one line each."""
-        unsure = [effect for effect in self.effects if effect.alike]
-        alike = [f"\nthese logs cannot tell {', '.join(names_of([e]))} from {', '.join(e.alike)}" for e in unsure]
+        found = [(", ".join(names_of([effect])), effect.alike) for effect in self.effects]
+        found += [(f"{value.value}@{value.site}", value.alike) for value in self.wrong_values]
+        alike = [f"\nthese logs cannot tell {name} from {', '.join(others)}" for name, others in found if others]
+        corrected = [p for value in self.wrong_values for p in value.parameters]
+        lines = [f"\n{p.name}: {p.value:.4g} {p.unit} in the logs, {p.in_model:.4g} in the model" for p in corrected]
         law, experiment = self.residual_law, self.next_experiment
         like = f"\nthe error looks like {law.law} on the {law.on} of {law.site}" if law else ""
         beside = f", beside {', '.join(law.beside)}" if law and law.beside else ""
@@ -92,7 +105,7 @@ class DiagnoseResult(Reported):
         noise = f"\nwhat is left is white: is [noise] stated too low? {low}" if low else ""
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
-        return early + noise + "".join(alike) + like + beside + proposal
+        return "".join(lines) + early + noise + "".join(alike) + like + beside + proposal
 
     def _table(self) -> Rows:
         return [{"step": s.step, "error (x noise floor)": s.train, "held out": s.held_out} for s in self.error_ladder]
