@@ -222,12 +222,12 @@ def read(said: dict[str, Any], outcome: Outcome) -> None:
 
 def mark(case: Case, outcome: Outcome) -> None:
     """Scores an answer, its names and its intervals."""
-    truth = set(outcome.truth)
+    truth = {name.replace("payload_at_end@", "end_payload@") for name in outcome.truth}
     twins = {name: {name, *exact_twins(case, name)} for name in truth}
     acceptable = set().union(*twins.values(), case.right)
     if any(h.effect == "payload_at_end" for h in case.hidden):
         link = case.hidden[0].site
-        acceptable |= {f"payload@{link}", f"com_offset@{link}", f"link_inertia@{link}"}
+        acceptable |= {f"{name}@{link}" for name in ("end_payload", "payload", "com_offset", "link_inertia")}
     outcome.right = [name in acceptable for name in outcome.named]
     mark_intervals(case, outcome)
     outcome.score = {"none": score_nothing, "outside": score_outside, "constants": score_constant}.get(

@@ -233,7 +233,11 @@ impl Reality {
             for (parameter, u) in planted.coordinates.iter_mut().take(candidate.amplitudes.len()) {
                 let parameter = &bare.parameters()[*parameter];
                 // A limit that is hardly ever met is none, however much it is loosened.
-                let least = if parameter.law == Parametrisation::Inverse { LOOSEST } else { f64::NEG_INFINITY };
+                let least = if matches!(parameter.law, Parametrisation::Inverse | Parametrisation::Compliance) {
+                    LOOSEST
+                } else {
+                    f64::NEG_INFINITY
+                };
                 *u = parameter.clamp(*u * factor).max(least);
             }
         }
@@ -245,7 +249,11 @@ impl Reality {
     fn amplitude(&mut self, parameter: &FitParameter) -> f64 {
         let share: f64 = self.rng.random();
         let sign = if parameter.bounds.0 < 0.0 && self.rng.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
-        let sizes = if parameter.law == Parametrisation::Inverse { LIMITS } else { SIZES };
+        let sizes = if matches!(parameter.law, Parametrisation::Inverse | Parametrisation::Compliance) {
+            LIMITS
+        } else {
+            SIZES
+        };
         parameter.clamp(sign * (sizes.0 + share * (sizes.1 - sizes.0)))
     }
 }

@@ -96,6 +96,13 @@ impl RobotScales {
         RobotScales { joints, whole: whole.unwrap_or(DESK) }
     }
 
+    /// Factor for the bounds of a parameter in this unit at a site. The mass of a payload is bounded by what the robot
+    /// is made to carry, not by the link that carries it: a flange is light.
+    pub(crate) fn of_bounds(&self, unit: &str, site: &str) -> f64 {
+        let of_hint = self.of_unit(unit, site);
+        if unit == "kg" { of_hint.max(self.whole.mass / DESK.mass) } else { of_hint }
+    }
+
     /// Factor for a hint in this unit at a site.
     pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
         let joint = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);

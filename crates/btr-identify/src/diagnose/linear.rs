@@ -147,8 +147,12 @@ impl<'a> BasePoint<'a> {
 
     fn probes(&self, objective: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
         let candidate = &objective.candidates()[index];
-        let limit = candidate.amplitudes.iter().any(|&k| objective.parameters()[k].law == Parametrisation::Inverse);
-        let sizes = if limit { sizes.limits } else { sizes.amplitudes };
+        let has = |law| candidate.amplitudes.iter().any(|&k| objective.parameters()[k].law == law);
+        let sizes = match (has(Parametrisation::Inverse), has(Parametrisation::Compliance)) {
+            (true, _) => sizes.limits,
+            (false, true) => sizes.compliances,
+            (false, false) => sizes.amplitudes,
+        };
         let mut probes = Vec::new();
         for shapes in starts {
             for &size in sizes {

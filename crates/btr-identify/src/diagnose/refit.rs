@@ -25,7 +25,9 @@ const CHANCES: usize = 16;
 const LEADER: SearchBudget = SearchBudget { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
 
-/// The budget for each start shape that is tried again.
+/// How many of the start shapes that are tried again are fitted: those with the lowest cost.
+const RESHAPES: usize = 4;
+/// The budget for each of them.
 pub(super) const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
@@ -125,14 +127,20 @@ fn reshape(objective: &Objective, rival: &mut Rival) {
     if candidate.starts.len() < 2 || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
         return;
     }
-    let reshaped = candidate.starts.iter().filter_map(|shapes| {
+    let with_shapes = |shapes: &Vec<f64>| {
         let mut u = rival.fit.u.clone();
         candidate.shapes.iter().zip(shapes).for_each(|(&parameter, &shape)| u[parameter] = shape);
-        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), u, &rival.fit.step_error).ok()?;
+        StartPoint { candidate: rival.candidate, base: 0, u, cost: f64::INFINITY }
+    };
+    let mut reshaped: Vec<StartPoint> = candidate.starts.iter().map(with_shapes).collect();
+    simulate(objective, std::slice::from_ref(&rival.fit), &mut reshaped);
+    reshaped.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let fitted = reshaped.into_iter().take(RESHAPES).filter_map(|start| {
+        let mut fit = FitPoint::at(objective, rival.fit.active.clone(), start.u, &rival.fit.step_error).ok()?;
         fit.solve(objective, RESHAPED);
         Some(fit)
     });
-    if let Some(best) = reshaped.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < rival.fit.cost) {
+    if let Some(best) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < rival.fit.cost) {
         rival.fit = best;
         rival.fit.solve(objective, FOLLOWER);
     }

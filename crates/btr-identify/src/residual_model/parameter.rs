@@ -10,8 +10,10 @@ pub enum Parametrisation {
     Linear,
     /// value = origin·exp(size·u).
     Exponential,
-    /// value = size/u: infinite, which is off, at u = 0.
+    /// value = size/u: infinite, which is off, at u = 0. A limit: there is no response until it is reached.
     Inverse,
+    /// The same for a stiffness: its inverse, the compliance, is felt from 0 on.
+    Compliance,
 }
 
 /// A parameter that may be varied.
@@ -43,7 +45,7 @@ impl FitParameter {
         match self.law {
             Parametrisation::Linear => self.origin + self.size * u,
             Parametrisation::Exponential => self.origin * (self.size * u).exp(),
-            Parametrisation::Inverse => self.size / u,
+            Parametrisation::Inverse | Parametrisation::Compliance => self.size / u,
         }
     }
 
@@ -52,7 +54,7 @@ impl FitParameter {
         match self.law {
             Parametrisation::Linear => (value - self.origin) / self.size,
             Parametrisation::Exponential => (value / self.origin).ln() / self.size,
-            Parametrisation::Inverse => self.size / value,
+            Parametrisation::Inverse | Parametrisation::Compliance => self.size / value,
         }
     }
 
@@ -61,7 +63,7 @@ impl FitParameter {
         match self.law {
             Parametrisation::Linear => self.size,
             Parametrisation::Exponential => self.size * self.value(u),
-            Parametrisation::Inverse => -self.size / (u * u),
+            Parametrisation::Inverse | Parametrisation::Compliance => -self.size / (u * u),
         }
     }
 

@@ -51,7 +51,7 @@ impl IdentificationProblem {
             let list = if param.shape { &mut shapes } else { &mut amplitudes };
             list.push(self.parameters.len());
             let name = format!("{}.{}@{site}", spec.name, param.name);
-            let scale = self.scales.of_unit(param.unit, &site);
+            let scale = (self.scales.of_unit(param.unit, &site), self.scales.of_bounds(param.unit, &site));
             self.parameters.push(parameter(name, param, scale, model_value(param, &self.model.setup)));
         }
         let start = |values: &&[f64]| {

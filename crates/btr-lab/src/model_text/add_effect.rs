@@ -193,7 +193,8 @@ fn write_effect(
         if parameters.contains_key(&name) {
             return Err(AddError::Twice { name: format!("{}@{site}", spec.name) });
         }
-        parameters.insert(&name, value(entry(param, scales.of_unit(param.unit, site))));
+        let scale = (scales.of_unit(param.unit, site), scales.of_bounds(param.unit, site));
+        parameters.insert(&name, value(entry(param, scale)));
         if let Some(mut key) = parameters.key_mut(&name) {
             let comment = if k == 0 {
                 format!("\n# {}: {}. Source: {}.\n# In {}", spec.name, spec.law, spec.cite, param.unit)
@@ -221,10 +222,11 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Bounds and initial value of a parameter: its off value if that is finite, else its typical value.
-fn entry(param: &Param, scale: f64) -> InlineTable {
+fn entry(param: &Param, (scale, of_bounds): (f64, f64)) -> InlineTable {
     let start = if param.off.is_finite() { param.off } else { param.hint * scale };
     let mut table = InlineTable::new();
-    let bounds = [scale.min(1.0) * param.bounds.0.min(start), scale.max(1.0) * param.bounds.1.max(start)].map(rounded);
+    let bounds =
+        [of_bounds.min(1.0) * param.bounds.0.min(start), of_bounds.max(1.0) * param.bounds.1.max(start)].map(rounded);
     table.insert("bounds", Value::Array(bounds.into_iter().collect()));
     table.insert("value", start.into());
     table

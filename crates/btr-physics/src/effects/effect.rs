@@ -47,27 +47,34 @@ pub struct Param {
     pub hint: f64,
     /// Whether it only shapes the effect (the speed of a Stribeck curve, the order of cogging) and does not enable it.
     pub shape: bool,
+    /// Whether it is a stiffness: off when infinite, and its inverse is felt from 0 on.
+    pub stiffness: bool,
 }
 
 impl Param {
     /// A parameter that is off at zero.
     pub(crate) const fn new(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
-        Param { name, unit, bounds, off: 0.0, hint, shape: false }
+        Param { name, unit, bounds, off: 0.0, hint, shape: false, stiffness: false }
     }
 
     /// A limit, which is off when infinite.
     pub(crate) const fn limit(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
-        Param { name, unit, bounds, off: f64::INFINITY, hint, shape: false }
+        Param { name, unit, bounds, off: f64::INFINITY, hint, shape: false, stiffness: false }
+    }
+
+    /// A stiffness in series, which is off when infinite.
+    pub(crate) const fn stiffness(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
+        Param { stiffness: true, ..Param::limit(name, unit, bounds, hint) }
     }
 
     /// A parameter that replaces a value of the model; off when NaN.
     pub(crate) const fn replacement(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
-        Param { name, unit, bounds, off: f64::NAN, hint, shape: false }
+        Param { name, unit, bounds, off: f64::NAN, hint, shape: false, stiffness: false }
     }
 
     /// A parameter that only shapes the effect.
     pub(crate) const fn shape(name: &'static str, unit: &'static str, bounds: (f64, f64), hint: f64) -> Self {
-        Param { name, unit, bounds, off: hint, hint, shape: true }
+        Param { name, unit, bounds, off: hint, hint, shape: true, stiffness: false }
     }
 }
 
@@ -101,6 +108,10 @@ pub struct EffectSpec {
 pub trait Effect: Sync {
     /// Static description.
     fn spec(&self) -> &'static EffectSpec;
+    /// Whether a cause outside the joints (a bus, a supply, firmware) may give it to all of them at once.
+    fn is_common(&self) -> bool {
+        false
+    }
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
     /// Changes gravity or the floor before the world is built.

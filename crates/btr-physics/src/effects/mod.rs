@@ -32,6 +32,7 @@ effects! {
         viscous_friction::ViscousFriction,
         stribeck_friction::StribeckFriction,
         asymmetric_friction::AsymmetricFriction,
+        presliding_friction::PreslidingFriction,
         load_dependent_friction::LoadDependentFriction,
         quadratic_drag::QuadraticDrag,
     }
@@ -50,11 +51,13 @@ effects! {
         command_delay::CommandDelay,
         motor_lag::MotorLag,
         command_rate_limit::CommandRateLimit,
+        command_hysteresis::CommandHysteresis,
         command_deadband::CommandDeadband,
         command_offset::CommandOffset,
     }
     body {
         payload::Payload,
+        end_payload::EndPayload,
         com_offset::ComOffset,
         link_inertia::LinkInertia,
         gravity_tilt::GravityTilt,

@@ -16,6 +16,14 @@ pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>
     Unit::try_new(along, 1e-9)
 }
 
+/// The end of a link, in its frame: the farthest joint that it carries, or else twice as far as its centre of mass.
+pub(crate) fn end(robot: &Robot, link: usize) -> Vector3<f64> {
+    let carried = robot.links.iter().filter(|child| child.parent == Some(link));
+    let far = carried.map(|child| child.joint.origin.translation.vector);
+    let farthest = far.max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    farthest.filter(|v| v.norm() > 1e-9).unwrap_or(2.0 * robot.links[link].com_m.coords)
+}
+
 /// Scales the length of a link by `factor` at constant density: shapes, centre of mass and the joints that it carries
 /// move along the axis, its mass is proportional to its length, its inertia is that of the stretched body.
 pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {

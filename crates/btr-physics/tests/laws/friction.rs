@@ -92,3 +92,25 @@ fn cogging_deflects_a_servo_by_its_sine() {
     let balance = 20.0 * (0.3 - q) + 0.8 * (5.0 * q + 0.7).sin();
     assert!(balance.abs() < 1e-6 && (q - 0.3).abs() > 0.01, "{q} rad leaves {balance} N·m");
 }
+
+#[test]
+fn presliding_is_a_spring_until_the_contacts_slide() {
+    let moved = |stiffness: f64, torque: f64| {
+        last(&pushed(placed("presliding_friction", "*", &[1.0, stiffness]), torque, 3.0), "q_hinge")
+    };
+    // Half the torque at which they slide bends the contacts by about torque/stiffness; as they swing, they ratchet on.
+    for stiffness in [50.0, 500.0] {
+        let bent = moved(stiffness, 0.5) * stiffness;
+        assert!((0.3..5.0).contains(&bent), "{bent}");
+    }
+    assert!(moved(500.0, 1.05) > 0.1, "it must slide");
+    let end = last(&coast(placed("presliding_friction", "hinge", &[1.0, 2000.0]), 3.0), "dq_hinge");
+    assert!((end - (3.0 - 0.5 / INERTIA)).abs() < 2e-3, "{end} rad/s: Coulomb's law in motion");
+}
+
+#[test]
+fn a_static_torque_below_coulombs_is_coulombs() {
+    let [below, equal] =
+        [0.2, 1.0].map(|rest| last(&coast(placed("stribeck_friction", "hinge", &[1.0, rest, 0.5]), 1.0), "q_hinge"));
+    assert_eq!(below.to_bits(), equal.to_bits());
+}

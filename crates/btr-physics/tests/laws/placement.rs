@@ -23,6 +23,18 @@ fn a_shifted_centre_of_mass_changes_the_gravity_torque() {
 }
 
 #[test]
+fn a_payload_at_the_end_weighs_there_and_resists_turning_there() {
+    // The bob's centre of mass is 0.7 m from the hinge: its end is 1.4 m away.
+    let (q, torque) = held(placed("end_payload", "bob", &[0.5]), 0.4);
+    assert!((torque - (1.3 * 0.7 + 0.5 * 1.4) * G * q.sin()).abs() < 1e-6, "{torque} N·m");
+    let mut robot = pendulum(1.3, 0.7, Actuator::Torque { max_torque: 100.0 });
+    robot.links[1].joint.start = 0.2;
+    let setup = fast_weightless(0.001, 0.5);
+    let speed = last(&run_with(&robot, &[placed("end_payload", "bob", &[0.5])], &setup, &hold(2.0)), "dq_hinge");
+    assert!((speed - 1.0 / (1.3 * 0.49 + 0.5 * 1.96)).abs() < 1e-9, "{speed} rad/s");
+}
+
+#[test]
 fn an_inertia_is_added_to_the_links() {
     let mut robot = pendulum(1.3, 0.7, Actuator::Torque { max_torque: 100.0 });
     robot.links[1].joint.start = 0.2;

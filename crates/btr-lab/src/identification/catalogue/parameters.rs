@@ -47,11 +47,16 @@ pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales)
     parameter
 }
 
-/// A parameter of an effect that is off: `scale` adapts its typical size to this robot, `model_value` is the model's
-/// value.
-pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f64, model_value: f64) -> FitParameter {
+/// A parameter of an effect that is off: `scales` adapt its typical size and its bounds to this robot, `model_value` is
+/// the model's value.
+pub(in crate::identification) fn parameter(
+    name: String,
+    param: &Param,
+    (scale, of_bounds): (f64, f64),
+    model_value: f64,
+) -> FitParameter {
     let size = param.hint.abs() * scale;
-    let (least, most) = (param.bounds.0 * scale, param.bounds.1 * scale);
+    let (least, most) = (param.bounds.0 * of_bounds, param.bounds.1 * of_bounds);
     let (law, origin, size, bounds, spread) = match param {
         p if p.shape && p.bounds.0 > 0.0 => {
             let size = std::f64::consts::LN_2;
@@ -73,7 +78,10 @@ pub(in crate::identification) fn parameter(name: String, param: &Param, scale: f
                 4.0,
             )
         }
-        p if p.off.is_infinite() => (Parametrisation::Inverse, f64::INFINITY, size, (0.0, size / least), WEAK),
+        p if p.off.is_infinite() => {
+            let law = if p.stiffness { Parametrisation::Compliance } else { Parametrisation::Inverse };
+            (law, f64::INFINITY, size, (0.0, size / least), WEAK)
+        }
         p if p.off.is_nan() => (
             Parametrisation::Linear,
             model_value,

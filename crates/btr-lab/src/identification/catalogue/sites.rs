@@ -20,7 +20,10 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     };
     let joints = || model.robot.movable().map(|(_, link)| link);
     let all: Vec<String> = match spec.site {
-        SiteKind::Joint => joints().map(|link| link.joint.name.clone()).collect(),
+        SiteKind::Joint => {
+            let all = (effect.is_common() && joints().count() > 1).then(|| "*".to_owned());
+            joints().map(|link| link.joint.name.clone()).chain(all).collect()
+        }
         SiteKind::Link => {
             let moves = |link: &&btr_physics::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
             model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()

@@ -13,7 +13,7 @@ static SPEC: EffectSpec = EffectSpec {
     symptom: "static errors that follow the posture, on this joint and on all that carry it",
     params: &[Param::new("mass", "kg", (0.0, 5.0), 0.1)],
     starts: &[],
-    similar: &["com_offset"],
+    similar: &["com_offset", "end_payload"],
     nested: &[],
 };
 

@@ -31,6 +31,10 @@ impl Effect for CommandDelay {
         &SPEC
     }
 
+    fn is_common(&self) -> bool {
+        true
+    }
+
     fn memory(&self, p: &[f64], dt_s: f64) -> usize {
         1 + steps(p, dt_s).ceil() as usize + 1
     }

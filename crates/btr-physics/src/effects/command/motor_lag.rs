@@ -26,6 +26,10 @@ impl Effect for MotorLag {
         &SPEC
     }
 
+    fn is_common(&self) -> bool {
+        true
+    }
+
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         2
     }

@@ -11,7 +11,7 @@ pub(in crate::effects) struct StribeckFriction;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "stribeck_friction",
-    law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static",
+    law: "-(coulomb + (static - coulomb)·exp(-(dq/velocity)^2))·sign(dq); holds at rest up to static, at least coulomb",
     site: SiteKind::Joint,
     cite: "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994",
     symptom: "the torque residual is largest just after a reversal and falls with speed; slow ramps show stick-slip",
@@ -21,7 +21,7 @@ static SPEC: EffectSpec = EffectSpec {
         Param::shape("velocity", "rad/s", (0.005, 5.0), 0.2),
     ],
     starts: &[&[0.05], &[0.2], &[1.0]],
-    similar: &["coulomb_friction"],
+    similar: &["coulomb_friction", "presliding_friction"],
     nested: &[("coulomb_friction", &[0.1, 0.1, 0.2])],
 };
 
@@ -31,7 +31,8 @@ impl Effect for StribeckFriction {
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
-        let (coulomb, stiction, velocity) = (p[0], p[1], p[2]);
+        // The curve falls: below Coulomb's torque, the static one has no meaning, and the law is Coulomb's.
+        let (coulomb, stiction, velocity) = (p[0], p[1].max(p[0]), p[2]);
         dof.dry_friction += coulomb + (stiction - coulomb) * (-(state.dq_midpoint() / velocity).powi(2)).exp();
     }
 }

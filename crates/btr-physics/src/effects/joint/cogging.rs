@@ -4,7 +4,10 @@
 use crate::actuation::JointInput;
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
+
+/// A third of a turn.
+const THIRD: f64 = 2.0 * PI / 3.0;
 
 pub(in crate::effects) struct Cogging;
 
@@ -19,31 +22,44 @@ static SPEC: EffectSpec = EffectSpec {
         Param::shape("order", "1", (0.5, 100.0), 6.0),
         Param::shape("phase", "rad", (-PI, PI), 0.0),
     ],
+    // An amplitude is not negative: three phases reach every other one within a sixth of a turn.
     starts: &[
+        &[1.0, -THIRD],
         &[1.0, 0.0],
-        &[1.0, FRAC_PI_2],
+        &[1.0, THIRD],
+        &[2.0, -THIRD],
         &[2.0, 0.0],
-        &[2.0, FRAC_PI_2],
+        &[2.0, THIRD],
+        &[3.0, -THIRD],
         &[3.0, 0.0],
-        &[3.0, FRAC_PI_2],
+        &[3.0, THIRD],
+        &[4.0, -THIRD],
         &[4.0, 0.0],
-        &[4.0, FRAC_PI_2],
+        &[4.0, THIRD],
+        &[5.0, -THIRD],
         &[5.0, 0.0],
-        &[5.0, FRAC_PI_2],
+        &[5.0, THIRD],
+        &[6.0, -THIRD],
         &[6.0, 0.0],
-        &[6.0, FRAC_PI_2],
+        &[6.0, THIRD],
+        &[7.0, -THIRD],
         &[7.0, 0.0],
-        &[7.0, FRAC_PI_2],
+        &[7.0, THIRD],
+        &[8.0, -THIRD],
         &[8.0, 0.0],
-        &[8.0, FRAC_PI_2],
+        &[8.0, THIRD],
+        &[9.0, -THIRD],
         &[9.0, 0.0],
-        &[9.0, FRAC_PI_2],
+        &[9.0, THIRD],
+        &[10.0, -THIRD],
         &[10.0, 0.0],
-        &[10.0, FRAC_PI_2],
+        &[10.0, THIRD],
+        &[11.0, -THIRD],
         &[11.0, 0.0],
-        &[11.0, FRAC_PI_2],
+        &[11.0, THIRD],
+        &[12.0, -THIRD],
         &[12.0, 0.0],
-        &[12.0, FRAC_PI_2],
+        &[12.0, THIRD],
     ],
     similar: &["com_offset", "parallel_spring"],
     nested: &[],

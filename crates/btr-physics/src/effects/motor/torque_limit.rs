@@ -22,6 +22,10 @@ impl Effect for TorqueLimit {
         &SPEC
     }
 
+    fn is_common(&self) -> bool {
+        true
+    }
+
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {
         motor.limit_to(p[0]);
     }

@@ -23,6 +23,10 @@ impl Effect for EncoderDelay {
         &SPEC
     }
 
+    fn is_common(&self) -> bool {
+        true
+    }
+
     fn sense(&self, p: &[f64], joint: &str, log: &mut Log) {
         let measured_s: Vec<f64> = log.clock_s().iter().map(|t| t - p[0]).collect();
         for channel in ["q", "dq"] {

@@ -19,7 +19,7 @@ static SPEC: EffectSpec = EffectSpec {
     cite: "De Luca and Book, Robots with Flexible Elements, Springer Handbook of Robotics, 2008, chapter 13",
     symptom: "the link oscillates after stops while the motor stands still, and deflects in proportion to the torque",
     params: &[
-        Param::limit("stiffness", "N·m/rad", (0.5, 1e5), 15.0),
+        Param::stiffness("stiffness", "N·m/rad", (0.5, 1e5), 15.0),
         Param::shape("damping", "N·m·s/rad", (0.0, 10.0), 0.02),
     ],
     starts: &[&[0.0], &[0.05]],
