@@ -51,7 +51,7 @@ pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Op
         return judged;
     }
     let others = not_fitted(&rivals, &offered);
-    let late = last_chance(objective, &state.fit, &others, &rivals[0].fit);
+    let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
 }

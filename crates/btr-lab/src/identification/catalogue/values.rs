@@ -143,14 +143,15 @@ impl Catalogue<'_> {
     }
 
     /// Where a joint is mounted: displaced in its parent's axes, rotated about the axes across its own. The place of
-    /// the first joint of a robot that is bolted to the world does not matter.
+    /// the first joint of a robot that is bolted to the world does not matter, and to rotate it is to tilt gravity.
     fn of_geometry(&self, link: &Link) -> Vec<StatedValue> {
         let robot = &self.model.robot;
         let (length, joint) = (typical_length(robot), &link.joint);
         let first = link.parent.is_none_or(|parent| is_fixed(robot, parent));
         let along = joint.axis.iamax();
         let displaced = ["origin_x", "origin_y", "origin_z"].into_iter().filter(|_| !first);
-        let tilted = ["tilt_x", "tilt_y", "tilt_z"].into_iter().enumerate().filter(|(axis, _)| *axis != along);
+        let across = |(axis, _): &(usize, &str)| !first && *axis != along;
+        let tilted = ["tilt_x", "tilt_y", "tilt_z"].into_iter().enumerate().filter(across);
         let of = |group: &str, names: Vec<&str>, (usual, most): (f64, f64)| {
             let free = names.iter().any(|name| self.frees(name, &joint.name));
             let targets: Vec<Target> =
