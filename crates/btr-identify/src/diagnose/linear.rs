@@ -8,6 +8,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Largest amplitude for which a probe is extrapolated, in multiples of the probe's.
 pub(super) const STRETCH: f64 = 4.0;
+/// The same for a compliance, as a factor in both directions.
+const NEAR: f64 = 2.0;
 /// A base whose cost could fall by less than this share is at its optimum.
 const AT_REST: f64 = 0.01;
 /// Stiffness of parameters at a bound, relative to the information that the logs have about them.
@@ -260,8 +262,12 @@ impl<'a> BasePoint<'a> {
         for (i, probe) in probes.iter().enumerate() {
             let parameter = &parameters[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
-            let size =
-                if parameter.law == Parametrisation::Inverse { probe.size } else { optimum[i].clamp(-reach, reach) };
+            let size = match parameter.law {
+                Parametrisation::Inverse => probe.size,
+                // A soft joint rings at another frequency than a stiffer one: only near the probe is it linear.
+                Parametrisation::Compliance => optimum[i].clamp(probe.size / NEAR, probe.size * NEAR),
+                Parametrisation::Linear | Parametrisation::Exponential => optimum[i].clamp(-reach, reach),
+            };
             u[probe.amplitude] = parameter.clamp(size);
             amplitudes[i] = u[probe.amplitude];
         }

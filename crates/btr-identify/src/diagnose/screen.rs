@@ -10,11 +10,12 @@ use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
 use crate::residual_model::{EffectCandidate, Parametrisation};
 
 /// Probes of the first pass, and of the second one.
-const COARSE: ProbeSizes = ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6], compliances: &[0.02, 0.1, 0.5] };
+const COARSE: ProbeSizes =
+    ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6], compliances: &[0.02, 0.08, 0.15, 0.3, 0.6] };
 const FINE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.3, 1.5],
     limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
-    compliances: &[0.01, 0.04, 0.16, 0.64],
+    compliances: &[0.01, 0.03, 0.07, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
 };
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
 /// or a joint has reached its stop, the response is not linear.

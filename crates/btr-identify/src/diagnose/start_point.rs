@@ -9,7 +9,7 @@ pub(super) struct ProbeSizes {
     pub amplitudes: &'static [f64],
     /// Coordinates of limits. A limit acts only below some threshold, so these are not extrapolated.
     pub limits: &'static [f64],
-    /// Coordinates of compliances, over more than a decade: they are extrapolated as amplitudes are.
+    /// Coordinates of compliances, over more than a decade: they are extrapolated a little.
     pub compliances: &'static [f64],
 }
 

@@ -51,7 +51,6 @@ effects! {
         command_delay::CommandDelay,
         motor_lag::MotorLag,
         command_rate_limit::CommandRateLimit,
-        command_hysteresis::CommandHysteresis,
         command_deadband::CommandDeadband,
         command_offset::CommandOffset,
     }
