@@ -434,7 +434,9 @@ def simulate(robot: Robot, hidden: list[Hidden], episode: Episode, numerics: Num
                 act(data)
         mujoco.mj_step(model, data)
     q[-1], dq[-1], torque[-1] = data.qpos, data.qvel, data.actuator_force
-    if not np.isfinite(q).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+    # MuJoCo starts again from the beginning where a position, speed or acceleration is out of bounds.
+    bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    if not np.isfinite(q).all() or any(data.warning[kind].number for kind in bad):
         raise FloatingPointError("the simulation diverged")
     for i in range(len(places)):
         # The log has the link's angle: that of the rotor and of what lies between them.

@@ -82,7 +82,7 @@ fn motors_floors_and_effects() {
 
 #[test]
 fn one_of_several_joints_with_an_effect_gets_a_value_of_its_own() {
-    let robot = ant::ant();
+    let mut robot = ant::ant();
     let armature = btr_physics::effects::find("armature").unwrap();
     let mut placed = vec![PlacedEffect { effect: armature, site: "*".to_owned(), values: vec![0.01] }];
     let target = Target::parse("armature.inertia@L1_knee", &robot).unwrap();
@@ -96,7 +96,7 @@ fn one_of_several_joints_with_an_effect_gets_a_value_of_its_own() {
     // Both at once, again one by one, and as all that are left.
     let both = Target::parse("armature.inertia@L1_knee,R1_knee", &robot).unwrap();
     let mut two = vec![PlacedEffect { effect: armature, site: "R1_knee, L1_knee".to_owned(), values: vec![0.01] }];
-    both.set(0.02, &mut robot.clone(), &mut two, &mut Setup::default());
+    both.set(0.02, &mut robot, &mut two, &mut Setup::default());
     assert_eq!((two.len(), two[0].values[0]), (1, 0.02));
 }
 
