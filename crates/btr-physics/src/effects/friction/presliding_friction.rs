@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     params: &[Param::new("torque", "N·m", (0.0, 5.0), 0.1), Param::shape("stiffness", "N·m/rad", (0.1, 1e5), 5.0)],
     starts: &[&[1.0], &[10.0], &[100.0]],
     similar: &["coulomb_friction", "stribeck_friction", "backlash"],
-    nested: &[],
+    nested: &[("coulomb_friction", &[0.1, 1e5])],
 };
 
 /// The memory holds whether there was a position, the position, and the torque F.
@@ -33,6 +33,11 @@ impl Effect for PreslidingFriction {
     fn torque(&self, p: &[f64], memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         let ([started, before, force], (torque, stiffness)) = (memory, (p[0], p[1])) else { return };
         if torque <= 0.0 {
+            return;
+        }
+        if stiffness * state.dt_s.powi(2) > state.inertia {
+            // A spring that a step does not resolve is Coulomb's law, which the engine solves exactly.
+            dof.dry_friction += torque;
             return;
         }
         if *started > 0.0 {
