@@ -162,7 +162,7 @@ fn law(case: &Case, diagnosis: &Diagnosis) -> String {
 
 fn score(case: &Case, objective: &Objective, truth: &[String], found: &[String], diagnosis: &Diagnosis) -> Score {
     if case.outside {
-        return if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong };
+        return if admits(diagnosis) { Score::Unexplained } else { Score::Wrong };
     }
     let here = found.iter().filter(|f| truth.contains(f)).count();
     if here == truth.len() && found.len() == truth.len() {
@@ -190,7 +190,12 @@ fn score(case: &Case, objective: &Objective, truth: &[String], found: &[String],
     if truth.iter().all(like) && found.len() <= truth.len() {
         return if is_twin(case, objective, diagnosis) { Score::Twin } else { Score::Equivalent };
     }
-    if diagnosis.verdict == Verdict::Unexplained { Score::Unexplained } else { Score::Wrong }
+    if admits(diagnosis) { Score::Unexplained } else { Score::Wrong }
+}
+
+/// Whether the diagnosis says that something is left that it does not explain.
+fn admits(diagnosis: &Diagnosis) -> bool {
+    matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained)
 }
 
 /// Whether the criterion does not prefer what is there to what was named, when that is fitted from where it really is.

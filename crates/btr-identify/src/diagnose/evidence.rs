@@ -64,10 +64,11 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, roughly: bool, findings: &
     }
     let explained = if roughly { judged <= EXPLAINED } else { judged.max(last.train) <= NOISE };
     let share = (1.0 - (judged.powi(2) - 1.0) / (at_first - 1.0)).clamp(0.0, 1.0);
+    let mostly = share >= MOSTLY || judged.max(last.train) <= EXPLAINED;
     for found in findings.iter_mut() {
         let evidence = &mut found.evidence;
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
-        evidence.established = explained || (share >= MOSTLY && evidence.share >= CONSIDERABLE && in_most);
+        evidence.established = explained || (mostly && evidence.share >= CONSIDERABLE && in_most);
         if !explained {
             // The likelihood takes what is left for noise. It is not: another cause may be behind all of it.
             found.probability *= share.min(AT_MOST);
@@ -119,6 +120,8 @@ mod tests {
         assert_eq!(verdict(1.4, 1.4, &mut findings), Verdict::PartlyExplained);
         assert_eq!(findings.each_ref().map(|found| found.evidence.established), [true, false, false]);
         assert!(findings.iter().all(|found| found.probability <= AT_MOST));
+        let mut findings = [found(0.9, 5)];
+        assert_eq!(verdict(4.0, 4.0, &mut findings), Verdict::Unexplained);
         let mut findings = [found(0.5, 5)];
         assert_eq!(verdict(7.0, 7.0, &mut findings), Verdict::Unexplained);
         assert!(findings[0].probability < 0.6 && !findings[0].evidence.established);
