@@ -3,8 +3,8 @@
 use super::report::{Evidence, MissingEffect, Verdict};
 use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY};
 use crate::LadderStep;
-use crate::fit::measure::{NOISE, held_out_squares};
-use crate::fit::residual_vector::{chi, squares};
+use crate::fit::measure::NOISE;
+use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::CandidateKind;
 
@@ -12,31 +12,44 @@ use crate::residual_model::CandidateKind;
 pub(super) struct LogErrors {
     /// Log by log.
     each: Vec<f64>,
-    /// The mean square over the logs that judge it.
+    /// The mean square over the logs that judge it: the held-out ones, if there are any.
     pub(super) judged: f64,
 }
 
 impl LogErrors {
-    /// The errors of a fit. A held-out log that cannot be simulated has an infinite error.
-    pub(super) fn of(objective: &Objective, fit: &FitPoint) -> Self {
-        let learn = objective.worst_logs(&fit.residual, usize::MAX);
-        let mut learn: Vec<(usize, f64)> =
-            learn.into_iter().map(|(log, rows)| (log, squares(&fit.residual[rows]))).collect();
-        learn.sort_by_key(|(log, _)| *log);
-        let held_out = objective.logs(LogSet::HeldOut);
-        let error = |log: &usize| {
-            let residual = objective.residuals_of(std::slice::from_ref(&fit.u), std::slice::from_ref(log)).pop();
-            residual.and_then(Result::ok).map_or(f64::INFINITY, |residual| squares(&residual))
+    /// The errors of a fit with these squares on the held-out logs. If one of these cannot be simulated, the errors of
+    /// all of them are infinite.
+    pub(super) fn of(objective: &Objective, fit: &FitPoint, held_out: Option<f64>) -> Self {
+        let mut each = by_log(objective, LogSet::Learn, Some(&fit.residual));
+        let residual = objective.residual(&fit.u, LogSet::HeldOut).ok();
+        each.extend(by_log(objective, LogSet::HeldOut, residual.as_ref()));
+        let judged = match (objective.logs(LogSet::HeldOut), held_out) {
+            ([], _) => chi(fit.squares(), objective.samples(LogSet::Learn)),
+            (_, Some(squares)) => chi(squares, objective.samples(LogSet::HeldOut)),
+            (_, None) => f64::INFINITY,
         };
-        let held_out_errors: Vec<f64> = held_out.iter().map(error).collect();
-        let judged = match held_out {
-            [] => chi(fit.squares(), objective.samples(LogSet::Learn)).powi(2),
-            _ => {
-                let squares = held_out_squares(objective, &fit.u).unwrap_or(f64::INFINITY);
-                chi(squares, objective.samples(LogSet::HeldOut)).powi(2)
-            }
-        };
-        LogErrors { each: learn.into_iter().map(|(_, error)| error).chain(held_out_errors).collect(), judged }
+        LogErrors { each, judged: judged.powi(2) }
+    }
+}
+
+/// The sum of squares of each log of a set, infinite without a residual.
+fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>) -> Vec<f64> {
+    let mut start = 0;
+    let error = |&log: &usize| {
+        let rows = start..start + objective.description.logs[log].rows();
+        start = rows.end;
+        residual.map_or(f64::INFINITY, |residual| squares(&residual[rows]))
+    };
+    objective.logs(logs).iter().map(error).collect()
+}
+
+/// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to `after`.
+fn share(before: f64, after: f64, at_first: f64) -> f64 {
+    match at_first - 1.0 {
+        excess if excess <= 0.0 => 0.0,
+        // The logs could not be simulated before.
+        excess if excess.is_infinite() => f64::from(u8::from(before.is_infinite() && after.is_finite())),
+        excess => ((before - after) / excess).clamp(0.0, 1.0),
     }
 }
 
@@ -46,7 +59,7 @@ impl Evidence {
     pub(super) fn of(before: &LogErrors, after: &LogErrors, at_first: f64) -> Self {
         let better = before.each.iter().zip(&after.each).filter(|(before, after)| after < before);
         Evidence {
-            share: ((before.judged - after.judged) / (at_first - 1.0)).clamp(0.0, 1.0),
+            share: share(before.judged, after.judged, at_first),
             logs_better: better.count(),
             logs: after.each.len(),
             established: false,
@@ -63,7 +76,7 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, roughly: bool, findings: &
         return if judged <= NOISE { Verdict::NothingMissing } else { Verdict::Unexplained };
     }
     let explained = if roughly { judged <= EXPLAINED } else { judged.max(last.train) <= NOISE };
-    let share = (1.0 - (judged.powi(2) - 1.0) / (at_first - 1.0)).clamp(0.0, 1.0);
+    let share = share(at_first, judged.powi(2), at_first);
     let mostly = share >= MOSTLY || judged.max(last.train) <= EXPLAINED;
     for found in findings.iter_mut() {
         let evidence = &mut found.evidence;
@@ -112,6 +125,16 @@ mod tests {
         assert_eq!(verdict(2.6, 1.1, &mut [found(0.99, 5)]), Verdict::PartlyExplained);
         assert_eq!(verdict(1.1, 1.3, &mut [found(0.99, 5)]), Verdict::PartlyExplained);
         assert_eq!(verdict(1.0, 1.0, &mut []), Verdict::NothingMissing);
+    }
+
+    #[test]
+    fn a_share_is_a_number_whatever_the_errors() {
+        assert!((share(16.0, 6.0, 26.0) - 0.4).abs() < 1e-12);
+        // Already below the noise floor; and logs that could not be simulated before.
+        assert_eq!((share(0.7, 0.6, 0.7).to_bits(), share(1.0, 1.0, 1.0).to_bits()), (0, 0));
+        assert_eq!(share(f64::INFINITY, 1.0, f64::INFINITY).to_bits(), 1f64.to_bits());
+        assert_eq!(share(2.0, 1.0, f64::INFINITY).to_bits(), 0);
+        assert_eq!(share(f64::INFINITY, f64::INFINITY, f64::INFINITY).to_bits(), 0);
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub(super) fn last_chance(objective: &Objective, base: &FitPoint, others: &[usiz
     run(objective, &[base], &starts, Some(leader))
 }
 
-/// The same where simulation is slow: only the candidates that do best at one of a few sizes take part.
+/// The same with fewer rollouts: all candidates are simulated at a few sizes, and those that do best there are fitted.
 pub(super) fn last_chance_of_the_best(
     objective: &Objective,
     base: &FitPoint,

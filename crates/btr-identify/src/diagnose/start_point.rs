@@ -47,7 +47,8 @@ pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) 
         && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
 }
 
-/// The base's free parameters and a candidate's.
+/// The base's free parameters and a candidate's, which may be among them.
 pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
-    base.active.iter().copied().chain(candidate.parameters()).collect()
+    let added = candidate.parameters().filter(|parameter| !base.active.contains(parameter));
+    base.active.iter().copied().chain(added).collect()
 }

@@ -43,7 +43,7 @@ impl DiagnosisState {
         found: MissingEffect,
         on_step: &dyn Fn(&LadderStep),
     ) {
-        let before = LogErrors::of(objective, &self.fit);
+        let before = LogErrors::of(objective, &self.fit, self.held_out);
         self.fit = rival.fit;
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
@@ -56,7 +56,8 @@ impl DiagnosisState {
         self.chosen.push(found);
         self.record(objective, step, on_step);
         self.unexplained_at_first = self.unexplained_at_first.max(before.judged);
-        let evidence = Evidence::of(&before, &LogErrors::of(objective, &self.fit), self.unexplained_at_first);
+        let after = LogErrors::of(objective, &self.fit, self.held_out);
+        let evidence = Evidence::of(&before, &after, self.unexplained_at_first);
         if let Some(found) = self.chosen.last_mut() {
             found.evidence = evidence;
         }

@@ -6,7 +6,7 @@ use crate::suggest::suggestion;
 use btr_core::text::{Text, Verb};
 use btr_physics::effects;
 use btr_physics::effects::{EFFECTS, Effect, Param, PlacedEffect, SiteKind};
-use btr_physics::model::parameter::Target;
+use btr_physics::model::parameter::{ParameterError, Target};
 use btr_physics::robot::Robot;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
@@ -21,6 +21,9 @@ enum Kind {
     /// A value that the model states, with its bounds.
     Value(Target, ValueBounds),
 }
+
+/// By how much bounds of a value are widened.
+const WIDER: f64 = 0.05;
 
 /// Bounds of a value: two values, or two factors on the model's.
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +66,9 @@ pub enum AddError {
         /// The possible sites.
         known: Vec<String>,
     },
+    /// A value that the robot does not have.
+    #[error(transparent)]
+    Value(#[from] ParameterError),
     /// The model already has the effect.
     #[error("the model has `{name}` already")]
     Twice {
@@ -91,7 +97,7 @@ impl AddError {
             AddError::Site { known, .. } => format!("it can act on: {}", known.join(", ")).into(),
             AddError::Twice { .. } => Text::from("fit it as it is: ") + Verb::Fit,
             AddError::Name { .. } => "call it something else".into(),
-            AddError::Toml(_) => return None,
+            AddError::Value(_) | AddError::Toml(_) => return None,
         })
     }
 }
@@ -101,13 +107,16 @@ impl Addition {
     /// the model states. Without a site the effect acts on every possible site.
     ///
     /// # Errors
-    /// An unknown effect or site.
+    /// An unknown effect or site; a value that the site does not have.
     pub fn parse(text: &str, robot: &Robot) -> Result<Self, AddError> {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
-        if effects::find(name).is_none()
-            && let Ok(target) = Target::parse(text, robot)
-        {
-            return Ok(Addition(Kind::Value(target, ValueBounds::usual(text))));
+        if effects::find(name).is_none() {
+            match Target::parse(text, robot) {
+                Ok(target) => return Ok(Addition(Kind::Value(target, ValueBounds::usual(text)))),
+                // It is no parameter's name either: the message below speaks of effects.
+                Err(ParameterError::Unknown { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
         let effect = effects::find(name).ok_or_else(|| AddError::Unknown {
             name: name.to_owned(),
@@ -126,13 +135,14 @@ impl Addition {
         Ok(Addition(Kind::Effect(effect, site.to_owned())))
     }
 
-    /// A value of the model between these bounds.
+    /// A value of the model between these bounds, which are widened by a little: rounded, they contain the value even
+    /// where it stands at one of them. Signs are kept.
     ///
     /// # Errors
     /// A name that is no parameter of the robot.
-    pub(crate) fn value(name: &str, bounds: [f64; 2], robot: &Robot) -> Result<Self, AddError> {
-        let target = Target::parse(name, robot).map_err(|_| AddError::Unknown { name: name.to_owned(), near: None })?;
-        Ok(Addition(Kind::Value(target, ValueBounds::Absolute(bounds))))
+    pub(crate) fn value(name: &str, [least, most]: [f64; 2], robot: &Robot) -> Result<Self, AddError> {
+        let bounds = [least - WIDER * least.abs(), most + WIDER * most.abs()];
+        Ok(Addition(Kind::Value(Target::parse(name, robot)?, ValueBounds::Absolute(bounds))))
     }
 }
 
@@ -164,14 +174,11 @@ fn write_value(document: &mut DocumentMut, target: &Target, bounds: ValueBounds)
         return Err(AddError::Twice { name: target.name().to_owned() });
     }
     let mut entry = InlineTable::new();
-    let (key, [least, most]) = match bounds {
-        ValueBounds::Absolute(bounds) => ("bounds", bounds),
+    let (key, bounds) = match bounds {
+        ValueBounds::Absolute(bounds) => ("bounds", bounds.map(rounded)),
         ValueBounds::Relative(factors) => ("relative", factors),
     };
-    // Rounded outwards by a digit: the value itself may stand at its bound.
-    let margin = 0.05 * (most - least);
-    let least = if least > 0.0 { 0.95 * least } else { least - if least < 0.0 { margin } else { 0.0 } };
-    entry.insert(key, Value::Array([least, most + margin].into_iter().map(rounded).collect()));
+    entry.insert(key, Value::Array(bounds.into_iter().collect()));
     parameters.insert(target.name(), value(entry));
     if let Some(mut key) = parameters.key_mut(target.name()) {
         key.leaf_decor_mut().set_prefix(format!("\n# In {}; without a value here, the model's own.\n", target.unit()));

@@ -259,7 +259,7 @@ impl DiagnoseReport {
         matches!(self.verdict, Verdict::Unexplained | Verdict::PartlyExplained)
     }
 
-    /// What is established, or else whatever helps: names for `--add`, of effects and of parameters of the model.
+    /// What is established: names for `--add`, of effects and of parameters of the model.
     pub fn names_to_add(&self) -> Vec<String> {
         let effects = self.effects.iter().filter(|effect| effect.established).flat_map(EffectReport::names);
         let values = self.wrong_values.iter().filter(|value| value.established).flat_map(|value| &value.parameters);

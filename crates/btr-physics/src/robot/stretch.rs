@@ -9,19 +9,19 @@ const ALIGNED: f64 = 0.99;
 /// Long axis of a link, in its frame: towards the farthest joint that it carries, or towards its
 /// centre of mass if it carries none. `None` when these are at its origin.
 pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>> {
-    let carried = robot.links.iter().filter(|child| child.parent == Some(link));
-    let far = carried.map(|child| child.joint.origin.translation.vector);
-    let farthest = far.max_by(|a, b| a.norm().total_cmp(&b.norm()));
-    let along = farthest.filter(|v| v.norm() > 1e-9).unwrap_or(robot.links[link].com_m.coords);
-    Unit::try_new(along, 1e-9)
+    Unit::try_new(farthest_joint(robot, link).unwrap_or(robot.links[link].com_m.coords), 1e-9)
 }
 
 /// The end of a link, in its frame: the farthest joint that it carries, or else twice as far as its centre of mass.
 pub(crate) fn end(robot: &Robot, link: usize) -> Vector3<f64> {
+    farthest_joint(robot, link).unwrap_or(2.0 * robot.links[link].com_m.coords)
+}
+
+/// The place of the farthest joint that a link carries; `None` without one away from its origin.
+fn farthest_joint(robot: &Robot, link: usize) -> Option<Vector3<f64>> {
     let carried = robot.links.iter().filter(|child| child.parent == Some(link));
     let far = carried.map(|child| child.joint.origin.translation.vector);
-    let farthest = far.max_by(|a, b| a.norm().total_cmp(&b.norm()));
-    farthest.filter(|v| v.norm() > 1e-9).unwrap_or(2.0 * robot.links[link].com_m.coords)
+    far.max_by(|a, b| a.norm().total_cmp(&b.norm())).filter(|v| v.norm() > 1e-9)
 }
 
 /// Scales the length of a link by `factor` at constant density: shapes, centre of mass and the joints that it carries
