@@ -7,7 +7,7 @@ use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Estimate;
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
-use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor};
+use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
 use std::path::PathBuf;
 
 /// The severity of a finding as a word.
@@ -91,17 +91,18 @@ pub fn corrected(value: &CorrectedValue) -> Vec<String> {
 }
 
 /// What speaks for a finding besides its fit.
-pub fn evidence(share: f64, [better, of]: [usize; 2], established: bool) -> String {
+pub fn evidence(support: &Support) -> String {
+    let Support { share, logs_better: [better, of], established, .. } = support;
     let by =
         format!("it explains {:.0} % of the squared error above the noise, in {better} of {of} logs", 100.0 * share);
-    if established { by } else { format!("{by}: not established, it may stand in for something else") }
+    if *established { by } else { format!("{by}: not established, it may stand in for something else") }
 }
 
 /// "coulomb_friction on yaw; backlash on elbow", and likewise for values; only the established ones if any is.
 pub fn findings(report: &DiagnoseReport) -> (Vec<String>, Vec<String>) {
-    let any = report.effects.iter().any(|e| e.established) || report.wrong_values.iter().any(|v| v.established);
-    let effects = report.effects.iter().filter(|e| e.established || !any);
-    let values = report.wrong_values.iter().filter(|v| v.established || !any);
+    let any = report.support().any(|support| support.established);
+    let effects = report.effects.iter().filter(|e| e.support.established || !any);
+    let values = report.wrong_values.iter().filter(|v| v.support.established || !any);
     (
         effects.map(|e| format!("{} on {}", e.effect, e.site)).collect(),
         values.map(|v| format!("{} of {}", v.value, v.site)).collect(),

@@ -9,7 +9,7 @@ use btr_io::Meta;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{DiagnoseReport, VerbInput};
+use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
@@ -61,9 +61,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
 
 /// The commands of the next experiment, for `btr simulate --log` and for the robot.
 fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
-    let alike = report.effects.iter().map(|found| &found.alike);
-    let alike = alike.chain(report.wrong_values.iter().map(|found| &found.alike));
-    let rivals: Vec<&str> = alike.flatten().map(String::as_str).collect();
+    let rivals: Vec<&str> = report.support().flat_map(|support| &support.alike).map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
         Some(commands) => btr_io::write_log(path, commands, &Meta::default())?,
         None if rivals.is_empty() => eprintln!("{} was not written: there are no effects to separate", path.display()),
@@ -90,28 +88,13 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
-        println!(
-            "\n{}@{}   probability {}   delta BIC {}",
-            effect.effect,
-            effect.site,
-            number(effect.probability),
-            number(effect.delta_bic)
-        );
-        if !effect.alike.is_empty() {
-            println!("  these logs cannot tell it from: {}", effect.alike.join(", "));
-        }
-        println!("  {}", evidence(effect.share, effect.logs_better, effect.established));
+        finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
         let mut table = Table::new(&btr_report::text::ESTIMATES);
         effect.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
         println!("{}", table.render());
     }
     for value in &report.wrong_values {
-        let (probability, delta) = (number(value.probability), number(value.delta_bic));
-        println!("\n{} of {}   probability {probability}   delta BIC {delta}", value.value, value.site);
-        if !value.alike.is_empty() {
-            println!("  these logs cannot tell it from: {}", value.alike.join(", "));
-        }
-        println!("  {}", evidence(value.share, value.logs_better, value.established));
+        finding(&format!("{} of {}", value.value, value.site), &value.support);
         let mut table = Table::new(&btr_report::text::CORRECTED);
         value.parameters.iter().for_each(|corrected| table.row(btr_report::text::corrected(corrected)));
         println!("{}", table.render());
@@ -132,6 +115,16 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     if let Some(command) = fit_command(report, subject) {
         println!("\nnext: {command}");
     }
+}
+
+/// A finding and what speaks for it.
+fn finding(name: &str, support: &Support) {
+    let (probability, delta) = (number(support.probability), number(support.delta_bic));
+    println!("\n{name}   probability {probability}   delta BIC {delta}");
+    if !support.alike.is_empty() {
+        println!("  these logs cannot tell it from: {}", support.alike.join(", "));
+    }
+    println!("  {}", evidence(support));
 }
 
 fn sentence(report: &DiagnoseReport) -> String {
@@ -157,10 +150,8 @@ fn sentence(report: &DiagnoseReport) -> String {
 
 /// Where a name is less likely than not: which others it may be.
 fn unsure(report: &DiagnoseReport) -> String {
-    let effects = report.effects.iter().map(|found| (found.probability, &found.alike));
-    let found = effects.chain(report.wrong_values.iter().map(|found| (found.probability, &found.alike)));
-    let unsure = found.filter(|(probability, _)| *probability < 0.5);
-    let others: Vec<&str> = unsure.flat_map(|(_, alike)| alike).map(String::as_str).collect();
+    let unsure = report.support().filter(|support| support.probability < 0.5);
+    let others: Vec<&str> = unsure.flat_map(|support| &support.alike).map(String::as_str).collect();
     if others.is_empty() { String::new() } else { format!(", or one of {}: these logs cannot tell", others.join(", ")) }
 }
 

@@ -67,6 +67,29 @@ fn what_a_diagnosis_finds_is_kept_and_a_fit_goes_on_from_there() {
 }
 
 #[test]
+fn a_wrong_value_is_told_kept_and_fitted() {
+    let lab = Lab::new();
+    let rotor = |inertia: f64| format!("{SWING}[[effects]]\neffect = \"armature\"\ninertia = {inertia}\n");
+    lab.write("swing.toml", &rotor(0.03));
+    lab.write("robot.toml", &rotor(0.09));
+    lab.ok("simulate robot.toml --seed 7 -q -o log.csv");
+    let found = lab.json("diagnose swing.toml log.csv -o found.toml");
+    let value = &found["wrong_values"][0];
+    assert_eq!((&found["verdict"], &found["effects"]), (&"value_wrong".into(), &serde_json::json!([])), "{found}");
+    let corrected = &value["parameters"][0];
+    assert_eq!((&value["value"], &corrected["in_model"]), (&"armature".into(), &0.03.into()), "{value}");
+    let near = |estimate: &Value| (estimate["value"].as_f64().unwrap() / 0.09 - 1.0).abs() < 0.05;
+    assert!(near(corrected), "{corrected}");
+    // The model that was kept lacks nothing, and a fit of the value alone ends there as well.
+    assert_eq!(lab.json("diagnose found.toml log.csv")["verdict"], "nothing_missing");
+    let name = corrected["name"].as_str().unwrap();
+    let fitted = lab.json(&format!("fit swing.toml log.csv --add {name}"));
+    assert!(near(&fitted["parameters"][0]), "{fitted}");
+    let wrong = lab.complaint("fit swing.toml log.csv --add kp@hing");
+    assert!(wrong.contains("no movable joint `hing`; did you mean `hinge`?"), "{wrong}");
+}
+
+#[test]
 fn a_diagnosis_out_of_time_reports_and_keeps_the_best_so_far() {
     let lab = lab(FRICTION);
     let found = lab.json("diagnose swing.toml log.csv --max-time 0.000001 -o found.toml");

@@ -43,7 +43,8 @@ fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>
     objective.logs(logs).iter().map(error).collect()
 }
 
-/// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to `after`.
+/// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to
+/// `after`.
 fn share(before: f64, after: f64, at_first: f64) -> f64 {
     match at_first - 1.0 {
         excess if excess <= 0.0 => 0.0,

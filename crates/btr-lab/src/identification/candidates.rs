@@ -4,7 +4,7 @@ use super::catalogue::law_terms;
 use super::catalogue::law_terms::{TermContext, TermDefinition};
 use super::catalogue::parameters::{model_value, parameter};
 use super::catalogue::sites::sites;
-use super::catalogue::values::{StatedValue, similar_to_value, values};
+use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm};
@@ -14,16 +14,24 @@ use btr_physics::robot::Actuator;
 impl IdentificationProblem {
     /// Adds every effect at every site and every stated value to the candidates, except those named in `without`.
     pub(super) fn offer_effects(&mut self, without: &[&str]) {
+        // Values of laws that the model has come first: a value that explains as much as a further effect is named.
+        let (laws, parts) = match Catalogue::of(&self.model, &self.scales) {
+            Some(catalogue) => (catalogue.laws(), catalogue.parts()),
+            None => (Vec::new(), Vec::new()),
+        };
+        self.offer_values(laws, without);
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
             for site in sites(effect, &self.model) {
                 self.offer(effect, site);
             }
         }
-        let stated = values(&self.model, &self.scales).into_iter();
-        for value in stated.filter(|value| !without.contains(&&*value.name)) {
-            self.offer_value(value);
-        }
+        self.offer_values(parts, without);
         self.link_similar();
+    }
+
+    fn offer_values(&mut self, values: Vec<StatedValue>, without: &[&str]) {
+        let offered = values.into_iter().filter(|value| !without.contains(&&*value.name));
+        offered.for_each(|value| self.offer_value(value));
     }
 
     fn offer_value(&mut self, value: StatedValue) {

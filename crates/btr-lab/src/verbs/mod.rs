@@ -4,17 +4,20 @@
 mod check;
 mod compare;
 mod diagnose;
+mod diagnose_report;
 mod effects;
 mod excitation;
 mod fit;
 mod held_out;
 mod next_experiment;
+mod stated_low;
 
 pub use crate::identification::{Doubt, NoiseFloor, ProblemError, VerbInput, doubts};
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
 pub use check::{CheckReport, IdentifiabilityReport, check};
 pub use compare::{CompareReport, compare};
-pub use diagnose::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, ValueReport, diagnose};
+pub use diagnose::diagnose;
+pub use diagnose_report::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, Support, ValueReport};
 pub use effects::{effects, named, site};
 pub use fit::{FitReport, fit};
 pub use held_out::HeldOutLogs;

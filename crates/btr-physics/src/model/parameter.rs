@@ -1,16 +1,23 @@
-//! Parameters by name: `mass@LINK`, `length@LINK`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's
-//! law as well: `formula.PARAM@SITE`, the site as its effect has it).
+//! Parameters by name: `mass@LINK`, `length@LINK`, `inertia@LINK`, `origin_x@JOINT`, `tilt_x@JOINT`, `damping@JOINT`,
+//! `friction@JOINT`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as well:
+//! `formula.PARAM@SITE`, the site as its effect has it).
 //!
 //! A site may be a comma-separated list and contain `*`; one value then holds for all matches. The value of an effect
 //! at one of several joints that the model places it at is that joint's own; the others keep theirs.
 
-use crate::effects;
-use crate::effects::{EFFECTS, Effect, FORMULA, PlacedEffect, SiteKind};
+mod error;
+mod quantity;
+
+pub use error::ParameterError;
+pub use quantity::motor_values;
+
+use crate::effects::{Effect, PlacedEffect};
+use crate::robot::Robot;
 use crate::robot::site::matches;
 use crate::robot::stretch;
-use crate::robot::{Actuator, Robot};
 use crate::setup::Setup;
 use nalgebra::{UnitQuaternion, Vector3};
+use quantity::{Quantity, quantity};
 
 /// A quantity of the model that can be set.
 #[derive(Clone, Debug)]
@@ -20,98 +27,6 @@ pub struct Target {
     site: String,
     /// Indices of the links; for quantities of joints, the links that these carry.
     links: Vec<usize>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Quantity {
-    Mass,
-    /// Factor on the link's length.
-    Length,
-    /// Factor on the link's rotational inertia.
-    Inertia,
-    /// Displacement of the joint's frame along an axis of its parent's.
-    Origin(usize),
-    /// Rotation of the joint's frame about one of its own axes.
-    Tilt(usize),
-    /// Friction as the robot's file states it.
-    Damping,
-    DryFriction,
-    Motor(MotorValue),
-    GroundFriction,
-    Effect(&'static dyn Effect, usize),
-    /// A parameter of a user's law, which is declared in the model.
-    Formula,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum MotorValue {
-    Kp,
-    Ki,
-    Kd,
-    MaxTorque,
-    Kt,
-    Resistance,
-    Gain,
-    Supply,
-}
-
-const QUANTITIES: [(&str, Quantity); 20] = [
-    ("mass", Quantity::Mass),
-    ("length", Quantity::Length),
-    ("inertia", Quantity::Inertia),
-    ("origin_x", Quantity::Origin(0)),
-    ("origin_y", Quantity::Origin(1)),
-    ("origin_z", Quantity::Origin(2)),
-    ("tilt_x", Quantity::Tilt(0)),
-    ("tilt_y", Quantity::Tilt(1)),
-    ("tilt_z", Quantity::Tilt(2)),
-    ("damping", Quantity::Damping),
-    ("friction", Quantity::DryFriction),
-    ("kp", Quantity::Motor(MotorValue::Kp)),
-    ("ki", Quantity::Motor(MotorValue::Ki)),
-    ("kd", Quantity::Motor(MotorValue::Kd)),
-    ("max_torque", Quantity::Motor(MotorValue::MaxTorque)),
-    ("kt", Quantity::Motor(MotorValue::Kt)),
-    ("resistance", Quantity::Motor(MotorValue::Resistance)),
-    ("gain", Quantity::Motor(MotorValue::Gain)),
-    ("supply", Quantity::Motor(MotorValue::Supply)),
-    ("ground_friction", Quantity::GroundFriction),
-];
-
-/// Errors in a parameter's name.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ParameterError {
-    /// No quantity, effect or effect's parameter of that name.
-    #[error("`{name}` is not a parameter{}", did_you_mean(near))]
-    Unknown {
-        /// The given name.
-        name: String,
-        /// Similar names, most similar first.
-        near: Vec<String>,
-    },
-    /// No joint or link matches the site.
-    #[error("the robot has no {what} `{site}`{}", did_you_mean(near))]
-    Site {
-        /// Joint or link.
-        what: &'static str,
-        /// The given name.
-        site: String,
-        /// Similar names, most similar first.
-        near: Vec<String>,
-    },
-    /// A quantity that the site does not have.
-    #[error("`{name}`: {why}")]
-    Absent {
-        /// The parameter.
-        name: String,
-        /// Why the site lacks it.
-        why: String,
-    },
-}
-
-fn did_you_mean(near: &[String]) -> String {
-    if near.is_empty() { String::new() } else { format!("; did you mean `{}`?", near.join("` or `")) }
 }
 
 impl Target {
@@ -299,115 +214,6 @@ pub fn apply(targets: &[Target], values: &[f64], robot: &mut Robot, placed: &mut
     }
 }
 
-fn quantity(name: &str) -> Result<Quantity, ParameterError> {
-    if let Some((_, quantity)) = QUANTITIES.iter().find(|(known, _)| *known == name) {
-        return Ok(*quantity);
-    }
-    let found = name.split_once('.').and_then(|(effect, param)| {
-        if effect == FORMULA.name {
-            return Some(Quantity::Formula);
-        }
-        let effect = effects::find(effect)?;
-        Some(Quantity::Effect(effect, effect.spec().params.iter().position(|p| p.name == param)?))
-    });
-    found.ok_or_else(|| {
-        let of_effects = EFFECTS.iter().flat_map(|effect| {
-            let spec = effect.spec();
-            spec.params.iter().map(|param| format!("{}.{}", spec.name, param.name))
-        });
-        let known = QUANTITIES.iter().map(|(known, _)| (*known).to_owned());
-        ParameterError::Unknown { name: name.to_owned(), near: near(name, known.chain(of_effects)) }
-    })
-}
-
-impl Quantity {
-    /// Whether its sites are joints rather than links; `None` if it belongs to no single one.
-    fn is_of_joints(&self) -> Option<bool> {
-        Some(match self {
-            Quantity::GroundFriction => return None,
-            Quantity::Effect(effect, _) => match effect.spec().site {
-                SiteKind::Ground | SiteKind::Base | SiteKind::Robot => return None,
-                SiteKind::Joint => true,
-                SiteKind::Link => false,
-            },
-            Quantity::Motor(_)
-            | Quantity::Formula
-            | Quantity::Origin(_)
-            | Quantity::Tilt(_)
-            | Quantity::Damping
-            | Quantity::DryFriction => true,
-            Quantity::Mass | Quantity::Length | Quantity::Inertia => false,
-        })
-    }
-
-    /// All its sites, with the links or the links that the joints carry; `None` if it belongs to no single one.
-    fn sites<'r>(&self, robot: &'r Robot) -> Option<Vec<(usize, &'r str)>> {
-        Some(match self.is_of_joints()? {
-            true => robot.movable().map(|(i, link)| (i, link.joint.name.as_str())).collect(),
-            false => robot.links.iter().enumerate().map(|(i, link)| (i, link.name.as_str())).collect(),
-        })
-    }
-
-    /// The links that match the site.
-    fn links(&self, site: &str, robot: &Robot) -> Result<Vec<usize>, ParameterError> {
-        let (Some(of_joints), Some(names)) = (self.is_of_joints(), self.sites(robot)) else { return Ok(Vec::new()) };
-        let matching = |i: usize, name: &str| matches(site, name) || (!of_joints && i == 0 && site == "base");
-        let found: Vec<usize> = names.iter().filter(|(i, name)| matching(*i, name)).map(|(i, _)| *i).collect();
-        if found.is_empty() {
-            let near = near(site, names.iter().map(|(_, name)| (*name).to_owned()));
-            let what = if of_joints { "movable joint" } else { "link" };
-            return Err(ParameterError::Site { what, site: site.to_owned(), near });
-        }
-        Ok(found)
-    }
-}
-
-/// The values of an actuator with their names.
-pub fn motor_values(actuator: &Actuator) -> impl Iterator<Item = (&'static str, f64)> {
-    let mut actuator = actuator.clone();
-    QUANTITIES.iter().filter_map(move |(name, quantity)| match quantity {
-        Quantity::Motor(value) => value.of(&mut actuator).map(|x| (*name, *x)),
-        _ => None,
-    })
-}
-
-impl MotorValue {
-    fn unit(self) -> &'static str {
-        match self {
-            MotorValue::Kp => "N·m/rad",
-            MotorValue::Ki => "N·m/(rad·s)",
-            MotorValue::Kd => "N·m·s/rad",
-            MotorValue::MaxTorque => "N·m",
-            MotorValue::Kt => "N·m/A",
-            MotorValue::Resistance => "ohm",
-            MotorValue::Gain => "1/rad",
-            MotorValue::Supply => "V",
-        }
-    }
-
-    /// The value's field in an actuator.
-    fn of(self, actuator: &mut Actuator) -> Option<&mut f64> {
-        match actuator {
-            Actuator::Position { kp, ki, kd, max_torque } => match self {
-                MotorValue::Kp => Some(kp),
-                MotorValue::Ki => Some(ki),
-                MotorValue::Kd => Some(kd),
-                MotorValue::MaxTorque => Some(max_torque),
-                _ => None,
-            },
-            Actuator::Torque { max_torque } if self == MotorValue::MaxTorque => Some(max_torque),
-            Actuator::Voltage { kt, resistance, servo } => match self {
-                MotorValue::Kt => Some(kt),
-                MotorValue::Resistance => Some(resistance),
-                MotorValue::Gain => servo.as_mut().map(|servo| &mut servo.gain),
-                MotorValue::Supply => servo.as_mut().map(|servo| &mut servo.supply),
-                _ => None,
-            },
-            _ => None,
-        }
-    }
-}
-
 /// Sets a link's mass at the same shape and density profile: its inertia scales with the mass.
 fn set_mass(robot: &mut Robot, link: usize, mass_kg: f64) {
     let link = &mut robot.links[link];
@@ -421,12 +227,4 @@ fn set_mass(robot: &mut Robot, link: usize, mass_kg: f64) {
 fn common(mut values: impl Iterator<Item = f64>) -> Option<f64> {
     let first = values.next()?;
     values.all(|value| value.to_bits() == first.to_bits()).then_some(first)
-}
-
-/// Up to three of `known` that are similar to `name`.
-fn near(name: &str, known: impl Iterator<Item = String>) -> Vec<String> {
-    let mut scored: Vec<(f64, String)> =
-        known.map(|k| (strsim::jaro_winkler(name, &k), k)).filter(|(s, _)| *s > 0.8).collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    scored.into_iter().take(3).map(|(_, known)| known).collect()
 }

@@ -11,7 +11,7 @@ use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{RankedCandidate, Verdict};
 use btr_identify::fit::Estimate;
-use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment, ValueReport};
+use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment, Support, ValueReport};
 use btr_physics::effects;
 
 /// Number of candidates drawn per round, the best first.
@@ -64,9 +64,7 @@ fn sentence(found: &DiagnoseReport) -> String {
     let last = found.error_ladder.last().map_or_else(String::new, error);
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
     let names = named(found);
-    let alike = found.effects.iter().map(|effect| &effect.alike);
-    let alike = alike.chain(found.wrong_values.iter().map(|value| &value.alike));
-    let alike: Vec<&str> = alike.flatten().map(String::as_str).collect();
+    let alike: Vec<&str> = found.support().flat_map(|support| &support.alike).map(String::as_str).collect();
     let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
@@ -99,24 +97,27 @@ fn sentence(found: &DiagnoseReport) -> String {
     }
 }
 
-/// A section on an effect: its probability, its parameters and its description.
-fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
-    let probability = match 100.0 * effect.probability {
+/// What speaks for a finding.
+fn support(support: &Support) -> String {
+    let probability = match 100.0 * support.probability {
         p if p > 99.9 => "more than 99.9 %".to_owned(),
         p => format!("{p:.1} %"),
     };
-    let alike = match effect.alike.as_slice() {
-        [] => "No other fitted effect explains these logs about as well.".to_owned(),
+    let alike = match support.alike.as_slice() {
+        [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
-    let delta = number(effect.delta_bic);
-    let why = evidence(effect.share, effect.logs_better, effect.established);
-    let text = format!("Probability among all fitted candidates: {probability}; delta BIC {delta}; {why}. {alike}");
+    let (delta, why) = (number(support.delta_bic), evidence(support));
+    format!("Probability among all fitted candidates: {probability}; delta BIC {delta}; {why}. {alike}")
+}
+
+/// A section on an effect: its probability, its parameters and its description.
+fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
     let parameters = Block::Table {
         header: ESTIMATES.map(str::to_owned).to_vec(),
         rows: effect.parameters.iter().map(estimate).collect(),
     };
-    let mut blocks = vec![Block::Text(text), parameters];
+    let mut blocks = vec![Block::Text(support(&effect.support)), parameters];
     blocks.extend(withheld(effect.parameters.iter(), found));
     if let Some(spec) = effects::find(&effect.effect).map(|effect| effect.spec()) {
         let lines = [("Law", spec.law), ("How it shows", spec.symptom), ("Source", spec.cite)];
@@ -138,19 +139,11 @@ fn withheld<'a>(mut estimates: impl Iterator<Item = &'a Estimate>, found: &Diagn
 
 /// A section on a value: its probability, what the model states and what the logs show.
 fn what_is_wrong(value: &ValueReport, found: &DiagnoseReport) -> Section {
-    let alike = match value.alike.as_slice() {
-        [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
-        alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
-    };
-    let why = evidence(value.share, value.logs_better, value.established);
-    let (probability, delta) = (100.0 * value.probability, number(value.delta_bic));
-    let text =
-        format!("Probability among all fitted candidates: {probability:.1} %; delta BIC {delta}; {why}. {alike}");
     let parameters = Block::Table {
         header: CORRECTED.map(str::to_owned).to_vec(),
         rows: value.parameters.iter().map(corrected).collect(),
     };
-    let mut blocks = vec![Block::Text(text), parameters];
+    let mut blocks = vec![Block::Text(support(&value.support)), parameters];
     blocks.extend(withheld(value.parameters.iter().map(|value| &value.estimate), found));
     Section { title: format!("{} of {}", value.value, value.site), blocks }
 }

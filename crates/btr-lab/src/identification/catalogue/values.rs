@@ -55,30 +55,36 @@ pub(in crate::identification) fn similar_to_value(name: &str) -> &'static [&'sta
     }
 }
 
-/// All values that may be wrong. None where small errors grow, as with contact: there a wrong value shows as a free
-/// parameter only.
-pub(in crate::identification) fn values(model: &Model, scales: &RobotScales) -> Vec<StatedValue> {
-    if model.robot.base != Base::Fixed || model.has_contact() {
-        return Vec::new();
-    }
-    let moving: Vec<&Link> = model.robot.movable().map(|(_, link)| link).collect();
-    let catalogue = Catalogue { model, scales };
-    let mut found: Vec<StatedValue> = model.effects.iter().flat_map(|placed| catalogue.of_effect(placed)).collect();
-    for link in &moving {
-        found.extend(catalogue.of_motor(link));
-        found.extend(catalogue.friction(link));
-        found.extend(catalogue.of_link(link));
-        found.extend(catalogue.of_geometry(link));
-    }
-    found
-}
-
-struct Catalogue<'a> {
+/// The values that a model states. There are none where small errors grow, as with contact: there a value can only be
+/// fitted as a free parameter.
+pub(in crate::identification) struct Catalogue<'a> {
     model: &'a Model,
     scales: &'a RobotScales,
 }
 
-impl Catalogue<'_> {
+impl<'a> Catalogue<'a> {
+    /// The catalogue of a model; `None` where there is none.
+    pub(in crate::identification) fn of(model: &'a Model, scales: &'a RobotScales) -> Option<Self> {
+        let offered = model.robot.base == Base::Fixed && !model.has_contact();
+        offered.then_some(Catalogue { model, scales })
+    }
+
+    /// The values of laws that the model has: its effects, and the friction of the robot's file.
+    pub(in crate::identification) fn laws(&self) -> Vec<StatedValue> {
+        let effects = self.model.effects.iter().flat_map(|placed| self.of_effect(placed));
+        effects.chain(self.moving().flat_map(|link| self.friction(link))).collect()
+    }
+
+    /// The values of motors, links and joints.
+    pub(in crate::identification) fn parts(&self) -> Vec<StatedValue> {
+        let of = |link| [self.of_motor(link), self.of_link(link), self.of_geometry(link)];
+        self.moving().flat_map(of).flatten().collect()
+    }
+
+    fn moving(&self) -> impl Iterator<Item = &'a Link> {
+        self.model.robot.movable().map(|(_, link)| link)
+    }
+
     /// The parameters of an effect that the model has: as one for all its sites, and for each of several joints alone.
     fn of_effect(&self, placed: &PlacedEffect) -> Vec<StatedValue> {
         let spec = placed.effect.spec();
@@ -90,7 +96,7 @@ impl Catalogue<'_> {
             SiteKind::Joint => joints().filter(|joint| matches(&placed.site, joint)).collect(),
             _ => Vec::new(),
         };
-        let apart = single.into_iter().filter(|joint| *joint != placed.site);
+        let apart = if single.len() > 1 { single } else { Vec::new() };
         let sites = std::iter::once(placed.site.clone()).chain(apart);
         sites.filter_map(|site| self.effect_at(placed.effect, &placed.values, site)).collect()
     }

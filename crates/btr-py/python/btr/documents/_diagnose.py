@@ -8,15 +8,11 @@ from btr.documents._common import Estimate
 from btr.documents._record import Record
 
 
-class EffectReport(Record):
-    """An effect that the model lacks."""
+class Support(Record):
+    """What speaks for a finding, an effect or a value."""
 
-    effect: str
-    """Name of the effect."""
-    site: str | list[str]
-    """The joint, link, `base` or `*` where the effect sits; a list of several."""
     alike: list[str]
-    """`effect@site` of the effects that these logs cannot tell from it."""
+    """Names of effects and values, as `name@site`, that these logs cannot tell from it."""
     probability: float
     """Its posterior probability among all candidates of its round, the model without it included."""
     delta_bic: float
@@ -27,6 +23,15 @@ class EffectReport(Record):
     """In how many logs the error is smaller with it, held-out ones included, and of how many."""
     established: bool
     """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
+
+
+class EffectReport(Support):
+    """An effect that the model lacks."""
+
+    effect: str
+    """Name of the effect."""
+    site: str | list[str]
+    """The joint, link, `base` or `*` where the effect sits; a list of several."""
     parameters: list[Estimate]
     """Its parameters."""
 
@@ -38,25 +43,13 @@ class CorrectedValue(Estimate):
     """The model's value, in `unit`."""
 
 
-class ValueReport(Record):
+class ValueReport(Support):
     """A value that the model states wrongly."""
 
     value: str
     """The quantity, or the effect of the model whose parameters these are."""
     site: str
     """The joint or link, or the sites of the effect."""
-    alike: list[str]
-    """Names of effects and other values that these logs cannot tell from it."""
-    probability: float
-    """Its posterior probability among all candidates of its round, the model without it included."""
-    delta_bic: float
-    """How much it lowers the information criterion."""
-    share: float
-    """The share of the squared error above the noise that it explains, on held-out logs if there are any."""
-    logs_better: list[int]
-    """In how many logs the error is smaller with it, held-out ones included, and of how many."""
-    established: bool
-    """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
     parameters: list[CorrectedValue]
     """The values; their names are arguments of `add` and `fit`."""
 
